@@ -1,0 +1,15 @@
+//! The mathematics of recognising objects by touch: readings and catalogues in, beliefs out.
+//!
+//! Pure: no HTTP, no storage, no clock, no hidden randomness. The modules stand in the order
+//! in which they may use each other. Source: Pezzementi (2011), chapters 2, 4 and 5, with the
+//! corrections in `docs/equations.md`.
+
+pub mod units;
+
+pub mod rng;
+
+pub mod pose;
+
+pub mod sensor;
+
+pub mod reading;

@@ -1,0 +1,256 @@
+//! A reading: one press of a tactile sensor, checked when it is made.
+//!
+//! Pressures are in pascal, row-major in the sensor frame's order; a missing value marks a
+//! taxel that is not valid. The pose is `session_from_sensor` (in training, the session
+//! frame is the object's). Everything behind a [`Reading`] can rely on finite numbers.
+
+use thiserror::Error;
+
+use crate::pose::Pose;
+use crate::sensor::{ImageOrder, SensorDescription};
+
+/// Which sensor of a session took a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SensorId(pub u128);
+
+/// A tactile image: pressures in pascal, row-major, every taxel with a finite value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TactileImage {
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of columns.
+    pub cols: usize,
+    /// `rows` × `cols` pressures, Pa.
+    pub pressures: Vec<f64>,
+}
+
+impl TactileImage {
+    /// The pressure of one taxel, Pa.
+    #[must_use]
+    pub fn at(&self, row: usize, col: usize) -> f64 {
+        self.pressures[row * self.cols + col]
+    }
+
+    /// The largest pressure, Pa; 0 for an image that is nowhere positive.
+    #[must_use]
+    pub fn max(&self) -> f64 {
+        self.pressures.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// One press: the image, where the sensor was, and which sensor it was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    sensor: SensorId,
+    session_from_sensor: Pose,
+    image: TactileImage,
+    missing: Vec<bool>,
+}
+
+/// Why numbers are not a reading.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum ReadingError {
+    /// The image does not have the sensor's shape.
+    #[error("image has {found} taxels, expected {expected} ({rows} rows × {cols} columns)")]
+    TaxelCount {
+        /// Taxels of the sensor.
+        expected: usize,
+        /// Taxels that came.
+        found: usize,
+        /// Rows of the sensor.
+        rows: usize,
+        /// Columns of the sensor.
+        cols: usize,
+    },
+    /// A pressure is not a number of pascals.
+    #[error("pressure of taxel {taxel} is {found}, expected a finite number within ±1e8 Pa")]
+    Pressure {
+        /// Index in the order that came.
+        taxel: usize,
+        /// What was given.
+        found: f64,
+    },
+    /// Too many taxels are missing to know anything.
+    #[error("{missing} of {expected} taxels are missing, expected at most half")]
+    Missing {
+        /// How many are missing.
+        missing: usize,
+        /// How many the sensor has.
+        expected: usize,
+    },
+}
+
+impl Reading {
+    /// Checks an image against the sensor that took it and brings it into the sensor frame's
+    /// order. `pressures` are in the driver's order (the sensor's [`ImageOrder`]), in pascal.
+    ///
+    /// Missing taxels take the mean of their valid neighbours, nearest ring first.
+    ///
+    /// # Errors
+    /// [`ReadingError`] for a wrong number of taxels, a pressure that is not finite, or more
+    /// than half of the taxels missing.
+    pub fn new(
+        sensor: SensorId,
+        description: &SensorDescription,
+        pressures: &[Option<f64>],
+        session_from_sensor: Pose,
+    ) -> Result<Self, ReadingError> {
+        let grid = description.grid();
+        let (rows, cols, expected) = (grid.rows, grid.cols, grid.n_taxels());
+        if pressures.len() != expected {
+            return Err(ReadingError::TaxelCount { expected, found: pressures.len(), rows, cols });
+        }
+        for (taxel, pressure) in pressures.iter().enumerate() {
+            if let Some(found) = *pressure
+                && !(found.is_finite() && found.abs() <= 1e8)
+            {
+                return Err(ReadingError::Pressure { taxel, found });
+            }
+        }
+        let missing = pressures.iter().filter(|pressure| pressure.is_none()).count();
+        if 2 * missing > expected {
+            return Err(ReadingError::Missing { missing, expected });
+        }
+        let ordered = reorder(pressures, rows, cols, description.parameters().image_order);
+        let missing: Vec<bool> = ordered.iter().map(Option::is_none).collect();
+        let pressures = fill_missing(&ordered, rows, cols);
+        let image = TactileImage { rows, cols, pressures };
+        Ok(Self { sensor, session_from_sensor, image, missing })
+    }
+
+    /// Which sensor took the reading.
+    #[must_use]
+    pub fn sensor(&self) -> SensorId {
+        self.sensor
+    }
+
+    /// Where the sensor was.
+    #[must_use]
+    pub fn session_from_sensor(&self) -> Pose {
+        self.session_from_sensor
+    }
+
+    /// The image in the sensor frame's order, missing taxels filled in.
+    #[must_use]
+    pub fn image(&self) -> &TactileImage {
+        &self.image
+    }
+
+    /// Which taxels had no value, in the order of the image.
+    #[must_use]
+    pub fn missing(&self) -> &[bool] {
+        &self.missing
+    }
+
+    /// The same press seen from another frame: `other_from_session`.
+    #[must_use]
+    pub fn moved_by(&self, other_from_session: Pose) -> Self {
+        Self { session_from_sensor: other_from_session * self.session_from_sensor, ..self.clone() }
+    }
+}
+
+fn reorder(given: &[Option<f64>], rows: usize, cols: usize, order: ImageOrder) -> Vec<Option<f64>> {
+    let mut ordered = Vec::with_capacity(given.len());
+    for row in 0..rows {
+        for col in 0..cols {
+            let from_row = if order.rows_reversed { rows - 1 - row } else { row };
+            let from_col = if order.cols_reversed { cols - 1 - col } else { col };
+            let index = if order.transposed {
+                from_col * rows + from_row
+            } else {
+                from_row * cols + from_col
+            };
+            ordered.push(given[index]);
+        }
+    }
+    ordered
+}
+
+fn fill_missing(ordered: &[Option<f64>], rows: usize, cols: usize) -> Vec<f64> {
+    let at = |row: usize, col: usize| ordered[row * cols + col];
+    let ring_mean = |row: usize, col: usize, radius: usize| {
+        let (mut sum, mut n) = (0.0, 0usize);
+        for r in row.saturating_sub(radius)..=(row + radius).min(rows - 1) {
+            for c in col.saturating_sub(radius)..=(col + radius).min(cols - 1) {
+                if let Some(pressure) = at(r, c) {
+                    sum += pressure;
+                    n += 1;
+                }
+            }
+        }
+        (n > 0).then(|| sum / n as f64)
+    };
+    let nearest = |row, col| {
+        (1..rows.max(cols)).find_map(|radius| ring_mean(row, col, radius)).unwrap_or(0.0)
+    };
+    (0..rows * cols)
+        .map(|taxel| ordered[taxel].unwrap_or_else(|| nearest(taxel / cols, taxel % cols)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::{SensorParameters, TaxelGrid};
+    use crate::units::MM;
+
+    fn sensor(rows: usize, cols: usize, image_order: ImageOrder) -> SensorDescription {
+        let parameters = SensorDescription::digitacts_6x6().parameters().clone();
+        let grid = TaxelGrid { rows, cols, pitch: 2.0 * MM, taxel_width: 1.8 * MM };
+        SensorDescription::new(SensorParameters { grid, image_order, ..parameters }).unwrap()
+    }
+
+    fn read(
+        description: &SensorDescription,
+        pressures: &[Option<f64>],
+    ) -> Result<Reading, ReadingError> {
+        Reading::new(SensorId(1), description, pressures, Pose::IDENTITY)
+    }
+
+    #[test]
+    fn a_wrong_shape_is_refused_with_both_counts() {
+        let error = read(&SensorDescription::digitacts_6x6(), &[Some(0.0); 35]).unwrap_err();
+        assert!(matches!(error, ReadingError::TaxelCount { expected: 36, found: 35, .. }));
+    }
+
+    #[test]
+    fn a_pressure_that_is_not_finite_is_named() {
+        let mut pressures = vec![Some(1.0); 36];
+        pressures[7] = Some(f64::INFINITY);
+        let error = read(&SensorDescription::digitacts_6x6(), &pressures).unwrap_err();
+        assert!(matches!(error, ReadingError::Pressure { taxel: 7, .. }));
+    }
+
+    #[test]
+    fn a_missing_taxel_takes_the_mean_of_its_neighbours() {
+        let description = sensor(3, 3, ImageOrder::default());
+        let mut pressures: Vec<Option<f64>> = (0..9).map(|n| Some(f64::from(n))).collect();
+        pressures[4] = None;
+        let reading = read(&description, &pressures).unwrap();
+        assert!((reading.image().at(1, 1) - 4.0).abs() < 1e-12); // (0+1+2+3+5+6+7+8)/8
+        assert_eq!(reading.missing().iter().filter(|missing| **missing).count(), 1);
+    }
+
+    #[test]
+    fn more_than_half_missing_is_refused() {
+        let mut pressures = vec![None; 36];
+        pressures[..17].fill(Some(1.0));
+        let error = read(&SensorDescription::digitacts_6x6(), &pressures).unwrap_err();
+        assert_eq!(error, ReadingError::Missing { missing: 19, expected: 36 });
+    }
+
+    #[test]
+    fn image_orders_are_undone() {
+        // Ours, 2 rows × 3 columns: 0 1 2 / 3 4 5.
+        let cases = [
+            (ImageOrder { transposed: true, ..Default::default() }, [0, 3, 1, 4, 2, 5]),
+            (ImageOrder { rows_reversed: true, ..Default::default() }, [3, 4, 5, 0, 1, 2]),
+            (ImageOrder { cols_reversed: true, ..Default::default() }, [2, 1, 0, 5, 4, 3]),
+        ];
+        for (order, sent) in cases {
+            let sent: Vec<Option<f64>> = sent.iter().map(|n| Some(f64::from(*n))).collect();
+            let reading = read(&sensor(2, 3, order), &sent).unwrap();
+            assert_eq!(reading.image().pressures, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "{order:?}");
+        }
+    }
+}

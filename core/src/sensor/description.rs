@@ -1,0 +1,326 @@
+//! The description of a tactile array sensor: where its taxels are and how they respond.
+//!
+//! Frame: origin at the centre of the covering's free surface, +z out of the sensor towards
+//! the object, +x along columns, +y along rows. Images are row-major in that order.
+//! Source: sections 2.1–2.5. Not here: fitting these numbers to a real sensor.
+
+use thiserror::Error;
+
+use super::point_spread::point_spread_of_covering;
+use crate::units::{INCH, KPA, MM};
+
+/// A rectangular grid of square taxels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaxelGrid {
+    /// Number of rows (along +y).
+    pub rows: usize,
+    /// Number of columns (along +x).
+    pub cols: usize,
+    /// Distance between the centres of neighbouring taxels, metres.
+    pub pitch: f64,
+    /// Side of one taxel's sensing area, metres; at most the pitch.
+    pub taxel_width: f64,
+}
+
+impl TaxelGrid {
+    /// The number of taxels.
+    #[must_use]
+    pub fn n_taxels(&self) -> usize {
+        self.rows * self.cols
+    }
+
+    /// The centre of a taxel in the sensor frame's plane, metres: (x, y).
+    #[must_use]
+    pub fn center(&self, row: usize, col: usize) -> (f64, f64) {
+        let along = |index: usize, n: usize| (index as f64 - (n as f64 - 1.0) / 2.0) * self.pitch;
+        (along(col, self.cols), along(row, self.rows))
+    }
+}
+
+/// A piecewise-linear map from displacement (metres) to pressure (pascal).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ForceCurve {
+    knots: Vec<(f64, f64)>,
+}
+
+impl ForceCurve {
+    /// A curve through `knots` of (displacement in metres, pressure in pascal).
+    ///
+    /// # Errors
+    /// [`SensorError::ForceCurve`] unless there are 2 to 64 knots, the first is (0, 0), all
+    /// are finite, displacements rise strictly and pressures do not fall.
+    pub fn new(knots: Vec<(f64, f64)>) -> Result<Self, SensorError> {
+        let starts_at_zero = knots.first() == Some(&(0.0, 0.0));
+        if !(2..=64).contains(&knots.len()) || !starts_at_zero {
+            return Err(SensorError::ForceCurve { knot: 0 });
+        }
+        let bad = knots.windows(2).position(|pair| {
+            let ((d0, p0), (d1, p1)) = (pair[0], pair[1]);
+            !(d1.is_finite() && p1.is_finite() && d1 > d0 && p1 >= p0)
+        });
+        match bad {
+            Some(knot) => Err(SensorError::ForceCurve { knot: knot + 1 }),
+            None => Ok(Self { knots }),
+        }
+    }
+
+    /// The knots, as given.
+    #[must_use]
+    pub fn knots(&self) -> &[(f64, f64)] {
+        &self.knots
+    }
+
+    /// The pressure (pascal) at a displacement (metres); beyond the last knot the last
+    /// segment goes on, below 0 it is 0.
+    #[must_use]
+    pub fn pressure(&self, displacement: f64) -> f64 {
+        if displacement <= 0.0 {
+            return 0.0;
+        }
+        let n = self.knots.len();
+        let above = self.knots.partition_point(|knot| knot.0 < displacement).clamp(1, n - 1);
+        let ((d0, p0), (d1, p1)) = (self.knots[above - 1], self.knots[above]);
+        p0 + (p1 - p0) * (displacement - d0) / (d1 - d0)
+    }
+
+    /// The displacement (metres) that gives `pressure` (pascal); the inverse of
+    /// [`ForceCurve::pressure`], on a flat segment its beginning.
+    #[must_use]
+    pub fn displacement(&self, pressure: f64) -> f64 {
+        if pressure <= 0.0 {
+            return 0.0;
+        }
+        let n = self.knots.len();
+        let above = self.knots.partition_point(|knot| knot.1 < pressure).clamp(1, n - 1);
+        let ((d0, p0), (d1, p1)) = (self.knots[above - 1], self.knots[above]);
+        if p1 <= p0 { d0 } else { d0 + (d1 - d0) * (pressure - p0) / (p1 - p0) }
+    }
+}
+
+/// How the driver's image relates to the sensor frame's row-major order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ImageOrder {
+    /// The driver sends columns where we expect rows.
+    pub transposed: bool,
+    /// The driver's first row is our last.
+    pub rows_reversed: bool,
+    /// The driver's first column is our last.
+    pub cols_reversed: bool,
+}
+
+/// The numbers that describe a sensor, unchecked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorParameters {
+    /// Where the taxels are.
+    pub grid: TaxelGrid,
+    /// Thickness of the covering, metres: the deepest indentation it takes.
+    pub covering_thickness: f64,
+    /// Standard deviation of the Gaussian point spread, metres.
+    pub point_spread: f64,
+    /// Blurred displacement to pressure.
+    pub force_curve: ForceCurve,
+    /// No taxel reads more than this, pascal.
+    pub saturation: f64,
+    /// Standard deviation of a reading's additive noise, pascal.
+    pub noise: f64,
+    /// Step of the analogue-to-digital converter, pascal; 0 is a continuous sensor.
+    pub quantisation: f64,
+    /// How the driver's images are turned.
+    pub image_order: ImageOrder,
+}
+
+/// A checked description of a tactile array sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorDescription(SensorParameters);
+
+/// Why numbers do not describe a sensor. `field` names the parameter.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum SensorError {
+    /// A count of rows or columns is out of range.
+    #[error("{field} is {found}, expected 2 to 128")]
+    Count {
+        /// The parameter's name.
+        field: &'static str,
+        /// What was given.
+        found: usize,
+    },
+    /// A number is not finite or not within its range.
+    #[error("{field} is {found}, expected a finite number from {low} to {high} (SI units)")]
+    Range {
+        /// The parameter's name.
+        field: &'static str,
+        /// What was given.
+        found: f64,
+        /// The smallest permitted value.
+        low: f64,
+        /// The largest permitted value.
+        high: f64,
+    },
+    /// The force curve is not a rising sequence of knots from (0, 0).
+    #[error(
+        "force_curve knot {knot} is out of order, expected 2 to 64 finite knots \
+         (displacement in m, pressure in Pa) that start at (0, 0) and rise"
+    )]
+    ForceCurve {
+        /// The first knot that is wrong.
+        knot: usize,
+    },
+}
+
+impl SensorDescription {
+    /// Checks every parameter once; what holds a description need not check again.
+    ///
+    /// # Errors
+    /// [`SensorError`] names the first parameter that is out of range.
+    pub fn new(parameters: SensorParameters) -> Result<Self, SensorError> {
+        let grid = &parameters.grid;
+        for (field, found) in [("rows", grid.rows), ("cols", grid.cols)] {
+            if !(2..=128).contains(&found) {
+                return Err(SensorError::Count { field, found });
+            }
+        }
+        let within = |field, found: f64, low, high| {
+            if found.is_finite() && (low..=high).contains(&found) {
+                Ok(())
+            } else {
+                Err(SensorError::Range { field, found, low, high })
+            }
+        };
+        within("pitch", grid.pitch, 0.05 * MM, 50.0 * MM)?;
+        within("taxel_width", grid.taxel_width, 0.01 * MM, grid.pitch)?;
+        within("covering_thickness", parameters.covering_thickness, 0.1 * MM, 50.0 * MM)?;
+        within("point_spread", parameters.point_spread, 0.01 * MM, 50.0 * MM)?;
+        within("saturation", parameters.saturation, 1.0, 1e8)?;
+        within("noise", parameters.noise, 0.0, parameters.saturation)?;
+        within("quantisation", parameters.quantisation, 0.0, parameters.saturation)?;
+        Ok(Self(parameters))
+    }
+
+    /// A DigiTacts-like sensor of `rows` × `cols` taxels within the 2 mm pitch of section
+    /// 2.1.1, under the 0.10 inch covering, 0–20 kPa.
+    #[must_use]
+    pub fn digitacts(rows: usize, cols: usize) -> Self {
+        Self::preset(TaxelGrid { rows, cols, pitch: 2.0 * MM, taxel_width: 1.8 * MM })
+    }
+
+    /// The 6 × 6 sensor of the dissertation's simulations.
+    #[must_use]
+    pub fn digitacts_6x6() -> Self {
+        Self::digitacts(6, 6)
+    }
+
+    /// The 6 × 8 image of the two physical modules (section 2.1.1).
+    #[must_use]
+    pub fn digitacts_6x8() -> Self {
+        Self::digitacts(6, 8)
+    }
+
+    /// The density of the human fingertip over 12 mm (section 4.4.2.6).
+    #[must_use]
+    pub fn fingertip_14x14() -> Self {
+        Self::over_12_mm(14)
+    }
+
+    /// The density of a Tekscan sensor over 12 mm (section 4.4.2.6).
+    #[must_use]
+    pub fn tekscan_26x26() -> Self {
+        Self::over_12_mm(26)
+    }
+
+    fn over_12_mm(side: usize) -> Self {
+        let pitch = 12.0 * MM / side as f64;
+        Self::preset(TaxelGrid { rows: side, cols: side, pitch, taxel_width: 0.9 * pitch })
+    }
+
+    fn preset(grid: TaxelGrid) -> Self {
+        let covering_thickness = 0.10 * INCH;
+        let saturation = 20.0 * KPA;
+        Self(SensorParameters {
+            grid,
+            covering_thickness,
+            point_spread: point_spread_of_covering(covering_thickness),
+            force_curve: ForceCurve { knots: vec![(0.0, 0.0), (covering_thickness, saturation)] },
+            saturation,
+            noise: 0.1 * KPA,
+            quantisation: saturation / 256.0,
+            image_order: ImageOrder::default(),
+        })
+    }
+
+    /// The preset of a name, as the API and the command line know it.
+    #[must_use]
+    pub fn preset_named(name: &str) -> Option<Self> {
+        match name {
+            "digitacts-6x6" => Some(Self::digitacts_6x6()),
+            "digitacts-6x8" => Some(Self::digitacts_6x8()),
+            "fingertip-14x14" => Some(Self::fingertip_14x14()),
+            "tekscan-26x26" => Some(Self::tekscan_26x26()),
+            _ => None,
+        }
+    }
+
+    /// The names that [`SensorDescription::preset_named`] knows.
+    pub const PRESET_NAMES: [&'static str; 4] =
+        ["digitacts-6x6", "digitacts-6x8", "fingertip-14x14", "tekscan-26x26"];
+
+    /// The checked numbers.
+    #[must_use]
+    pub fn parameters(&self) -> &SensorParameters {
+        &self.0
+    }
+
+    /// Where the taxels are.
+    #[must_use]
+    pub fn grid(&self) -> &TaxelGrid {
+        &self.0.grid
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_and_have_their_names() {
+        for name in SensorDescription::PRESET_NAMES {
+            let sensor = SensorDescription::preset_named(name).unwrap();
+            assert!(SensorDescription::new(sensor.parameters().clone()).is_ok(), "{name}");
+            let grid = sensor.grid();
+            assert!(name.ends_with(&format!("{}x{}", grid.rows, grid.cols)));
+        }
+        assert_eq!(SensorDescription::preset_named("6x6"), None);
+    }
+
+    #[test]
+    fn taxel_centers_lie_around_the_origin() {
+        let sensor = SensorDescription::digitacts_6x6();
+        let (x, y) = sensor.grid().center(0, 5);
+        assert!((x - 5.0 * MM).abs() < 1e-12 && (y + 5.0 * MM).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_first_wrong_parameter_is_named() {
+        let mut parameters = SensorDescription::digitacts_6x6().parameters().clone();
+        parameters.covering_thickness = f64::NAN;
+        let error = SensorDescription::new(parameters).unwrap_err();
+        assert!(matches!(error, SensorError::Range { field: "covering_thickness", .. }));
+    }
+
+    #[test]
+    fn the_force_curve_and_its_inverse_agree() {
+        // Knots at 1 mm → 4 kPa and 2 mm → 12 kPa: 1.5 mm gives 8 kPa.
+        let curve =
+            ForceCurve::new(vec![(0.0, 0.0), (1.0 * MM, 4.0 * KPA), (2.0 * MM, 12.0 * KPA)])
+                .unwrap();
+        assert!((curve.pressure(1.5 * MM) - 8.0 * KPA).abs() < 1e-9);
+        assert!((curve.displacement(8.0 * KPA) - 1.5 * MM).abs() < 1e-12);
+        assert!((curve.pressure(3.0 * MM) - 20.0 * KPA).abs() < 1e-9);
+        assert!(curve.pressure(-1.0 * MM).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_falling_force_curve_is_refused() {
+        let knots = vec![(0.0, 0.0), (1.0 * MM, 5.0), (2.0 * MM, 4.0)];
+        assert_eq!(ForceCurve::new(knots), Err(SensorError::ForceCurve { knot: 2 }));
+    }
+}
