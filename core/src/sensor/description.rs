@@ -315,7 +315,7 @@ mod tests {
         assert!((curve.pressure(1.5 * MM) - 8.0 * KPA).abs() < 1e-9);
         assert!((curve.displacement(8.0 * KPA) - 1.5 * MM).abs() < 1e-12);
         assert!((curve.pressure(3.0 * MM) - 20.0 * KPA).abs() < 1e-9);
-        assert!(curve.pressure(-1.0 * MM).abs() < 1e-12);
+        assert!(curve.pressure(-MM).abs() < 1e-12);
     }
 
     #[test]
