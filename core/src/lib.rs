@@ -10,6 +10,14 @@ pub mod rng;
 
 pub mod pose;
 
+pub mod rotation_grid;
+
 pub mod sensor;
 
 pub mod reading;
+
+pub mod contact;
+
+pub mod descriptor;
+
+pub mod vocabulary;
