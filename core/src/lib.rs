@@ -8,6 +8,8 @@ pub mod units;
 
 pub mod rng;
 
+pub mod log_prob;
+
 pub mod pose;
 
 pub mod rotation_grid;
@@ -21,3 +23,17 @@ pub mod contact;
 pub mod descriptor;
 
 pub mod vocabulary;
+
+pub mod patch;
+
+pub mod patch_pair;
+
+pub mod filter;
+
+pub mod model;
+
+pub mod belief;
+
+pub mod train;
+
+pub mod recognise;
