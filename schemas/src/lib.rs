@@ -16,13 +16,13 @@ pub mod training;
 
 pub use health::{Check, Liveness, Readiness, Version};
 pub use object::{
-    AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshUnit, Object,
-    ObjectPage, StoredReading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
+    AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshReport, MeshUnit,
+    Object, ObjectPage, StoredReading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 pub use page::PageQuery;
 pub use pose::Pose;
 pub use problem::{FieldError, Problem, ProblemType};
-pub use reading::Reading;
+pub use reading::{Reading, Stamp};
 pub use sensor::{
     CreateSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor, SensorDescription,
     SensorPage, SensorPreset, TaxelGrid,

@@ -1,13 +1,11 @@
 //! Objects on the wire: their names, meshes and training readings.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
 use crate::pose::Pose;
-use crate::reading::Reading;
+use crate::reading::{Reading, Stamp};
 
 /// A thing that robots are to recognise.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
@@ -16,18 +14,16 @@ pub struct Object {
     pub id: Uuid,
     /// Its unique name.
     pub name: String,
-    /// The user's own notes, as names and values.
-    pub metadata: BTreeMap<String, String>,
+    /// What people say about it.
+    pub description: String,
     /// The mesh that was uploaded, if any.
     pub mesh: Option<MeshInfo>,
     /// How many training readings are stored.
     pub n_readings: u32,
-    /// The frame in which the training readings were taken, if they name one.
-    pub readings_frame_id: Option<String>,
     /// When it was created.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// When its name, metadata, mesh or readings last changed.
+    /// When its name or description last changed.
     #[schema(format = DateTime)]
     pub updated_at: String,
 }
@@ -48,9 +44,10 @@ pub struct CreateObject {
     /// Its unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
     #[schema(min_length = 1, max_length = 64, example = "mug")]
     pub name: String,
-    /// The user's own notes: at most 32 names of 64 characters and values of 1024.
+    /// What people say about it; for people only.
     #[serde(default)]
-    pub metadata: BTreeMap<String, String>,
+    #[schema(max_length = 2000)]
+    pub description: String,
 }
 
 /// What to change of an object; what is not given stays.
@@ -61,9 +58,10 @@ pub struct UpdateObject {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_length = 1, max_length = 64)]
     pub name: Option<String>,
-    /// New metadata, in place of all that is there.
+    /// A new description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub metadata: Option<BTreeMap<String, String>>,
+    #[schema(max_length = 2000)]
+    pub description: Option<String>,
 }
 
 /// What the coordinates in a mesh file mean. STL, OBJ, PLY and OFF do not say it.
@@ -102,13 +100,27 @@ pub struct MeshQuery {
     pub format: Option<MeshFormat>,
 }
 
-/// What is known of an uploaded mesh.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+/// An object's mesh, as it was uploaded.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct MeshInfo {
     /// The file's format.
     pub format: MeshFormat,
     /// The unit that was given with it.
     pub unit: MeshUnit,
+    /// The file's length in bytes.
+    pub bytes: u64,
+    /// The blake3 hash of the file, in hexadecimal.
+    pub hash: String,
+    /// When it was uploaded.
+    #[schema(format = DateTime)]
+    pub uploaded_at: String,
+}
+
+/// How the server understands an uploaded mesh.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct MeshReport {
+    /// The mesh, as it was uploaded.
+    pub mesh: MeshInfo,
     /// Number of triangles.
     pub n_triangles: u32,
     /// Number of vertices.
@@ -116,8 +128,6 @@ pub struct MeshInfo {
     /// Extent along x, y and z in metres.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub size: [f64; 3],
-    /// The file's length in bytes.
-    pub bytes: u64,
     /// What is unusual about it, such as a size that suggests the other unit.
     pub warnings: Vec<String>,
 }
@@ -126,7 +136,8 @@ pub struct MeshInfo {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AddTrainingReadings {
-    /// 1 to 1000 readings, all in one frame in which the object is at rest.
+    /// 1 to 1000 readings, all in one frame in which the object is at rest. All are taken or
+    /// none.
     #[schema(min_items = 1, max_items = 1000)]
     pub readings: Vec<Reading>,
 }
@@ -153,8 +164,8 @@ pub struct StoredReading {
     pub seq: Option<u64>,
     /// The id of its sensor.
     pub sensor: Uuid,
-    /// When it was taken, seconds of the robot's clock.
-    pub stamp: Option<f64>,
+    /// When it was taken, by the robot's clock.
+    pub stamp: Option<Stamp>,
     /// The sensor's pose in the frame of the object's readings.
     pub pose: Pose,
     /// Pressures in pascal, as they were sent.

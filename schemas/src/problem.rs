@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
-use uuid::Uuid;
 
 /// Why a request was not done.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
@@ -48,7 +47,7 @@ pub enum ProblemType {
     /// 405: the path exists, this method does not.
     #[serde(rename = "urn:palpate:problem:method-not-allowed")]
     MethodNotAllowed,
-    /// 408: the request did not arrive or was not answered in time.
+    /// 408: the request's body did not arrive in time.
     #[serde(rename = "urn:palpate:problem:timeout")]
     Timeout,
     /// 409: the request does not fit the state of the thing, such as a closed session.
@@ -81,12 +80,4 @@ pub enum ProblemType {
     /// 500: the server is at fault; the request id finds the reason in its log.
     #[serde(rename = "urn:palpate:problem:internal")]
     Internal,
-}
-
-impl Problem {
-    /// The request's id as a UUID, when the server gave it.
-    #[must_use]
-    pub fn request_uuid(&self) -> Option<Uuid> {
-        Uuid::parse_str(&self.request_id).ok()
-    }
 }

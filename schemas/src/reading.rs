@@ -27,11 +27,10 @@ pub struct Reading {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_length = 256, example = "base_link")]
     pub frame_id: Option<String>,
-    /// When it was taken, seconds of the robot's clock. Simulated time may begin at 0: the
-    /// server stores the stamp and does not compare it with its own clock.
+    /// When it was taken, by the robot's clock. Simulated time may begin at 0: the server
+    /// stores the stamp and does not compare it with its own clock.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(example = 1_790_000_000.25)]
-    pub stamp: Option<f64>,
+    pub stamp: Option<Stamp>,
     /// The sensor's pose in the session frame (`session_from_sensor`); for training readings
     /// in the frame in which the object is at rest. The sensor frame has its origin at the
     /// centre of the covering's free surface, +z out of the sensor towards the object, +x
@@ -41,4 +40,16 @@ pub struct Reading {
     /// that has no value.
     #[schema(max_items = 16_384)]
     pub image: Vec<Option<f64>>,
+}
+
+/// A time of the robot's clock, as ROS has it.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stamp {
+    /// Whole seconds.
+    #[schema(minimum = 0, maximum = 9_000_000_000_u64, example = 1_790_000_000)]
+    pub sec: u64,
+    /// Nanoseconds after them.
+    #[schema(minimum = 0, maximum = 999_999_999, example = 250_000_000)]
+    pub nanosec: u32,
 }

@@ -11,6 +11,8 @@ pub struct Sensor {
     pub id: Uuid,
     /// Its unique name.
     pub name: String,
+    /// The preset that it was made from, if any.
+    pub preset: Option<String>,
     /// Its geometry and response. Does not change: readings rely on it.
     pub description: SensorDescription,
     /// When it was created.
