@@ -1,0 +1,157 @@
+//! The mesh formats we read, and the one door all their parsers stand behind.
+//!
+//! Uploads are hostile: counts are checked against the bytes before anything is allocated,
+//! and a panic inside a third-party reader becomes an error.
+
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use glam::DVec3;
+
+use super::{MeshError, obj, off, ply, stl};
+
+/// Vertices in the file's unit, and triangles that may still name vertices out of range.
+pub(super) type Soup = (Vec<DVec3>, Vec<[u32; 3]>);
+
+/// A mesh file format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// Stereolithography, binary or ASCII.
+    Stl,
+    /// Wavefront.
+    Obj,
+    /// Polygon file format, ASCII or binary.
+    Ply,
+    /// Object file format of Geomview, ASCII.
+    Off,
+}
+
+impl MeshFormat {
+    /// The format of a file name's extension, with or without its dot, in any case.
+    #[must_use]
+    pub fn from_extension(extension: &str) -> Option<Self> {
+        match extension.trim_start_matches('.').to_ascii_lowercase().as_str() {
+            "stl" => Some(Self::Stl),
+            "obj" => Some(Self::Obj),
+            "ply" => Some(Self::Ply),
+            "off" => Some(Self::Off),
+            _ => None,
+        }
+    }
+
+    /// The format of a media type such as `model/stl`; parameters behind `;` are ignored.
+    #[must_use]
+    pub fn from_media_type(media_type: &str) -> Option<Self> {
+        let essence = media_type.split(';').next().unwrap_or_default().trim();
+        match essence.to_ascii_lowercase().as_str() {
+            "model/stl" | "model/x.stl-binary" | "model/x.stl-ascii" | "application/sla" => {
+                Some(Self::Stl)
+            }
+            "model/obj" | "application/x-tgif" => Some(Self::Obj),
+            "model/ply" | "application/ply" | "application/x-ply" => Some(Self::Ply),
+            "model/off" | "application/off" | "application/x-off" => Some(Self::Off),
+            _ => None,
+        }
+    }
+
+    /// The media type we name the format by.
+    #[must_use]
+    pub fn media_type(self) -> &'static str {
+        match self {
+            Self::Stl => "model/stl",
+            Self::Obj => "model/obj",
+            Self::Ply => "model/ply",
+            Self::Off => "model/off",
+        }
+    }
+}
+
+impl fmt::Display for MeshFormat {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Stl => "STL",
+            Self::Obj => "OBJ",
+            Self::Ply => "PLY",
+            Self::Off => "OFF",
+        })
+    }
+}
+
+/// Parses a file's bytes; lengths stay in the file's unit.
+pub(super) fn parse(format: MeshFormat, bytes: &[u8]) -> Result<Soup, MeshError> {
+    if bytes.is_empty() {
+        return Err(MeshError::Empty);
+    }
+    let read = match format {
+        MeshFormat::Stl => stl::read,
+        MeshFormat::Obj => obj::read,
+        MeshFormat::Ply => ply::read,
+        MeshFormat::Off => off::read,
+    };
+    catch_unwind(AssertUnwindSafe(|| read(bytes))).unwrap_or(Err(MeshError::Unreadable { format }))
+}
+
+/// Adds a polygon's fan of triangles.
+///
+/// `polygon` is the polygon's number for errors; fewer than three corners add nothing.
+pub(super) fn push_fan(
+    triangles: &mut Vec<[u32; 3]>,
+    corners: &[u32],
+    polygon: usize,
+    n_vertices: usize,
+) -> Result<(), MeshError> {
+    if let Some(found) = corners.iter().find(|corner| **corner as usize >= n_vertices) {
+        let found = i64::from(*found);
+        return Err(MeshError::Index { triangle: polygon, found, n_vertices });
+    }
+    let found = triangles.len() + corners.len().saturating_sub(2);
+    super::check_count("triangles", found, super::TRIANGLES_MAX)?;
+    if let [first, rest @ ..] = corners {
+        triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Mesh;
+
+    const FORMATS: [MeshFormat; 4] =
+        [MeshFormat::Stl, MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off];
+
+    #[test]
+    fn extensions_and_media_types_find_their_format() {
+        assert_eq!(MeshFormat::from_extension(".STL"), Some(MeshFormat::Stl));
+        assert_eq!(MeshFormat::from_extension("dae"), None);
+        for format in FORMATS {
+            assert_eq!(MeshFormat::from_media_type(format.media_type()), Some(format));
+        }
+        assert_eq!(MeshFormat::from_media_type("model/PLY; charset=utf-8"), Some(MeshFormat::Ply));
+    }
+
+    #[test]
+    fn empty_files_and_units_out_of_range_are_refused() {
+        for format in FORMATS {
+            assert_eq!(Mesh::from_bytes(format, b"", 1.0), Err(MeshError::Empty), "{format}");
+            for unit in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+                let error = Mesh::from_bytes(format, b"x", unit).unwrap_err();
+                assert!(matches!(error, MeshError::Unit { .. }));
+            }
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_bytes_are_read_or_refused(
+            bytes in proptest::collection::vec(proptest::num::u8::ANY, 0..400),
+            which in 0..4usize,
+            head in 0..4usize,
+        ) {
+            let heads: [&[u8]; 4] =
+                [b"", b"solid x\n", b"OFF\n", b"ply\nformat ascii 1.0\nelement vertex 3\n"];
+            let file = [heads[head], &bytes].concat();
+            let _ = Mesh::from_bytes(FORMATS[which], &file, 1e-3);
+        }
+    }
+}

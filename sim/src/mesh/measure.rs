@@ -1,0 +1,135 @@
+//! Measures of a mesh: extent, area, volume, centre, and whether it is closed.
+
+use glam::DVec3;
+
+use super::Mesh;
+
+impl Mesh {
+    /// The smallest and the largest corner of the box around all vertices, metres.
+    #[must_use]
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        self.vertices.iter().fold(nothing, |(low, high), at| (low.min(*at), high.max(*at)))
+    }
+
+    /// The size of the box around all vertices along x, y and z, metres.
+    #[must_use]
+    pub fn extent(&self) -> DVec3 {
+        let (low, high) = self.bounds();
+        high - low
+    }
+
+    /// The largest component of [`Mesh::extent`], metres.
+    #[must_use]
+    pub fn largest_dimension(&self) -> f64 {
+        self.extent().max_element()
+    }
+
+    /// The area of a triangle, square metres.
+    #[must_use]
+    pub fn area(&self, triangle: usize) -> f64 {
+        0.5 * self.area_vector(triangle).length()
+    }
+
+    /// The unit normal of a triangle, outward when the mesh is wound as it should be.
+    #[must_use]
+    pub fn normal(&self, triangle: usize) -> DVec3 {
+        self.area_vector(triangle).normalize_or(DVec3::Z)
+    }
+
+    /// The area of the whole surface, square metres.
+    #[must_use]
+    pub fn surface_area(&self) -> f64 {
+        (0..self.triangles.len()).map(|triangle| self.area(triangle)).sum()
+    }
+
+    /// The centroid of the surface: the mean of its points, each area weighing the same.
+    ///
+    /// This is where touches spread evenly over the object have their mean; it exists for
+    /// meshes with holes too, unlike the centroid of the volume. Metres.
+    #[must_use]
+    pub fn centroid(&self) -> DVec3 {
+        let moment: DVec3 = (0..self.triangles.len())
+            .map(|triangle| {
+                let [a, b, c] = self.corners(triangle);
+                self.area(triangle) * (a + b + c) / 3.0
+            })
+            .sum();
+        moment / self.surface_area()
+    }
+
+    /// The enclosed volume, cubic metres; negative when the mesh is wound inside out, without
+    /// meaning when it is not closed.
+    #[must_use]
+    pub fn signed_volume(&self) -> f64 {
+        let origin = self.vertices[0];
+        (0..self.triangles.len())
+            .map(|triangle| {
+                let [a, b, c] = self.corners(triangle).map(|corner| corner - origin);
+                a.dot(b.cross(c)) / 6.0
+            })
+            .sum()
+    }
+
+    /// Whether every edge is shared by exactly two triangles that run along it in opposite
+    /// directions.
+    #[must_use]
+    pub fn is_watertight(&self) -> bool {
+        let mut directed: Vec<[u32; 2]> =
+            self.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+        directed.sort_unstable();
+        let used_once = directed.windows(2).all(|pair| pair[0] != pair[1]);
+        used_once && directed.iter().all(|&[a, b]| directed.binary_search(&[b, a]).is_ok())
+    }
+
+    /// Twice the area times the normal.
+    fn area_vector(&self, triangle: usize) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box from the origin to `size`.
+    fn cuboid(size: DVec3) -> Mesh {
+        let corner = |bits: u32| {
+            let along = |axis: u32| f64::from(bits >> axis & 1);
+            size * DVec3::new(along(0), along(1), along(2))
+        };
+        let faces =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        Mesh::new((0..8).map(corner).collect(), triangles).unwrap()
+    }
+
+    #[test]
+    fn a_box_measures_what_it_should() {
+        let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0));
+        assert!((mesh.surface_area() - 22.0).abs() < 1e-12);
+        assert!((mesh.signed_volume() - 6.0).abs() < 1e-12);
+        assert!(mesh.centroid().distance(DVec3::new(0.5, 1.0, 1.5)) < 1e-12);
+        assert!((mesh.largest_dimension() - 3.0).abs() < 1e-12);
+        assert!(mesh.is_watertight() && mesh.inside_out().is_watertight());
+        assert!(mesh.inside_out().signed_volume() < 0.0);
+    }
+
+    #[test]
+    fn scaling_and_moving_do_what_they_say() {
+        let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0)).scaled_to_largest_dimension(0.08);
+        assert!((mesh.extent().z - 0.08).abs() < 1e-15);
+        assert!((mesh.translated(DVec3::X).bounds().0 - DVec3::X).length() < 1e-15);
+    }
+
+    #[test]
+    fn a_box_with_a_hole_or_a_turned_triangle_is_not_watertight() {
+        let mesh = cuboid(DVec3::ONE);
+        let open = Mesh::new(mesh.vertices().to_vec(), mesh.triangles()[1..].to_vec()).unwrap();
+        assert!(!open.is_watertight());
+        let mut turned = mesh.triangles().to_vec();
+        turned[0].swap(0, 1);
+        assert!(!Mesh::new(mesh.vertices().to_vec(), turned).unwrap().is_watertight());
+    }
+}
