@@ -8,8 +8,32 @@ pub mod units;
 
 pub mod rng;
 
+pub mod log_prob;
+
 pub mod pose;
+
+pub mod rotation_grid;
 
 pub mod sensor;
 
 pub mod reading;
+
+pub mod contact;
+
+pub mod descriptor;
+
+pub mod vocabulary;
+
+pub mod patch;
+
+pub mod patch_pair;
+
+pub mod filter;
+
+pub mod model;
+
+pub mod belief;
+
+pub mod train;
+
+pub mod recognise;

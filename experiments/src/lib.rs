@@ -1,1 +1,11 @@
-//! Placeholder.
+//! The dissertation's tables and figures, and our own: one file an experiment.
+//!
+//! Every experiment is a function of its arguments and a seed; it writes a [`report::Report`]
+//! as JSON, CSV and SVG and one line of `docs/results.md`. Poses, noise and readings of a
+//! trial come from streams that training never uses.
+
+pub mod objects;
+pub mod plot;
+pub mod report;
+pub mod statistics;
+pub mod sva_objects;

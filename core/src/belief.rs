@@ -1,0 +1,5 @@
+//! What the service answers: identities, poses, and how sure it is.
+
+pub mod answer;
+
+pub use answer::{Answer, PoseMode, WeightedPose};

@@ -1,0 +1,189 @@
+//! The answer to a session: probabilities of identity and the most likely poses.
+//!
+//! Poses are `session_from_object`. Bins of one object that lie beside each other are one
+//! mode: its pose is their mean, its covariance their spread and that within a bin.
+
+use glam::{DQuat, DVec3};
+use nalgebra::{Matrix6, Vector6};
+
+use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
+use crate::model::ObjectIdx;
+use crate::pose::Pose;
+
+/// A belief in the form that users ask for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// The probability of each object of the catalogue, in its order; they sum to 1.
+    pub probabilities: Vec<f64>,
+    /// The most likely poses over all objects, best first.
+    pub modes: Vec<PoseMode>,
+    /// Entropy of the identity, bits.
+    pub entropy_bits: f64,
+    /// How many readings the belief rests on.
+    pub n_readings: usize,
+}
+
+impl Answer {
+    /// The most likely object; ties go to the first. `None` for an empty catalogue.
+    #[must_use]
+    pub fn best_object(&self) -> Option<ObjectIdx> {
+        let best = self.probabilities.iter().enumerate().fold(None, |best, (object, p)| {
+            if best.is_none_or(|(_, highest)| *p > highest) { Some((object, *p)) } else { best }
+        });
+        best.map(|(object, _)| ObjectIdx(object as u32))
+    }
+}
+
+/// One cluster of likely poses of one object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseMode {
+    /// Which object.
+    pub object: ObjectIdx,
+    /// The mean pose of the object in the session frame.
+    pub session_from_object: Pose,
+    /// Covariance of x, y, z (m) and rotation about the session's fixed x, y, z axes (rad),
+    /// in ROS order.
+    pub covariance: Matrix6<f64>,
+    /// The probability of this object in this mode.
+    pub weight: f64,
+}
+
+/// A pose of an object with ln of its (unnormalised) probability.
+#[derive(Clone, Copy, Debug)]
+pub struct WeightedPose {
+    /// Which object.
+    pub object: ObjectIdx,
+    /// The pose.
+    pub session_from_object: Pose,
+    /// ln of its weight, on one scale for all objects.
+    pub log_weight: f64,
+}
+
+/// How far apart poses of one mode may be, and how uncertain a single one is.
+#[derive(Clone, Copy, Debug)]
+pub struct ModeScale {
+    /// Largest distance of a member from the mode's best pose, metres.
+    pub distance: f64,
+    /// Largest angle of a member from the mode's best pose, rad.
+    pub angle: f64,
+    /// Standard deviation of a single pose's position, metres.
+    pub position_deviation: f64,
+    /// Standard deviation of a single pose's rotation, rad.
+    pub rotation_deviation: f64,
+}
+
+/// Makes an answer: `log_objects` are the unnormalised ln probabilities of the objects,
+/// `poses` the best poses on the same scale, at most `n_modes` modes are returned.
+#[must_use]
+pub fn answer(
+    log_objects: &[f64],
+    mut poses: Vec<WeightedPose>,
+    n_modes: usize,
+    scale: &ModeScale,
+    n_readings: usize,
+) -> Answer {
+    let probabilities = normalize(log_objects);
+    let total = log_sum_exp(log_objects.iter().copied());
+    poses.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight).then(a.object.cmp(&b.object)));
+    let mut modes = Vec::new();
+    while let (Some(best), true) = (poses.first().copied(), modes.len() < n_modes) {
+        let (members, others): (Vec<_>, Vec<_>) =
+            poses.into_iter().partition(|pose| belongs(pose, &best, scale));
+        modes.push(mode(&members, &best, total, scale));
+        poses = others;
+    }
+    modes.sort_by(|a: &PoseMode, b| b.weight.total_cmp(&a.weight));
+    let entropy_bits = entropy_bits(&probabilities);
+    Answer { probabilities, modes, entropy_bits, n_readings }
+}
+
+fn belongs(pose: &WeightedPose, best: &WeightedPose, scale: &ModeScale) -> bool {
+    let (a, b) = (&pose.session_from_object, &best.session_from_object);
+    pose.object == best.object && a.distance_to(b) <= scale.distance && a.angle_to(b) <= scale.angle
+}
+
+fn mode(
+    members: &[WeightedPose],
+    best: &WeightedPose,
+    log_total: f64,
+    scale: &ModeScale,
+) -> PoseMode {
+    let weights: Vec<f64> =
+        members.iter().map(|member| (member.log_weight - best.log_weight).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    let shares = || members.iter().zip(weights.iter().map(|weight| weight / total));
+
+    let position: DVec3 =
+        shares().map(|(m, share)| share * m.session_from_object.translation).sum();
+    let rotation = shares().fold(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, (m, share)| {
+        let q = m.session_from_object.rotation;
+        let aligned = q.dot(best.session_from_object.rotation) < 0.0;
+        sum + q * if aligned { -share } else { share }
+    });
+    let mean = Pose::from_parts(rotation, position);
+
+    let single = Vector6::from_fn(|axis, _| {
+        if axis < 3 { scale.position_deviation.powi(2) } else { scale.rotation_deviation.powi(2) }
+    });
+    let mut covariance = Matrix6::from_diagonal(&single);
+    for (member, share) in shares() {
+        let moved = member.session_from_object.translation - mean.translation;
+        let turned = member.session_from_object.rotation * mean.rotation.conjugate();
+        let turned = if turned.w < 0.0 { -turned } else { turned }.to_scaled_axis();
+        let off = Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z);
+        covariance += share * off * off.transpose();
+    }
+    let weight = (best.log_weight - log_total).exp() * total;
+    PoseMode { object: best.object, session_from_object: mean, covariance, weight }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{DEG, MM};
+
+    const SCALE: ModeScale =
+        ModeScale { distance: 0.012, angle: 0.7, position_deviation: 0.0, rotation_deviation: 0.0 };
+
+    fn weighted(object: u32, x: f64, angle: f64, weight: f64) -> WeightedPose {
+        let pose = Pose::from_parts(DQuat::from_rotation_z(angle), DVec3::new(x, 0.0, 0.0));
+        WeightedPose {
+            object: ObjectIdx(object),
+            session_from_object: pose,
+            log_weight: weight.ln(),
+        }
+    }
+
+    #[test]
+    fn neighbouring_poses_are_one_mode_and_far_ones_another() {
+        let poses = vec![
+            weighted(0, 0.0, 0.0, 0.4),
+            weighted(0, 8.0 * MM, 0.0, 0.4),
+            weighted(0, 90.0 * MM, 0.0, 0.1),
+            weighted(1, 0.0, 0.0, 0.1),
+        ];
+        let answer = answer(&[0.9_f64.ln(), 0.1_f64.ln()], poses, 5, &SCALE, 3);
+        assert_eq!(answer.modes.len(), 3);
+        let first = &answer.modes[0];
+        assert!((first.weight - 0.8).abs() < 1e-9);
+        assert!((first.session_from_object.translation.x - 4.0 * MM).abs() < 1e-9);
+        // Two poses ±4 mm from their mean: variance 16 mm².
+        assert!((first.covariance[(0, 0)] - 16e-6).abs() < 1e-12);
+        assert_eq!(answer.best_object(), Some(ObjectIdx(0)));
+    }
+
+    #[test]
+    fn rotations_spread_about_the_fixed_axes() {
+        let poses = vec![weighted(0, 0.0, 10.0 * DEG, 0.5), weighted(0, 0.0, -10.0 * DEG, 0.5)];
+        let answer = answer(&[0.0], poses, 1, &SCALE, 2);
+        let mode = &answer.modes[0];
+        assert!(mode.session_from_object.angle_to(&Pose::IDENTITY) < 1e-9);
+        assert!((mode.covariance[(5, 5)] - (10.0 * DEG).powi(2)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn certainty_is_zero_bits() {
+        let answer = answer(&[0.0, -1e4], vec![], 3, &SCALE, 9);
+        assert!(answer.entropy_bits.abs() < 1e-12 && answer.modes.is_empty());
+    }
+}

@@ -1,0 +1,4 @@
+//! Bayes filters over identity and pose.
+
+pub mod pose_bins;
+pub mod sparse;

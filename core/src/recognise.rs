@@ -1,0 +1,373 @@
+//! Recognition by spatially varying appearance: readings in, belief over identity and pose.
+//!
+//! Source: sections 5.2–5.4. Each new reading is paired with earlier ones; every pair asks
+//! the objects' indexes for matching pairs, each match names a set of poses, and the sparse
+//! histograms multiply what the pairs say. Objects are worked on in parallel; the answer
+//! does not depend on the number of threads.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
+use crate::filter::pose_bins::PoseBins;
+use crate::filter::sparse::{PairEvidence, ProductRule, SparseHistogram};
+use crate::log_prob::normalize;
+use crate::model::{Catalogue, MapPatch, ObjectIdx, ObjectMap};
+use crate::patch::{Patch, observe_patch};
+use crate::patch_pair::alignment::{PairEnd, PairFrame};
+use crate::reading::Reading;
+use crate::rotation_grid::RotationGrid;
+use crate::sensor::SensorDescription;
+use crate::units::MM;
+use crate::vocabulary::Association;
+
+/// How often the evidence of a pair counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PairWeight {
+    /// As printed (equation 5.13): (t, i) and (i, t) both count, though they say the same.
+    BothOrders,
+    /// Every pair counts once.
+    Once,
+    /// All pairs of a new reading together count `total` times: n readings do not give
+    /// n(n − 1)/2 independent pairs.
+    Tempered {
+        /// The sum of the exponents of a reading's pairs.
+        total: f64,
+    },
+}
+
+/// How the filter works.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SvaOptions {
+    /// The histogram's bins.
+    pub bins: PoseBins,
+    /// How pairs are multiplied.
+    pub rule: ProductRule,
+    /// How often a pair counts.
+    pub pair_weight: PairWeight,
+    /// Pairs whose normals make other angles with their axis (difference of cosines) do not
+    /// match; `None` as printed.
+    pub normal_tolerance: Option<f64>,
+    /// σ_init of section 5.4.3.2, rad.
+    pub sigma_init: f64,
+    /// Distance between sampled turns about a pair's axis, rad.
+    pub turn_step: f64,
+    /// A new reading is paired with at most this many earlier ones.
+    pub partners_max: usize,
+    /// At most this many bins are kept for an object.
+    pub bins_max: usize,
+}
+
+impl Default for SvaOptions {
+    /// The service's own resolutions (`docs/equations.md`, chapter 5).
+    fn default() -> Self {
+        Self {
+            bins: PoseBins {
+                edge: 8.0 * MM,
+                rotations: RotationGrid::CubedHypersphere { n: 6 },
+                workspace: 400.0 * MM,
+            },
+            rule: ProductRule::Floored { floor: 0.05 },
+            pair_weight: PairWeight::Once,
+            normal_tolerance: Some(0.3),
+            sigma_init: 0.1,
+            turn_step: 0.25,
+            partners_max: 24,
+            bins_max: 50_000,
+        }
+    }
+}
+
+impl SvaOptions {
+    /// As the dissertation prints it: 50³ × 9³ bins, strict products of both orders.
+    #[must_use]
+    pub fn literal() -> Self {
+        Self {
+            bins: PoseBins {
+                edge: 8.0 * MM,
+                rotations: RotationGrid::Rodrigues { n: 9 },
+                workspace: 400.0 * MM,
+            },
+            rule: ProductRule::Strict,
+            pair_weight: PairWeight::BothOrders,
+            normal_tolerance: None,
+            partners_max: usize::MAX,
+            bins_max: usize::MAX,
+            ..Self::default()
+        }
+    }
+}
+
+/// Why a reading cannot be used with a catalogue.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum RecogniseError {
+    /// The sensor has another shape than the one the catalogue was trained with.
+    #[error(
+        "image of {found_rows}×{found_cols} taxels, expected {rows}×{cols} as in the catalogue"
+    )]
+    Shape {
+        /// Rows of the catalogue's images.
+        rows: usize,
+        /// Columns of the catalogue's images.
+        cols: usize,
+        /// Rows that came.
+        found_rows: usize,
+        /// Columns that came.
+        found_cols: usize,
+    },
+    /// The prior does not fit the catalogue.
+    #[error(
+        "prior over {found} objects, expected {expected} finite weights of at least 0, not all 0"
+    )]
+    Prior {
+        /// Objects of the catalogue.
+        expected: usize,
+        /// Weights that came.
+        found: usize,
+    },
+}
+
+/// A belief over the identity and pose of one object, from the readings so far.
+#[derive(Clone, Debug)]
+pub struct SvaBelief {
+    catalogue: Arc<Catalogue>,
+    options: SvaOptions,
+    log_prior: Vec<f64>,
+    seen: Vec<Patch>,
+    histograms: Vec<SparseHistogram>,
+    n_readings: usize,
+}
+
+impl SvaBelief {
+    /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
+    /// is even.
+    ///
+    /// # Errors
+    /// [`RecogniseError::Prior`] when the weights do not fit the catalogue.
+    pub fn new(
+        catalogue: Arc<Catalogue>,
+        options: SvaOptions,
+        prior: Option<&[f64]>,
+    ) -> Result<Self, RecogniseError> {
+        let n_objects = catalogue.objects.len();
+        let log_prior = match prior {
+            None => vec![0.0; n_objects],
+            Some(weights) => {
+                let valid = weights.iter().all(|weight| weight.is_finite() && *weight >= 0.0);
+                if weights.len() != n_objects || !valid || weights.iter().all(|w| *w <= 0.0) {
+                    let found = weights.len();
+                    return Err(RecogniseError::Prior { expected: n_objects, found });
+                }
+                weights.iter().map(|weight| weight.ln()).collect()
+            }
+        };
+        let log_prior = normalize(&log_prior).into_iter().map(f64::ln).collect();
+        let histograms = vec![SparseHistogram::new(options.rule, options.bins_max); n_objects];
+        Ok(Self { catalogue, options, log_prior, seen: Vec::new(), histograms, n_readings: 0 })
+    }
+
+    /// Takes a reading into account. A press that touched nothing counts as a reading and
+    /// says nothing about the pose.
+    ///
+    /// # Errors
+    /// [`RecogniseError::Shape`] when the image does not fit the catalogue's vocabulary.
+    pub fn add(
+        &mut self,
+        reading: &Reading,
+        sensor: &SensorDescription,
+    ) -> Result<(), RecogniseError> {
+        let vocabulary = &self.catalogue.vocabulary;
+        if !vocabulary.fits(reading.image()) {
+            return Err(RecogniseError::Shape {
+                rows: vocabulary.rows,
+                cols: vocabulary.cols,
+                found_rows: reading.image().rows,
+                found_cols: reading.image().cols,
+            });
+        }
+        self.n_readings += 1;
+        let rule = self.catalogue.association;
+        let Some(patch) = observe_patch(reading, sensor, vocabulary, rule) else {
+            return Ok(());
+        };
+        for partner in partners(self.seen.len(), self.options.partners_max) {
+            let n_pairs = self.seen.len().min(self.options.partners_max);
+            self.multiply_pair(&patch, &self.seen[partner].clone(), n_pairs);
+        }
+        self.histograms.par_iter_mut().for_each(SparseHistogram::prune);
+        self.seen.push(patch);
+        Ok(())
+    }
+
+    /// Equation 5.12: multiplies in what one pair of readings says.
+    fn multiply_pair(&mut self, a: &Patch, b: &Patch, n_pairs: usize) {
+        let Some(frame) = PairFrame::new(&end(a), &end(b)) else {
+            return;
+        };
+        let query = PairQuery {
+            frame: &frame,
+            distance: a.position.distance(b.position),
+            classes: [&a.classes, &b.classes],
+        };
+        let evidence: Vec<PairEvidence> = self
+            .catalogue
+            .objects
+            .par_iter()
+            .map(|object| pair_evidence(object, &query, &self.options))
+            .collect();
+        // Equation 5.14, normalised per object: more training pairs are no evidence.
+        let per_pair: Vec<f64> =
+            self.catalogue.objects.iter().map(|o| per_training_pair(o)).collect();
+        let total: f64 = evidence.iter().zip(&per_pair).map(|(e, share)| e.total() * share).sum();
+        if total <= 0.0 {
+            return;
+        }
+        let exponent = match self.options.pair_weight {
+            PairWeight::BothOrders => 2.0,
+            PairWeight::Once => 1.0,
+            PairWeight::Tempered { total } => total / n_pairs as f64,
+        };
+        let log_count = self.options.bins.log_count();
+        let even = -(self.catalogue.objects.len() as f64).ln();
+        let multiply_all = |histograms: &mut Vec<SparseHistogram>| {
+            let zipped = histograms.par_iter_mut().zip(&evidence).zip(&per_pair);
+            zipped.for_each(|((histogram, evidence), share)| {
+                histogram.multiply(evidence, share / total, even - log_count, exponent);
+            });
+        };
+        multiply_all(&mut self.histograms);
+        // Section 5.6.1: when all probabilities have gone to zero the belief is re-seeded.
+        if self.histograms.iter().all(SparseHistogram::is_impossible) {
+            self.histograms.iter_mut().for_each(SparseHistogram::reset);
+            multiply_all(&mut self.histograms);
+        }
+    }
+
+    /// The belief as an answer with at most `n_modes` poses.
+    #[must_use]
+    pub fn answer(&self, n_modes: usize) -> Answer {
+        let log_count = self.options.bins.log_count();
+        let log_objects: Vec<f64> = self
+            .histograms
+            .iter()
+            .zip(&self.log_prior)
+            .map(|(histogram, prior)| histogram.log_evidence(log_count) + prior)
+            .collect();
+        let mut poses = Vec::new();
+        for (object, (histogram, prior)) in self.histograms.iter().zip(&self.log_prior).enumerate()
+        {
+            let best = histogram.best(BINS_FOR_MODES, log_count);
+            poses.extend(best.into_iter().map(|(log, _, session_from_object)| WeightedPose {
+                object: ObjectIdx(object as u32),
+                session_from_object,
+                log_weight: log + prior,
+            }));
+        }
+        let edge = self.options.bins.edge;
+        let width = rotation_width(self.options.bins.rotations);
+        let scale = ModeScale {
+            distance: 1.5 * edge,
+            angle: 1.2 * width,
+            position_deviation: edge / 12.0_f64.sqrt(),
+            rotation_deviation: width / 12.0_f64.sqrt(),
+        };
+        answer(&log_objects, poses, n_modes, &scale, self.n_readings)
+    }
+
+    /// How many readings were added.
+    #[must_use]
+    pub fn n_readings(&self) -> usize {
+        self.n_readings
+    }
+
+    /// How many histogram bins the belief holds, over all objects: its memory.
+    #[must_use]
+    pub fn n_bins(&self) -> usize {
+        self.histograms.iter().map(SparseHistogram::n_bins).sum()
+    }
+}
+
+/// How many of an object's bins compete to be modes.
+const BINS_FOR_MODES: usize = 64;
+
+struct PairQuery<'a> {
+    frame: &'a PairFrame,
+    distance: f64,
+    classes: [&'a [Association]; 2],
+}
+
+fn end(patch: &Patch) -> PairEnd {
+    PairEnd {
+        position: patch.position,
+        normal: patch.normal,
+        normal_confidence: patch.normal_confidence,
+    }
+}
+
+fn stored_end(patch: &MapPatch) -> PairEnd {
+    let double = |v: [f32; 3]| glam::DVec3::from_array(v.map(f64::from));
+    PairEnd {
+        position: double(patch.position),
+        normal: double(patch.normal),
+        normal_confidence: f64::from(patch.normal_confidence),
+    }
+}
+
+/// The edge of a rotation bin, as an angle of rotation.
+fn rotation_width(grid: RotationGrid) -> f64 {
+    match grid {
+        RotationGrid::Rodrigues { n } => std::f64::consts::TAU / f64::from(n),
+        RotationGrid::CubedHypersphere { n } => std::f64::consts::PI / f64::from(n),
+    }
+}
+
+fn per_training_pair(object: &ObjectMap) -> f64 {
+    let n = object.patches().len() as f64;
+    2.0 / (n * (n - 1.0))
+}
+
+/// Which of `n` earlier readings a new one is paired with: all, or `max` spread evenly.
+fn partners(n: usize, max: usize) -> Vec<usize> {
+    if n <= max { (0..n).collect() } else { (0..max).map(|k| k * n / max).collect() }
+}
+
+/// Equations 5.14 and 5.21–5.25 for one pair and one object: the poses of all matches.
+fn pair_evidence(object: &ObjectMap, query: &PairQuery<'_>, options: &SvaOptions) -> PairEvidence {
+    let mut evidence = PairEvidence::default();
+    let index = object.index();
+    for (bin, distance_share) in index.distances().covering(query.distance).into_iter().flatten() {
+        for a in query.classes[0] {
+            for b in query.classes[1] {
+                let observed = distance_share * a.weight * b.weight;
+                index.matches(a.class, b.class, bin, |first, second, stored| {
+                    let pair = [first, second].map(|patch| object.patches()[usize::from(patch)]);
+                    add_match(&mut evidence, query, &pair, observed * stored, options);
+                });
+            }
+        }
+    }
+    evidence
+}
+
+/// Adds the poses of one match (section 5.4): sampled turns about the pair's axis.
+fn add_match(
+    evidence: &mut PairEvidence,
+    query: &PairQuery<'_>,
+    pair: &[MapPatch; 2],
+    weight: f64,
+    options: &SvaOptions,
+) {
+    let Some(stored) = PairFrame::new(&stored_end(&pair[0]), &stored_end(&pair[1])) else {
+        return;
+    };
+    if options.normal_tolerance.is_some_and(|limit| !query.frame.normals_agree(&stored, limit)) {
+        return;
+    }
+    let angle = query.frame.axis_angle(&stored, options.sigma_init);
+    let turns = query.frame.turns(&stored);
+    angle.for_each_sample(options.turn_step, |turn, share| {
+        evidence.add(&options.bins, &turns.pose(turn), weight * share);
+    });
+}

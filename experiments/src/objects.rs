@@ -1,0 +1,85 @@
+//! Which objects an experiment touches: the built-in ones or a folder of meshes, and the
+//! readings it takes of them.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::MM;
+use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::{SamplerConfig, sample};
+use palpate_sim::shapes;
+
+/// A named mesh of the wanted size.
+pub struct TestObject {
+    /// Its name: that of the shape or the file without its extension.
+    pub name: String,
+    /// Its mesh, metres, origin at its centroid.
+    pub mesh: Mesh,
+}
+
+/// The built-in objects, or every mesh file of a folder in the order of names; all scaled to
+/// `size` metres in their largest dimension.
+///
+/// # Errors
+/// When the folder or a file of it cannot be read, or it holds no mesh.
+pub fn load(folder: Option<&Path>, size: f64) -> anyhow::Result<Vec<TestObject>> {
+    let named = match folder {
+        None => built_in()?,
+        Some(folder) => from_folder(folder)?,
+    };
+    let sized = named.into_iter().map(|(name, mesh)| {
+        let mesh = mesh.scaled_to_largest_dimension(size);
+        TestObject { name, mesh: mesh.translated(-mesh.centroid()) }
+    });
+    Ok(sized.collect())
+}
+
+fn built_in() -> anyhow::Result<Vec<(String, Mesh)>> {
+    let mesh = |name: &&str| shapes::example(name).with_context(|| format!("no shape {name}"));
+    shapes::NAMES.iter().map(|name| Ok(((*name).to_owned(), mesh(name)?))).collect()
+}
+
+fn from_folder(folder: &Path) -> anyhow::Result<Vec<(String, Mesh)>> {
+    let entries =
+        std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut paths: Vec<PathBuf> = entries.map(|e| Ok(e?.path())).collect::<anyhow::Result<_>>()?;
+    paths.sort();
+    let mut named = Vec::new();
+    for path in paths {
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or("");
+        let Some(format) = MeshFormat::from_extension(extension) else {
+            continue;
+        };
+        let bytes =
+            std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        // The unit does not matter: the mesh is scaled to the experiment's size.
+        let mesh = Mesh::from_bytes(format, &bytes, MM)
+            .with_context(|| format!("{} is not a usable mesh", path.display()))?;
+        let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        named.push((name.unwrap_or_default(), mesh));
+    }
+    if named.is_empty() {
+        bail!("{} holds no mesh, expected .stl, .obj, .ply or .off files", folder.display());
+    }
+    Ok(named)
+}
+
+/// `n` converged readings of an object by the training sampler, from one seed.
+///
+/// # Errors
+/// When the sampler gives up: the object cannot be touched often enough.
+pub fn touch(
+    object: &TestObject,
+    sensor: &SensorDescription,
+    n: usize,
+    seed: u64,
+) -> anyhow::Result<Vec<Reading>> {
+    let simulator = PressSimulator::new(&object.mesh, sensor);
+    let mut go_on = |_done: usize, _total: usize| ControlFlow::Continue(());
+    sample(&simulator, SensorId(0), n, seed, &SamplerConfig::default(), &mut go_on)
+        .with_context(|| format!("cannot touch {} {n} times", object.name))
+}

@@ -1,0 +1,325 @@
+//! Section 5.5.1 again: ten objects by spatially varying appearance, literal and default.
+//!
+//! Each object is touched 1,000 times for training and 100 times for testing. A trial draws a
+//! pose (any rotation, ±200 mm along each axis) and presents test readings in random order;
+//! after each one both methods answer. Errors of pose count only when the identity is right,
+//! as in the dissertation; angles are plain, not modulo symmetry.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use palpate_core::model::{Catalogue, ObjectIdx};
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::recognise::{SvaBelief, SvaOptions};
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_core::units::{DEG, MM};
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::objects::{self, TestObject};
+use crate::plot::{Line, Panel, svg};
+use crate::report::Report;
+use crate::statistics::{mean, median, quantile};
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct SvaObjects {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Trials an object.
+    pub trials: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Readings a trial.
+    pub readings: usize,
+    /// The sensor's preset.
+    pub sensor: SensorDescription,
+}
+
+impl Default for SvaObjects {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            size: 80.0 * MM,
+            seed: 1,
+            trials: 10,
+            train_readings: 1_000,
+            test_readings: 100,
+            readings: 20,
+            sensor: SensorDescription::digitacts_6x6(),
+        }
+    }
+}
+
+/// A trained method.
+struct Method {
+    name: &'static str,
+    catalogue: Arc<Catalogue>,
+    options: SvaOptions,
+    train_seconds: f64,
+}
+
+/// What one method answered after one reading of one trial.
+struct Step {
+    method: usize,
+    object: usize,
+    trial: usize,
+    readings: usize,
+    named: usize,
+    probability: f64,
+    error: Option<PoseError>,
+    seconds: f64,
+}
+
+#[derive(Clone, Copy)]
+struct PoseError {
+    translation: f64,
+    angle: f64,
+    inertial: f64,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, or training fails.
+pub fn run(config: &SvaObjects, command: String) -> anyhow::Result<(Report, String)> {
+    let mut report = Report::new("sva-objects", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+    let started = Instant::now();
+    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed)?;
+    let touch_seconds = started.elapsed().as_secs_f64();
+    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1)?;
+    let methods = [
+        train_method("default", &train, config, TrainingConfig::default(), SvaOptions::default())?,
+        train_method("literal", &train, config, TrainingConfig::literal(), SvaOptions::literal())?,
+    ];
+    let steps = run_trials(config, &objects, &test, &methods)?;
+    for (index, method) in methods.iter().enumerate() {
+        report_method(&mut report, config, index, method, &steps);
+    }
+    report_confusions(&mut report, config, &objects, &methods, &steps);
+
+    let n_readings: usize = train.iter().map(Vec::len).sum();
+    let threads = rayon::current_num_threads() as f64;
+    let rate = n_readings as f64 / touch_seconds / threads;
+    report.summarise("converged_readings_per_second_and_core", rate);
+    let panels = [
+        panel(config, &methods, &steps, "recognised", "share right", |right, _| mean(right)),
+        panel(config, &methods, &steps, "position", "median error (mm)", |_, errors| {
+            median(&errors.iter().map(|e| e.translation / MM).collect::<Vec<_>>())
+        }),
+        panel(config, &methods, &steps, "inertial", "mean error (mm)", |_, errors| {
+            mean(&errors.iter().map(|e| e.inertial / MM).collect::<Vec<_>>())
+        }),
+        panel(config, &methods, &steps, "angle", "mean error (deg)", |_, errors| {
+            mean(&errors.iter().map(|e| e.angle / DEG).collect::<Vec<_>>())
+        }),
+    ];
+    Ok((report, svg(&panels)))
+}
+
+fn touch_all(
+    objects: &[TestObject],
+    config: &SvaObjects,
+    n: usize,
+    seed: u64,
+) -> anyhow::Result<Vec<Vec<Reading>>> {
+    objects.iter().map(|object| objects::touch(object, &config.sensor, n, seed)).collect()
+}
+
+fn train_method(
+    name: &'static str,
+    readings: &[Vec<Reading>],
+    config: &SvaObjects,
+    training: TrainingConfig,
+    options: SvaOptions,
+) -> anyhow::Result<Method> {
+    let started = Instant::now();
+    let sets: Vec<TrainingSet<'_>> = readings
+        .iter()
+        .map(|readings| TrainingSet { readings, sensor: &config.sensor })
+        .collect();
+    let vocabulary = learn_vocabulary(&sets, &training, config.seed)?;
+    // The meshes' centroids are their origins already.
+    let origin = Some(glam::DVec3::ZERO);
+    let maps: Result<Vec<_>, _> = sets
+        .par_iter()
+        .map(|set| map_object(set, &vocabulary, &training, origin).map(Arc::new))
+        .collect();
+    let catalogue = Catalogue { vocabulary, association: training.association, objects: maps? };
+    let train_seconds = started.elapsed().as_secs_f64();
+    Ok(Method { name, catalogue: Arc::new(catalogue), options, train_seconds })
+}
+
+fn run_trials(
+    config: &SvaObjects,
+    objects: &[TestObject],
+    test: &[Vec<Reading>],
+    methods: &[Method],
+) -> anyhow::Result<Vec<Step>> {
+    let trials: Vec<(usize, usize)> = (0..objects.len())
+        .flat_map(|object| (0..config.trials).map(move |trial| (object, trial)))
+        .collect();
+    let per_trial: anyhow::Result<Vec<Vec<Step>>> = trials
+        .par_iter()
+        .map(|(object, trial)| run_trial(config, *object, *trial, &test[*object], methods))
+        .collect();
+    Ok(per_trial?.into_iter().flatten().collect())
+}
+
+fn run_trial(
+    config: &SvaObjects,
+    object: usize,
+    trial: usize,
+    test: &[Reading],
+    methods: &[Method],
+) -> anyhow::Result<Vec<Step>> {
+    let index = (object * config.trials + trial) as u64;
+    let mut poses = Stream::new(config.seed, Purpose::ObjectPose, index);
+    let reach = 200.0 * MM;
+    let position = glam::DVec3::from_array([0; 3].map(|_| poses.uniform(-reach, reach)));
+    let session_from_object = Pose::from_parts(poses.rotation(), position);
+    let mut choice = Stream::new(config.seed, Purpose::ReadingChoice, index);
+    let readings: Vec<Reading> = (0..config.readings)
+        .map(|_| test[choice.index(test.len())].moved_by(session_from_object))
+        .collect();
+
+    let mut steps = Vec::new();
+    for (method_index, method) in methods.iter().enumerate() {
+        let mut belief = SvaBelief::new(method.catalogue.clone(), method.options, None)?;
+        for (n, reading) in readings.iter().enumerate() {
+            let started = Instant::now();
+            belief.add(reading, &config.sensor)?;
+            let answer = belief.answer(8);
+            let seconds = started.elapsed().as_secs_f64();
+            let named = answer.best_object().unwrap_or(ObjectIdx(0)).0 as usize;
+            let mode = answer.modes.iter().find(|mode| mode.object.0 as usize == object);
+            let error = mode.filter(|_| named == object).map(|mode| {
+                let found = mode.session_from_object;
+                PoseError {
+                    translation: found.distance_to(&session_from_object),
+                    angle: found.angle_to(&session_from_object),
+                    inertial: found.inertial_distance_to(&session_from_object, 40.0 * MM),
+                }
+            });
+            let probability = answer.probabilities[named];
+            let readings = n + 1;
+            let method = method_index;
+            steps.push(Step { method, object, trial, readings, named, probability, error, seconds });
+        }
+    }
+    Ok(steps)
+}
+
+/// Whether each trial was right, and the pose errors of those that were.
+fn at(steps: &[Step], method: usize, readings: usize) -> (Vec<f64>, Vec<PoseError>) {
+    let chosen = || steps.iter().filter(|s| s.method == method && s.readings == readings);
+    let right = chosen().map(|s| f64::from(u8::from(s.named == s.object))).collect();
+    (right, chosen().filter_map(|s| s.error).collect())
+}
+
+fn report_method(
+    report: &mut Report,
+    config: &SvaObjects,
+    index: usize,
+    method: &Method,
+    steps: &[Step],
+) {
+    for readings in 1..=config.readings {
+        let (right, errors) = at(steps, index, readings);
+        let of = |value: fn(&PoseError) -> f64| errors.iter().map(value).collect::<Vec<f64>>();
+        let (moved, turned, inertial) =
+            (of(|e| e.translation / MM), of(|e| e.angle / DEG), of(|e| e.inertial / MM));
+        let times: Vec<f64> = steps
+            .iter()
+            .filter(|s| s.method == index && s.readings == readings)
+            .map(|s| s.seconds * 1e3)
+            .collect();
+        report.row(vec![
+            ("method", json!(method.name)),
+            ("readings", json!(readings)),
+            ("accuracy", json!(mean(&right))),
+            ("position_error_mm_mean", json!(mean(&moved))),
+            ("position_error_mm_median", json!(median(&moved))),
+            ("angle_error_deg_mean", json!(mean(&turned))),
+            ("angle_error_deg_median", json!(median(&turned))),
+            ("inertial_error_mm_mean", json!(mean(&inertial))),
+            ("ms_median", json!(median(&times))),
+            ("ms_p90", json!(quantile(&times, 0.9))),
+        ]);
+    }
+    let prefix = if method.name == "default" { String::new() } else { format!("{}_", method.name) };
+    for readings in [2, 3, 4, 6, 8, 10, 12, 20] {
+        let (right, errors) = at(steps, index, readings);
+        if right.is_empty() {
+            continue;
+        }
+        report.summarise(&format!("{prefix}accuracy_at_{readings}"), mean(&right));
+        if [10, 20].contains(&readings) {
+            let moved: Vec<f64> = errors.iter().map(|e| e.translation / MM).collect();
+            report.summarise(
+                &format!("{prefix}position_error_mm_median_at_{readings}"),
+                median(&moved),
+            );
+        }
+    }
+    let bytes: usize = method.catalogue.objects.iter().map(|o| o.index().bytes()).sum();
+    report.summarise(&format!("{prefix}index_bytes"), bytes as f64);
+    report.summarise(&format!("{prefix}train_seconds"), method.train_seconds);
+}
+
+/// One row for each trial that is still wrong after ten readings or at the end.
+fn report_confusions(
+    report: &mut Report,
+    config: &SvaObjects,
+    objects: &[TestObject],
+    methods: &[Method],
+    steps: &[Step],
+) {
+    let late = [10, config.readings];
+    for step in steps.iter().filter(|s| late.contains(&s.readings) && s.named != s.object) {
+        report.row(vec![
+            ("method", json!(methods[step.method].name)),
+            ("readings", json!(step.readings)),
+            ("trial", json!(step.trial)),
+            ("object", json!(objects[step.object].name)),
+            ("confused_with", json!(objects[step.named].name)),
+            ("stated_probability", json!(step.probability)),
+        ]);
+    }
+}
+
+fn panel(
+    config: &SvaObjects,
+    methods: &[Method],
+    steps: &[Step],
+    title: &str,
+    y: &str,
+    value: impl Fn(&[f64], &[PoseError]) -> f64,
+) -> Panel {
+    let line = |(index, method): (usize, &Method)| Line {
+        name: method.name.to_owned(),
+        points: (1..=config.readings)
+            .map(|readings| {
+                let (right, errors) = at(steps, index, readings);
+                (readings as f64, value(&right, &errors))
+            })
+            .collect(),
+    };
+    Panel {
+        title: title.to_owned(),
+        x: "readings".to_owned(),
+        y: y.to_owned(),
+        lines: methods.iter().enumerate().map(line).collect(),
+    }
+}
