@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 
+use palpate_core::model::Catalogue as Model;
 use uuid::Uuid;
 
 use crate::engine::{Commit, Engine, Expected};
@@ -15,6 +16,7 @@ use crate::envelope::{self, Kind};
 use crate::error::{RecordError, StoreError, conflict};
 use crate::key::{self, Space};
 use crate::mesh::open_raw;
+use crate::model_codec;
 use crate::pieces;
 use crate::record::{self, SCHEMA};
 use crate::table::{Entity, Page, Table};
@@ -284,6 +286,18 @@ impl Catalogues {
     pub fn blocks(&self, manifest: &Manifest) -> Result<Vec<(String, Vec<u8>)>, StoreError> {
         let content = |entry: &BlockEntry| Ok((entry.name.clone(), self.block(entry)?));
         manifest.blocks.iter().map(content).collect()
+    }
+
+    /// The trained model of a version.
+    ///
+    /// # Errors
+    /// [`StoreError::Model`] when its blocks do not fit together; else as
+    /// [`Catalogues::block`].
+    pub fn model(&self, manifest: &Manifest) -> Result<Model, StoreError> {
+        let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
+        let (catalogue, version) = (manifest.catalogue, manifest.version);
+        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects)
+            .map_err(|source| StoreError::Model { catalogue, version, source })
     }
 
     async fn write_block(&self, name: String, content: &[u8]) -> Result<BlockEntry, StoreError> {

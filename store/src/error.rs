@@ -8,6 +8,7 @@ use uuid::Uuid;
 use crate::engine::{CommitError, EngineError};
 use crate::envelope::EnvelopeError;
 use crate::key::Space;
+use crate::model_codec::CodecError;
 
 /// Why stored bytes are not the record they should be.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -125,6 +126,16 @@ pub enum StoreError {
         space: Space,
         /// What is wrong.
         source: RecordError,
+    },
+    /// A catalogue's blocks are whole but do not make a model.
+    #[error("version {version} of catalogue {catalogue} is not a model: {source}")]
+    Model {
+        /// The catalogue.
+        catalogue: Uuid,
+        /// The version.
+        version: u32,
+        /// What does not fit.
+        source: CodecError,
     },
     /// The engine failed or is overloaded.
     #[error(transparent)]

@@ -207,9 +207,11 @@ impl Journal {
             if *key != key::numbered(space, owner, seq) {
                 return Err(damaged(RecordError::Entry { seq, length }));
             }
-            let NewEntry { reading_id, received_at_ms, event } =
-                record::decode(bytes).map_err(&damaged)?;
-            entries.push(Entry { seq, reading_id, received_at_ms, event });
+            let entry: Entry = record::decode(bytes).map_err(&damaged)?;
+            if entry.seq != seq {
+                return Err(damaged(RecordError::Entry { seq, length }));
+            }
+            entries.push(entry);
         }
         if entries.len() < wanted {
             let seq = from + entries.len() as u64;
@@ -256,7 +258,9 @@ impl Journal {
         let mut ids = Vec::new();
         for (seq, entry) in (expected..).zip(entries) {
             let key = key::numbered(self.spaces.entries, owner, seq);
-            commit = pieces::put(commit, &key, &record::encode(entry), None);
+            let NewEntry { reading_id, received_at_ms, event } = entry.clone();
+            let numbered = Entry { seq, reading_id, received_at_ms, event };
+            commit = pieces::put(commit, &key, &record::encode(&numbered), None);
             let Some(id) = &entry.reading_id else { continue };
             if id.robot.len() > ROBOT_BYTES_MAX {
                 return Err(AppendError::RobotLength { found: id.robot.len() });

@@ -31,6 +31,8 @@ pub mod journal;
 
 pub mod mesh;
 
+pub mod model_codec;
+
 pub mod catalogue;
 
 pub mod database;

@@ -17,7 +17,7 @@ use crate::catalogue::{BlockEntry, Catalogue, Manifest, Switch, VersionObject};
 use crate::entity::{Job, JobState, Method, Object, ReadingId, Sensor, Session, StoredReading};
 use crate::envelope::{self, Kind};
 use crate::error::RecordError;
-use crate::journal::{Event, NewEntry};
+use crate::journal::{Entry, Event};
 use crate::mesh::{MeshFormat, MeshInfo, MeshUnit};
 
 /// The schema number of every record so far.
@@ -318,6 +318,7 @@ impl Record for Session {
 
 #[derive(Encode, Decode)]
 struct JournalEntryV1 {
+    seq: u64,
     received_at_ms: u64,
     reading_id: Option<(String, u64)>,
     event: EventV1,
@@ -338,7 +339,7 @@ enum EventV1 {
     Closed,
 }
 
-impl Record for NewEntry {
+impl Record for Entry {
     const KIND: Kind = Kind::JournalEntry;
 
     fn to_payload(&self) -> Vec<u8> {
@@ -354,7 +355,12 @@ impl Record for NewEntry {
             Event::Closed => EventV1::Closed,
         };
         let reading_id = self.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
-        write(&JournalEntryV1 { received_at_ms: self.received_at_ms, reading_id, event })
+        write(&JournalEntryV1 {
+            seq: self.seq,
+            received_at_ms: self.received_at_ms,
+            reading_id,
+            event,
+        })
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
@@ -372,7 +378,7 @@ impl Record for NewEntry {
             EventV1::Closed => Event::Closed,
         };
         let reading_id = stored.reading_id.map(|(robot, seq)| ReadingId { robot, seq });
-        Ok(Self { received_at_ms: stored.received_at_ms, reading_id, event })
+        Ok(Self { seq: stored.seq, received_at_ms: stored.received_at_ms, reading_id, event })
     }
 }
 
