@@ -16,7 +16,7 @@ use crate::filter::sparse::{PairEvidence, ProductRule, SparseHistogram};
 use crate::log_prob::normalize;
 use crate::model::{Catalogue, MapPatch, ObjectIdx, ObjectMap};
 use crate::patch::{Patch, observe_patch};
-use crate::patch_pair::alignment::{PairEnd, PairFrame};
+use crate::patch_pair::alignment::{PairAxis, PairEnd, PairFrame};
 use crate::reading::Reading;
 use crate::rotation_grid::RotationGrid;
 use crate::sensor::SensorDescription;
@@ -194,7 +194,8 @@ impl SvaBelief {
         };
         for partner in partners(self.seen.len(), self.options.partners_max) {
             let n_pairs = self.seen.len().min(self.options.partners_max);
-            self.multiply_pair(&patch, &self.seen[partner].clone(), n_pairs);
+            let earlier = self.seen[partner].clone();
+            self.multiply_pair(&patch, &earlier, n_pairs);
         }
         self.histograms.par_iter_mut().for_each(SparseHistogram::prune);
         self.seen.push(patch);
@@ -203,11 +204,12 @@ impl SvaBelief {
 
     /// Equation 5.12: multiplies in what one pair of readings says.
     fn multiply_pair(&mut self, a: &Patch, b: &Patch, n_pairs: usize) {
-        let Some(frame) = PairFrame::new(&end(a), &end(b)) else {
+        let Some(axis) = PairAxis::new(&end(a), &end(b)) else {
             return;
         };
         let query = PairQuery {
-            frame: &frame,
+            frame: PairFrame::new(&axis, &end(a), &end(b)),
+            axis,
             distance: a.position.distance(b.position),
             classes: [&a.classes, &b.classes],
         };
@@ -215,7 +217,7 @@ impl SvaBelief {
             .catalogue
             .objects
             .par_iter()
-            .map(|object| pair_evidence(object, &query, &self.options))
+            .map(|object| find_poses(object, &query, &self.options))
             .collect();
         // Equation 5.14, normalised per object: more training pairs are no evidence.
         let per_pair: Vec<f64> =
@@ -293,7 +295,8 @@ impl SvaBelief {
 const BINS_FOR_MODES: usize = 64;
 
 struct PairQuery<'a> {
-    frame: &'a PairFrame,
+    axis: PairAxis,
+    frame: PairFrame,
     distance: f64,
     classes: [&'a [Association]; 2],
 }
@@ -334,7 +337,7 @@ fn partners(n: usize, max: usize) -> Vec<usize> {
 }
 
 /// Equations 5.14 and 5.21–5.25 for one pair and one object: the poses of all matches.
-fn pair_evidence(object: &ObjectMap, query: &PairQuery<'_>, options: &SvaOptions) -> PairEvidence {
+fn find_poses(object: &ObjectMap, query: &PairQuery<'_>, options: &SvaOptions) -> PairEvidence {
     let mut evidence = PairEvidence::default();
     let index = object.index();
     for (bin, distance_share) in index.distances().covering(query.distance).into_iter().flatten() {
@@ -359,12 +362,14 @@ fn add_match(
     weight: f64,
     options: &SvaOptions,
 ) {
-    let Some(stored) = PairFrame::new(&stored_end(&pair[0]), &stored_end(&pair[1])) else {
+    let [a, b] = pair.map(|patch| stored_end(&patch));
+    let Some(axis) = PairAxis::new(&a, &b) else {
         return;
     };
-    if options.normal_tolerance.is_some_and(|limit| !query.frame.normals_agree(&stored, limit)) {
+    if options.normal_tolerance.is_some_and(|limit| !query.axis.normals_agree(&axis, limit)) {
         return;
     }
+    let stored = PairFrame::new(&axis, &a, &b);
     let angle = query.frame.axis_angle(&stored, options.sigma_init);
     let turns = query.frame.turns(&stored);
     angle.for_each_sample(options.turn_step, |turn, share| {

@@ -1,5 +1,7 @@
 //! Training and recognition on analytic objects: bumps on an ellipsoid, no simulator.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};

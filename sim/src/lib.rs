@@ -7,3 +7,11 @@
 //! Not here: recognising (`palpate-core`), arms that explore on their own.
 
 pub mod mesh;
+
+pub mod noise;
+
+pub mod press;
+
+pub mod controller;
+
+pub mod sampler;

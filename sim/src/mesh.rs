@@ -11,6 +11,8 @@ mod obj;
 mod off;
 mod ply;
 mod stl;
+#[cfg(test)]
+pub(crate) mod tests_support;
 mod weld;
 mod write;
 
@@ -62,7 +64,7 @@ impl Mesh {
             return Err(MeshError::Empty);
         }
         let extent = mesh.largest_dimension();
-        if !(extent <= EXTENT_MAX) {
+        if extent > EXTENT_MAX {
             return Err(MeshError::Huge { extent, max: EXTENT_MAX });
         }
         mesh.drop_triangles_without_area(extent);

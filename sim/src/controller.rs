@@ -1,0 +1,364 @@
+//! Contact control: Approach, then Press and Orient by turns until neither has a command.
+//!
+//! Source: section 4.2.2, figure 4.3 and algorithm 1, with the corrections in
+//! `docs/equations.md`: Press also stops on the raw depth, and every way is bounded. Poses
+//! are `object_from_sensor`; the sensor moves along its own z and turns about its origin.
+//! Not here: re-centring, choosing where to touch (`sampler`).
+
+mod orient;
+
+use palpate_core::pose::Pose;
+use palpate_core::rng::Stream;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::{DEG, MM};
+
+use crate::noise::NoiseLevel;
+use crate::press::{HeightMap, Press, PressSimulator};
+pub use orient::turn_to_surface;
+
+/// When the controllers command, and when they give up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactConfig {
+    /// How far Approach looks for the object along +z, metres.
+    pub approach_max: f64,
+    /// A taxel above this pressure (pascal) is in contact.
+    pub contact_threshold: f64,
+    /// The mean pressure at which Press stops, pascal.
+    pub target_pressure: f64,
+    /// How far from the target the mean may stay, pascal.
+    pub pressure_tolerance: f64,
+    /// The raw depth at which Press stops in any case, metres.
+    pub penetration_max: f64,
+    /// How far Press may move in all, forth and back, metres.
+    pub travel_max: f64,
+    /// The part of the way to the surface's normal that one Orient command takes.
+    pub orient_step: f64,
+    /// The angle (radians) to the surface's normal below which Orient is content.
+    pub orient_tolerance: f64,
+    /// How often Press and Orient may take turns.
+    pub rounds_max: usize,
+    /// How far the sensor may get from its first contact, metres.
+    pub walk_max: f64,
+}
+
+impl ContactConfig {
+    /// A quarter of the sensing range as the target, 90 % of the covering as the depth, 14 mm
+    /// of travel and Orient's step 0.3 as printed. The contact threshold lies above the noise.
+    #[must_use]
+    pub fn for_sensor(sensor: &SensorDescription, noise_level: NoiseLevel) -> Self {
+        let parameters = sensor.parameters();
+        let saturation = parameters.saturation;
+        let noise = (5.0 * parameters.noise).max(parameters.quantisation);
+        Self {
+            approach_max: 20.0 * MM,
+            contact_threshold: noise.max(0.03 * saturation) + noise_level.half_width(saturation),
+            target_pressure: 0.25 * saturation,
+            pressure_tolerance: 0.0125 * saturation,
+            penetration_max: 0.9 * parameters.covering_thickness,
+            travel_max: 14.0 * MM,
+            orient_step: 0.3,
+            orient_tolerance: 2.0 * DEG,
+            rounds_max: 30,
+            walk_max: 20.0 * MM,
+        }
+    }
+}
+
+/// A press at which the controllers came to rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// Where the sensor rests.
+    pub object_from_sensor: Pose,
+    /// The press there, without noise.
+    pub press: Press,
+    /// What the sensor reports there, pascal, row-major in the sensor frame's order.
+    pub pressures: Vec<f64>,
+    /// How often Press and Orient took turns.
+    pub rounds: usize,
+}
+
+/// How a touch ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// Press and Orient both have no command.
+    Converged(Contact),
+    /// Approach met nothing that the sensor feels.
+    Missed,
+    /// A bound was reached before the controllers came to rest, or the contact was lost.
+    NoConvergence,
+}
+
+/// Touches the object from `object_from_sensor` along the sensor's +z; noise from `stream`.
+#[must_use]
+pub fn touch(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    config: &ContactConfig,
+    stream: &mut Stream,
+) -> Outcome {
+    let Some(first_contact) = approach(simulator, object_from_sensor, config, stream) else {
+        return Outcome::Missed;
+    };
+    let mut object_from_sensor = first_contact;
+    let mut travel_left = config.travel_max;
+    for round in 1..=config.rounds_max {
+        let Some(pressed) = press(simulator, object_from_sensor, config, travel_left, stream)
+        else {
+            return Outcome::NoConvergence;
+        };
+        object_from_sensor = advanced(object_from_sensor, pressed.travel);
+        travel_left -= pressed.travelled;
+        if object_from_sensor.distance_to(&first_contact) > config.walk_max {
+            return Outcome::NoConvergence;
+        }
+        match orient::command(simulator.sensor(), &pressed.pressures, config) {
+            Some(rotation) => {
+                let turned = object_from_sensor.rotation * rotation;
+                object_from_sensor = Pose::from_parts(turned, object_from_sensor.translation);
+            }
+            None => {
+                return Outcome::Converged(Contact {
+                    object_from_sensor,
+                    pressures: pressed.pressures,
+                    press: pressed.press,
+                    rounds: round,
+                });
+            }
+        }
+    }
+    Outcome::NoConvergence
+}
+
+/// A pose moved along its own z, metres.
+fn advanced(object_from_sensor: Pose, travel: f64) -> Pose {
+    object_from_sensor * Pose::from_parts(glam::DQuat::IDENTITY, glam::DVec3::Z * travel)
+}
+
+/// Approach: a guarded move until a taxel is above the contact threshold.
+///
+/// The move through free air is taken at once; a sensor that begins inside the object backs
+/// out first. `None` when nothing is felt before the raw depth's limit.
+fn approach(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    config: &ContactConfig,
+    stream: &mut Stream,
+) -> Option<Pose> {
+    let heights = simulator.heights(object_from_sensor, config.approach_max);
+    let lowest = heights.lowest();
+    if !lowest.is_finite() {
+        return None;
+    }
+    let n_steps = 20;
+    let step = config.penetration_max / f64::from(n_steps);
+    (1..=n_steps).find_map(|count| {
+        let travel = lowest + step * f64::from(count);
+        let press = simulator.press_at(&heights, travel);
+        let pressures = simulator.pressures(&press, stream);
+        let felt = pressures.iter().any(|pressure| *pressure > config.contact_threshold);
+        felt.then(|| advanced(object_from_sensor, travel))
+    })
+}
+
+/// Where Press came to rest.
+struct Pressed {
+    /// The sum of its moves, metres along +z.
+    travel: f64,
+    /// The sum of their lengths, metres.
+    travelled: f64,
+    press: Press,
+    pressures: Vec<f64>,
+}
+
+/// The longest single move of Press, metres, and how far ahead one drawing serves it.
+const PRESS_STEP_MAX: f64 = 0.8 * MM;
+const PRESS_REACH: f64 = 3.0 * MM;
+const PRESS_STEPS_MAX: usize = 30;
+
+/// Press: moves along z until the mean pressure is at its target, or a taxel is close to
+/// saturation, or the raw depth is at its limit.
+///
+/// A proportional move, scaled by how the displacement answered the last one. `None` when
+/// the travel is used up or there is nothing to press.
+fn press(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    config: &ContactConfig,
+    travel_max: f64,
+    stream: &mut Stream,
+) -> Option<Pressed> {
+    let parameters = simulator.sensor().parameters();
+    let displacement_of = |pressure: f64| parameters.force_curve.displacement(pressure);
+    let target = displacement_of(config.target_pressure);
+    let depth_tolerance = 0.02 * parameters.covering_thickness;
+    let mut heights = simulator.heights(object_from_sensor, PRESS_REACH);
+    let (mut travel, mut travelled) = (0.0, 0.0);
+    let mut slope = Slope::default();
+    for _ in 0..PRESS_STEPS_MAX {
+        redraw_if_beyond(simulator, object_from_sensor, &mut heights, travel);
+        if !heights.lowest().is_finite() {
+            return None;
+        }
+        let press = simulator.press_at(&heights, travel);
+        let pressures = simulator.pressures(&press, stream);
+        let mean = pressures.iter().sum::<f64>() / pressures.len() as f64;
+        let room = config.penetration_max - press.max_penetration;
+        let too_weak = mean < config.target_pressure - config.pressure_tolerance;
+        let too_strong = mean > config.target_pressure + config.pressure_tolerance;
+        let near_saturation =
+            pressures.iter().any(|pressure| *pressure > 0.98 * parameters.saturation);
+        let at_limit = room <= depth_tolerance || near_saturation;
+        let idle = !too_strong && (!too_weak || at_limit) && room >= -depth_tolerance;
+        if idle {
+            return Some(Pressed { travel, travelled, press, pressures });
+        }
+        let displacement = displacement_of(mean);
+        let wanted = (target - displacement) / slope.after(travel, displacement);
+        let step = wanted.clamp(-PRESS_STEP_MAX, PRESS_STEP_MAX).min(room);
+        travel += step;
+        travelled += step.abs();
+        if travelled > travel_max {
+            return None;
+        }
+    }
+    None
+}
+
+fn redraw_if_beyond(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    heights: &mut HeightMap,
+    travel: f64,
+) {
+    let needs_more = travel > heights.reach() || !heights.lowest().is_finite();
+    if needs_more && heights.reach() <= PRESS_REACH {
+        // Once, as far as any press may travel.
+        *heights = simulator.heights(object_from_sensor, 14.0 * MM);
+    }
+}
+
+/// How much mean displacement one metre of travel gives, estimated from the last move.
+#[derive(Default)]
+struct Slope {
+    last: Option<(f64, f64)>,
+}
+
+impl Slope {
+    fn after(&mut self, travel: f64, displacement: f64) -> f64 {
+        let estimate = match self.last {
+            Some((before, was)) if (travel - before).abs() > 1e-6 => {
+                (displacement - was) / (travel - before)
+            }
+            _ => 0.7,
+        };
+        self.last = Some((travel, displacement));
+        estimate.clamp(0.15, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use glam::{DQuat, DVec3};
+    use palpate_core::rng::Purpose;
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::mesh::tests_support::{cuboid, sphere, tube};
+
+    fn setup(mesh: Mesh) -> (PressSimulator, ContactConfig, Stream) {
+        let sensor = SensorDescription::digitacts_6x6();
+        let config = ContactConfig::for_sensor(&sensor, NoiseLevel::NONE);
+        (PressSimulator::new(mesh, sensor), config, Stream::new(1, Purpose::SensorNoise, 0))
+    }
+
+    /// Looks down on the origin from `height`, tilted about the sensor's x.
+    fn above(height: f64, tilt: f64) -> Pose {
+        let rotation = DQuat::from_rotation_x(PI) * DQuat::from_rotation_x(tilt);
+        Pose::from_parts(rotation, DVec3::new(0.0, 0.0, height))
+    }
+
+    fn converged(outcome: Outcome) -> Contact {
+        match outcome {
+            Outcome::Converged(contact) => contact,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_tilted_sensor_comes_to_rest_flat_on_a_plate_at_the_target_pressure() {
+        for tilt in [-20.0 * DEG, -8.0 * DEG, 0.0, 12.0 * DEG, 25.0 * DEG] {
+            let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
+            let (simulator, config, mut stream) = setup(plate);
+            let contact =
+                converged(touch(&simulator, above(12.0 * MM, tilt), &config, &mut stream));
+            let facing = contact.object_from_sensor.turn(DVec3::Z);
+            let angle = facing.angle_between(-DVec3::Z);
+            assert!(angle < 3.0 * DEG, "from {tilt}: {angle} rad");
+            let mean = contact.pressures.iter().sum::<f64>() / 36.0;
+            assert!((mean - config.target_pressure).abs() <= config.pressure_tolerance);
+        }
+    }
+
+    #[test]
+    fn a_thin_rod_stops_on_the_raw_depth_not_on_the_pressure() {
+        // A rod of 2 mm diameter: blurred, it never gives a quarter of the range on average.
+        let rod = tube(40, |ring| (1.0 * MM, (f64::from(ring) - 19.5) * 2.0 * MM));
+        let (simulator, config, mut stream) = setup(rod);
+        let rotation = DQuat::from_rotation_arc(DVec3::Z, -DVec3::X);
+        let start = Pose::from_parts(rotation, DVec3::new(5.0 * MM, 0.0, 0.0));
+        let contact = converged(touch(&simulator, start, &config, &mut stream));
+        let thickness = simulator.sensor().parameters().covering_thickness;
+        assert!((contact.press.max_penetration / thickness - 0.9).abs() < 0.021);
+        let mean = contact.pressures.iter().sum::<f64>() / 36.0;
+        assert!(mean < config.target_pressure && mean > 0.0);
+    }
+
+    #[test]
+    fn a_touch_beside_the_object_misses() {
+        let (simulator, config, mut stream) = setup(sphere(10.0 * MM, 24));
+        let beside = Pose::from_parts(above(0.0, 0.0).rotation, DVec3::new(0.05, 0.0, 0.02));
+        assert_eq!(touch(&simulator, beside, &config, &mut stream), Outcome::Missed);
+        let far = above(10.0 * MM + config.approach_max + 1.0 * MM, 0.0);
+        assert_eq!(touch(&simulator, far, &config, &mut stream), Outcome::Missed);
+    }
+
+    #[test]
+    fn a_sensor_that_starts_inside_backs_out_first() {
+        let (simulator, config, mut stream) = setup(sphere(30.0 * MM, 60));
+        let contact = converged(touch(&simulator, above(25.0 * MM, 0.0), &config, &mut stream));
+        assert!(contact.press.max_penetration < config.penetration_max * 1.03);
+    }
+
+    #[test]
+    fn travel_and_rounds_are_bounded() {
+        let (simulator, config, mut stream) = setup(sphere(30.0 * MM, 60));
+        let stingy = ContactConfig { travel_max: 0.01 * MM, ..config };
+        let outcome = touch(&simulator, above(35.0 * MM, 0.0), &stingy, &mut stream);
+        assert_eq!(outcome, Outcome::NoConvergence);
+        let hasty = ContactConfig { rounds_max: 1, ..config };
+        let outcome = touch(&simulator, above(50.0 * MM, 0.3), &hasty, &mut stream);
+        assert!(!matches!(outcome, Outcome::Converged(_)));
+    }
+
+    #[test]
+    fn heavy_noise_ends_in_bounded_time_and_mostly_converges() {
+        let sensor = SensorDescription::digitacts_6x6();
+        let noise_level = NoiseLevel::new(0.4).unwrap();
+        let press_config = crate::press::PressConfig {
+            noise_level,
+            ..crate::press::PressConfig::for_sensor(&sensor)
+        };
+        let config = ContactConfig::for_sensor(&sensor, noise_level);
+        let simulator = PressSimulator::with_config(sphere(30.0 * MM, 60), sensor, press_config);
+        let n_converged = (0..50)
+            .filter(|index| {
+                let mut stream = Stream::new(3, Purpose::SensorNoise, *index);
+                let outcome = touch(&simulator, above(35.0 * MM, 0.1), &config, &mut stream);
+                matches!(outcome, Outcome::Converged(_))
+            })
+            .count();
+        assert!(n_converged > 25, "{n_converged} of 50");
+    }
+}

@@ -1,0 +1,278 @@
+//! The imaging model: what a sensor reads when it is pressed into an object.
+//!
+//! The sensor is an orthographic camera in its own covering: the depth to which the object
+//! penetrates is drawn at several points a taxel, blurred by the point spread, and turned into
+//! pressures. Source: section 2.5.1. The sensor frame's z = 0 is the covering's free surface
+//! and +z points at the object, so what penetrates lies at z < 0.
+//! Not here: moving the sensor (`controller`).
+
+mod bvh;
+mod heights;
+mod imaging;
+
+use glam::DVec3;
+use palpate_core::pose::Pose;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::rng::Stream;
+use palpate_core::sensor::{ImageOrder, SensorDescription, SensorParameters};
+use palpate_core::units::MM;
+
+use crate::mesh::Mesh;
+use crate::noise::{NoiseLevel, measured_pressure};
+use crate::sampler::surface::Surface;
+use bvh::Bvh;
+pub use heights::HeightMap;
+use imaging::Imaging;
+
+/// How far the sensor's housing reaches behind the free surface of its covering, metres: an
+/// object there collides, one farther behind is on the other side of the hand.
+pub const HOUSING_DEPTH: f64 = 10.0 * MM;
+
+/// How finely a press is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PressConfig {
+    /// Points a taxel along each side.
+    pub sub_samples: usize,
+    /// Covering drawn beyond the array on each side, in taxels.
+    pub padding: usize,
+    /// Noise beyond the sensor's own.
+    pub noise_level: NoiseLevel,
+}
+
+impl PressConfig {
+    /// Points at most 1 mm apart, and padding of 2.3 point spreads and at least 4 taxels:
+    /// for the DigiTacts sensors 2 points and 4 taxels, which draws within 1 % of the limit.
+    #[must_use]
+    pub fn for_sensor(sensor: &SensorDescription) -> Self {
+        let pitch = sensor.grid().pitch;
+        let per_pitch = |length: f64| (length / pitch - 1e-9).ceil() as usize;
+        let sub_samples = ((pitch / (1.0 * MM) - 1e-9).ceil() as usize).clamp(1, 4);
+        let padding = per_pitch(2.3 * sensor.parameters().point_spread).clamp(4, 64);
+        Self { sub_samples, padding, noise_level: NoiseLevel::NONE }
+    }
+}
+
+/// An object and the sensor that touches it; cheap to use many times, also from many threads.
+#[derive(Clone, Debug)]
+pub struct PressSimulator {
+    mesh: Mesh,
+    surface: Surface,
+    bvh: Bvh,
+    sensor: SensorDescription,
+    row_major_sensor: SensorDescription,
+    imaging: Imaging,
+    config: PressConfig,
+}
+
+/// One press without noise: how far the object is in the covering, and its blurred image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Press {
+    /// The deepest point of the object under the array, metres below the covering's free
+    /// surface; beyond the covering's thickness when the sensor is pushed too far, negative
+    /// when nothing touches.
+    pub max_penetration: f64,
+    /// Blurred displacements, metres, row-major in the sensor frame's order.
+    pub displacements: Vec<f64>,
+}
+
+impl PressSimulator {
+    /// A simulator that draws as [`PressConfig::for_sensor`] says.
+    ///
+    /// A closed mesh that is wound inside out is turned first.
+    #[must_use]
+    pub fn new(mesh: Mesh, sensor: SensorDescription) -> Self {
+        let config = PressConfig::for_sensor(&sensor);
+        Self::with_config(mesh, sensor, config)
+    }
+
+    /// A simulator that draws as `config` says.
+    #[must_use]
+    pub fn with_config(mesh: Mesh, sensor: SensorDescription, config: PressConfig) -> Self {
+        let inside_out = mesh.signed_volume() < 0.0 && mesh.is_watertight();
+        let mesh = if inside_out { mesh.inside_out() } else { mesh };
+        let row_major_sensor = in_row_major_order(&sensor);
+        let imaging = Imaging::new(&sensor, config.sub_samples, config.padding);
+        let bvh = Bvh::new(&mesh);
+        let surface = Surface::new(&mesh);
+        Self { mesh, surface, bvh, sensor, row_major_sensor, imaging, config }
+    }
+
+    /// The object, in metres, wound outward where that is known.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The sensor.
+    #[must_use]
+    pub fn sensor(&self) -> &SensorDescription {
+        &self.sensor
+    }
+
+    /// How presses are drawn.
+    #[must_use]
+    pub fn config(&self) -> &PressConfig {
+        &self.config
+    }
+
+    pub(crate) fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// The object's surface as the sensor sees it from `object_from_sensor`, as far as `reach`
+    /// metres in front of the covering: enough for every press up to that far ahead.
+    #[must_use]
+    pub fn heights(&self, object_from_sensor: Pose, reach: f64) -> HeightMap {
+        heights::draw(&self.bvh, &self.imaging, object_from_sensor, reach)
+    }
+
+    /// The press after moving `travel` metres along +z from where `heights` were drawn.
+    #[must_use]
+    pub fn press_at(&self, heights: &HeightMap, travel: f64) -> Press {
+        let thickness = self.sensor.parameters().covering_thickness;
+        let displacements = self.imaging.displacements(heights, travel, thickness);
+        Press { max_penetration: travel - heights.lowest(), displacements }
+    }
+
+    /// The press of a sensor at `object_from_sensor`.
+    #[must_use]
+    pub fn press(&self, object_from_sensor: Pose) -> Press {
+        self.press_at(&self.heights(object_from_sensor, 0.0), 0.0)
+    }
+
+    /// What the sensor reports of a press: pascal, row-major in the sensor frame's order,
+    /// noise drawn from `stream`.
+    #[must_use]
+    pub fn pressures(&self, press: &Press, stream: &mut Stream) -> Vec<f64> {
+        let level = self.config.noise_level;
+        let measure = |d: &f64| measured_pressure(*d, &self.sensor, level, stream);
+        press.displacements.iter().map(measure).collect()
+    }
+
+    /// The reading of sensor `id` at `object_from_sensor`; its session frame is the object's.
+    #[must_use]
+    pub fn read(&self, id: SensorId, object_from_sensor: Pose, stream: &mut Stream) -> Reading {
+        let pressures = self.pressures(&self.press(object_from_sensor), stream);
+        self.reading(id, object_from_sensor, &pressures)
+    }
+
+    /// Makes a reading of pressures in the sensor frame's order.
+    pub(crate) fn reading(&self, id: SensorId, pose: Pose, pressures: &[f64]) -> Reading {
+        let pressures: Vec<Option<f64>> = pressures.iter().copied().map(Some).collect();
+        Reading::new(id, &self.row_major_sensor, &pressures, pose)
+            .expect("a simulated image has the sensor's shape and finite pressures")
+    }
+
+    /// Whether nothing of the object is on the straight way between two points (metres),
+    /// the ends excepted.
+    #[must_use]
+    pub fn is_clear_between(&self, from_in_object: DVec3, to_in_object: DVec3) -> bool {
+        !self.bvh.hits_segment(from_in_object, to_in_object)
+    }
+}
+
+/// The same sensor with a driver that sends the sensor frame's own order.
+fn in_row_major_order(sensor: &SensorDescription) -> SensorDescription {
+    let parameters = sensor.parameters().clone();
+    let row_major = SensorParameters { image_order: ImageOrder::default(), ..parameters };
+    SensorDescription::new(row_major).expect("the order of an image has no bad values")
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+    use palpate_core::rng::Purpose;
+
+    use super::*;
+    use crate::mesh::tests_support::{cuboid, sphere};
+
+    /// A sensor that looks down (-z of the object) from `height` above the object's origin.
+    fn looking_down(height: f64) -> Pose {
+        let rotation = DQuat::from_rotation_x(std::f64::consts::PI);
+        Pose::from_parts(rotation, DVec3::new(0.0, 0.0, height))
+    }
+
+    #[test]
+    fn a_plate_pressed_one_millimetre_displaces_every_taxel_by_one() {
+        let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
+        for name in SensorDescription::PRESET_NAMES {
+            let sensor = SensorDescription::preset_named(name).unwrap();
+            let simulator = PressSimulator::new(plate.clone(), sensor);
+            let press = simulator.press(looking_down(4.0 * MM)); // the top is at 5 mm
+            assert!((press.max_penetration - 1.0 * MM).abs() < 1e-9);
+            for displacement in &press.displacements {
+                assert!((displacement - 1.0 * MM).abs() < 1e-9, "{name}: {displacement}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_in_reach_gives_an_image_of_zeros() {
+        let simulator =
+            PressSimulator::new(cuboid(DVec3::splat(0.02)), SensorDescription::digitacts_6x6());
+        let press = simulator.press(looking_down(20.0 * MM));
+        assert!(press.max_penetration < 0.0);
+        assert!(press.displacements.iter().all(|d| d.abs() < 1e-15));
+    }
+
+    #[test]
+    fn the_heights_of_a_sphere_are_those_of_the_formula() {
+        // A sphere of radius 30 mm; the sensor's origin is 29 mm above its centre, so the
+        // surface above (x, y) is at z = 29 − √(30² − x² − y²) mm in front of the covering.
+        let simulator =
+            PressSimulator::new(sphere(30.0 * MM, 160), SensorDescription::digitacts_6x6());
+        let heights = simulator.heights(looking_down(29.0 * MM), 14.0 * MM);
+        assert!((heights.lowest() + 1.0 * MM).abs() < 0.02 * MM, "{}", heights.lowest());
+        for (x, y, z) in heights.points() {
+            let expected = 29.0 * MM - (0.03f64.powi(2) - x * x - y * y).sqrt();
+            // The mesh lies inside the sphere by the sagitta of its edges, below 0.02 mm.
+            assert!((z - expected).abs() < 0.05 * MM, "at {x}, {y}: {z} for {expected}");
+        }
+    }
+
+    #[test]
+    fn a_deep_press_is_seen_but_images_no_deeper_than_the_covering() {
+        let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
+        let simulator = PressSimulator::new(plate, SensorDescription::digitacts_6x6());
+        let press = simulator.press(looking_down(0.0));
+        assert!((press.max_penetration - 5.0 * MM).abs() < 1e-9);
+        assert!(press.displacements.iter().all(|d| (d - 2.54 * MM).abs() < 1e-9));
+    }
+
+    #[test]
+    fn an_image_follows_the_object_along_columns_and_rows() {
+        // A post under the taxels of large x: columns rise with x, and it is at small y.
+        let post = cuboid(DVec3::new(3.0 * MM, 3.0 * MM, 10.0 * MM));
+        let simulator = PressSimulator::new(post, SensorDescription::digitacts_6x6());
+        // Looking down turns y over: the sensor's y is the object's −y.
+        let pose = Pose::from_parts(
+            DQuat::from_rotation_x(std::f64::consts::PI),
+            DVec3::new(-4.0 * MM, -2.0 * MM, 4.0 * MM),
+        );
+        let press = simulator.press(pose); // the post is at x = +4, y = −2 in the sensor
+        let strongest =
+            (0..36).max_by(|&a, &b| press.displacements[a].total_cmp(&press.displacements[b]));
+        // Columns at −5 −3 −1 1 3 5: x = 4 lies between 4 and 5; rows: y = −2 between 1 and 2.
+        let (row, col) = (strongest.unwrap() / 6, strongest.unwrap() % 6);
+        assert!((1..=2).contains(&row) && (4..=5).contains(&col), "row {row}, column {col}");
+    }
+
+    #[test]
+    fn equal_streams_give_equal_readings() {
+        let sensor = SensorDescription::digitacts_6x6();
+        let simulator = PressSimulator::new(sphere(20.0 * MM, 40), sensor);
+        let read = |index| {
+            let mut stream = Stream::new(5, Purpose::SensorNoise, index);
+            simulator.read(SensorId(1), looking_down(19.0 * MM), &mut stream)
+        };
+        assert_eq!(read(0), read(0));
+        assert_ne!(read(0), read(1));
+    }
+
+    #[test]
+    fn a_closed_mesh_that_is_inside_out_is_turned() {
+        let mesh = cuboid(DVec3::splat(0.02)).inside_out();
+        let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
+        assert!(simulator.mesh().signed_volume() > 0.0);
+    }
+}

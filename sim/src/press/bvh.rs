@@ -1,0 +1,190 @@
+//! A bounding-volume hierarchy: finds the few triangles near a sensor or on a line.
+//!
+//! Boxes in the object's frame, split at the median of the longest axis; triangles lie in the
+//! order of the leaves, so a leaf is one stretch of memory.
+
+use glam::{DMat3, DVec3};
+use palpate_core::pose::Pose;
+
+use crate::mesh::Mesh;
+
+const LEAF_TRIANGLES_MAX: usize = 4;
+
+/// A box with its children's or its triangles' place.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    center: DVec3,
+    half: DVec3,
+    /// First triangle of a leaf; of an inner node the right child (the left one follows it).
+    start: u32,
+    /// Triangles of a leaf; 0 marks an inner node.
+    n_triangles: u32,
+}
+
+/// The hierarchy over a mesh.
+#[derive(Clone, Debug)]
+pub(super) struct Bvh {
+    nodes: Vec<Node>,
+    triangles: Vec<[DVec3; 3]>,
+}
+
+/// A box in the sensor frame, metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SensorBox {
+    pub(super) low: DVec3,
+    pub(super) high: DVec3,
+}
+
+impl Bvh {
+    pub(super) fn new(mesh: &Mesh) -> Self {
+        let n = mesh.triangles().len();
+        let mut order: Vec<u32> = (0..n as u32).collect();
+        let centers: Vec<DVec3> =
+            (0..n).map(|triangle| mesh.corners(triangle).iter().sum::<DVec3>() / 3.0).collect();
+        let mut nodes = Vec::with_capacity(n);
+        split(mesh, &centers, &mut order, 0, &mut nodes);
+        let triangles = order.iter().map(|triangle| mesh.corners(*triangle as usize)).collect();
+        Self { nodes, triangles }
+    }
+
+    /// Calls `visit` with every triangle, in the sensor frame, whose leaf meets the box `near`
+    /// of that frame; some of the triangles may lie outside of it.
+    pub(super) fn visit_near(
+        &self,
+        sensor_from_object: Pose,
+        near: &SensorBox,
+        mut visit: impl FnMut([DVec3; 3]),
+    ) {
+        let turn = DMat3::from_quat(sensor_from_object.rotation);
+        let spread = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
+        let shift = sensor_from_object.translation;
+        let mut pending = [0u32; 64];
+        let mut n_pending = 1;
+        while n_pending > 0 {
+            n_pending -= 1;
+            let idx = pending[n_pending];
+            let node = &self.nodes[idx as usize];
+            let center = turn * node.center + shift;
+            let half = spread * node.half;
+            let apart = (center - half).cmpgt(near.high) | (center + half).cmplt(near.low);
+            if apart.any() {
+                continue;
+            }
+            if node.n_triangles == 0 {
+                pending[n_pending] = node.start;
+                pending[n_pending + 1] = idx + 1;
+                n_pending += 2;
+            } else {
+                let start = node.start as usize;
+                for corners in &self.triangles[start..start + node.n_triangles as usize] {
+                    visit(corners.map(|corner| turn * corner + shift));
+                }
+            }
+        }
+    }
+
+    /// Whether any triangle crosses the open segment from `from` to `to`.
+    pub(super) fn hits_segment(&self, from: DVec3, to: DVec3) -> bool {
+        let (middle, half_way) = (0.5 * (from + to), 0.5 * (to - from));
+        let mut pending = vec![0u32];
+        while let Some(idx) = pending.pop() {
+            let node = &self.nodes[idx as usize];
+            // The segment's own box against the node's: enough for short segments.
+            if ((node.center - middle).abs()).cmpgt(node.half + half_way.abs()).any() {
+                continue;
+            }
+            if node.n_triangles == 0 {
+                pending.extend([node.start, idx + 1]);
+            } else {
+                let start = node.start as usize;
+                let leaf = &self.triangles[start..start + node.n_triangles as usize];
+                if leaf.iter().any(|corners| crosses(corners, from, to)) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+}
+
+/// Adds the node over `order` (triangles from `start` on) and everything below it.
+fn split(mesh: &Mesh, centers: &[DVec3], order: &mut [u32], start: usize, nodes: &mut Vec<Node>) {
+    let mut low = DVec3::INFINITY;
+    let mut high = DVec3::NEG_INFINITY;
+    for triangle in order.iter() {
+        for corner in mesh.corners(*triangle as usize) {
+            low = low.min(corner);
+            high = high.max(corner);
+        }
+    }
+    let idx = nodes.len();
+    let (center, half) = (0.5 * (low + high), 0.5 * (high - low));
+    nodes.push(Node { center, half, start: start as u32, n_triangles: order.len() as u32 });
+    if order.len() <= LEAF_TRIANGLES_MAX {
+        return;
+    }
+    let axis = half.to_array();
+    let longest = (0..3).fold(
+        0,
+        |best, candidate| {
+            if axis[candidate] > axis[best] { candidate } else { best }
+        },
+    );
+    let middle = order.len() / 2;
+    order.select_nth_unstable_by(middle, |&a, &b| {
+        let along = |triangle: u32| centers[triangle as usize][longest];
+        along(a).total_cmp(&along(b)).then(a.cmp(&b))
+    });
+    let (left, right) = order.split_at_mut(middle);
+    split(mesh, centers, left, start, nodes);
+    nodes[idx].start = nodes.len() as u32;
+    nodes[idx].n_triangles = 0;
+    split(mesh, centers, right, start + middle, nodes);
+}
+
+/// Whether a triangle crosses the open segment (Möller and Trumbore 1997).
+fn crosses(&[a, b, c]: &[DVec3; 3], from: DVec3, to: DVec3) -> bool {
+    let (way, ab, ac) = (to - from, b - a, c - a);
+    let normal = way.cross(ac);
+    let determinant = ab.dot(normal);
+    if determinant.abs() < 1e-30 {
+        return false;
+    }
+    let offset = from - a;
+    let u = offset.dot(normal) / determinant;
+    let tilted = offset.cross(ab);
+    let v = way.dot(tilted) / determinant;
+    let along = ac.dot(tilted) / determinant;
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && along > 0.0 && along < 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests_support::sphere;
+
+    #[test]
+    fn every_triangle_is_in_exactly_one_leaf_and_within_its_box() {
+        let mesh = sphere(0.03, 24);
+        let bvh = Bvh::new(&mesh);
+        let mut seen = 0;
+        for node in bvh.nodes.iter().filter(|node| node.n_triangles > 0) {
+            seen += node.n_triangles as usize;
+            let start = node.start as usize;
+            for corner in bvh.triangles[start..start + node.n_triangles as usize].as_flattened() {
+                assert!(((*corner - node.center).abs() - node.half).max_element() < 1e-12);
+            }
+        }
+        assert_eq!(seen, mesh.triangles().len());
+    }
+
+    #[test]
+    fn a_segment_into_a_sphere_hits_and_one_beside_it_does_not() {
+        let bvh = Bvh::new(&sphere(0.03, 24));
+        let hits = |from: [f64; 3], to: [f64; 3]| bvh.hits_segment(from.into(), to.into());
+        assert!(hits([0.05, 0.001, 0.002], [0.0, 0.001, 0.002]));
+        assert!(!hits([0.05, 0.0, 0.0], [0.04, 0.0, 0.0]));
+        assert!(!hits([0.01, 0.0, 0.0], [-0.01, 0.0, 0.0]));
+        assert!(!hits([0.025, 0.025, -0.05], [0.025, 0.025, 0.05]));
+    }
+}
