@@ -1,1 +1,42 @@
-//! Placeholder.
+//! The wire contract of Palpate's HTTP API: what travels between robots and the service.
+//!
+//! Everything is SI: metres, pascals, seconds, radians; quaternions are x, y, z, w. Requests
+//! refuse unknown fields, because a robot's typo must not be ignored; answers may gain fields.
+//! Ids are `UUIDv7` strings. Not here: checking values (the server's `wire`), HTTP itself.
+
+pub mod health;
+pub mod object;
+pub mod page;
+pub mod pose;
+pub mod problem;
+pub mod reading;
+pub mod sensor;
+pub mod session;
+pub mod training;
+
+pub use health::{Check, Liveness, Readiness, Version};
+pub use object::{
+    AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshReport, MeshUnit,
+    Object, ObjectPage, StoredReading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
+};
+pub use page::PageQuery;
+pub use pose::Pose;
+pub use problem::{FieldError, Problem, ProblemType};
+pub use reading::{Reading, Stamp};
+pub use sensor::{
+    CreateSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor, SensorDescription,
+    SensorPage, SensorPreset, TaxelGrid,
+};
+pub use session::{
+    AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, EventsQuery, Method,
+    ObjectProbability, PoseHypothesis, PriorEntry, ReadingsAdded, ReadingsQuery, Session,
+    SessionEvent, SessionPage, SessionState,
+};
+pub use training::{
+    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,
+    DistanceRange, Job, JobPage, JobStage, JobState, ObjectReport, SetCurrent, StartTraining,
+    TrainingReport,
+};
+
+/// The `openapi.json` that belongs to these types.
+pub const OPENAPI_JSON: &str = include_str!("../openapi.json");

@@ -1,1 +1,38 @@
-//! Placeholder.
+//! Palpate's map database: what fleets know, kept on disk and checked when it is read.
+//!
+//! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
+//! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
+//! values are; [`pieces`] splits what is large; [`table`], [`journal`], [`mesh`] and
+//! [`catalogue`] are the repositories that [`database::Database`] opens. `docs/formats.md`
+//! draws every byte. Times are arguments, in milliseconds since 1970.
+//! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
+
+pub mod engine;
+
+pub mod memory;
+
+pub mod sled;
+
+pub mod key;
+
+pub mod envelope;
+
+pub mod entity;
+
+pub mod record;
+
+pub mod pieces;
+
+pub mod error;
+
+pub mod table;
+
+pub mod journal;
+
+pub mod mesh;
+
+pub mod model_codec;
+
+pub mod catalogue;
+
+pub mod database;

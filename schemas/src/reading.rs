@@ -1,0 +1,55 @@
+//! A reading on the wire: one press of a tactile sensor.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::pose::Pose;
+
+/// One press: the image, and where the sensor was.
+///
+/// A press without contact is evidence too: send it.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Reading {
+    /// Which robot took it. With `seq` it identifies the reading, so that a repeated request
+    /// is not counted twice. Give both or neither.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 64, example = "arm-3")]
+    pub robot: Option<String>,
+    /// The robot's own number of this reading within the session or object, up to 2⁵³ − 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64, example = 17)]
+    pub seq: Option<u64>,
+    /// The sensor's id or unique name.
+    #[schema(example = "digitacts-6x6")]
+    pub sensor: String,
+    /// The frame in which the pose is given; when given it must be the session's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 256, example = "base_link")]
+    pub frame_id: Option<String>,
+    /// When it was taken, by the robot's clock. Simulated time may begin at 0: the server
+    /// stores the stamp and does not compare it with its own clock.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stamp: Option<Stamp>,
+    /// The sensor's pose in the session frame (`session_from_sensor`); for training readings
+    /// in the frame in which the object is at rest. The sensor frame has its origin at the
+    /// centre of the covering's free surface, +z out of the sensor towards the object, +x
+    /// along columns, +y along rows.
+    pub pose: Pose,
+    /// Pressures in pascal, row by row as the sensor's driver sends them; `null` marks a taxel
+    /// that has no value.
+    #[schema(max_items = 16_384)]
+    pub image: Vec<Option<f64>>,
+}
+
+/// A time of the robot's clock, as ROS has it.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stamp {
+    /// Whole seconds.
+    #[schema(minimum = 0, maximum = 9_000_000_000_u64, example = 1_790_000_000)]
+    pub sec: u64,
+    /// Nanoseconds after them.
+    #[schema(minimum = 0, maximum = 999_999_999, example = 250_000_000)]
+    pub nanosec: u32,
+}

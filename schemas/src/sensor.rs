@@ -1,0 +1,196 @@
+//! Sensors on the wire: where taxels are and how they respond, and the dry-run of a reading.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+/// A tactile array sensor that the server knows.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Sensor {
+    /// The sensor's id.
+    pub id: Uuid,
+    /// Its unique name.
+    pub name: String,
+    /// The preset that it was made from, if any.
+    pub preset: Option<String>,
+    /// Its geometry and response. Does not change: readings rely on it.
+    pub description: SensorDescription,
+    /// When it was created.
+    #[schema(format = DateTime)]
+    pub created_at: String,
+}
+
+/// A page of sensors.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct SensorPage {
+    /// The sensors, oldest first.
+    pub items: Vec<Sensor>,
+    /// The cursor of the next page; null on the last.
+    pub next_cursor: Option<String>,
+}
+
+/// A new sensor: a preset or a full description.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CreateSensor {
+    /// Its unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
+    #[schema(min_length = 1, max_length = 64, example = "left-finger")]
+    pub name: String,
+    /// A known sensor. Give either this or `description`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<SensorPreset>,
+    /// A full description. Give either this or `preset`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub description: Option<SensorDescription>,
+    /// How the driver's images are turned; replaces that of the preset or description.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image_order: Option<ImageOrder>,
+}
+
+/// Sensors that the server knows by name.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub enum SensorPreset {
+    /// 6 × 6 taxels at 2 mm, 0–20 kPa, under a 2.54 mm covering.
+    #[serde(rename = "digitacts-6x6")]
+    Digitacts6x6,
+    /// 6 × 8 taxels at 2 mm: two physical modules.
+    #[serde(rename = "digitacts-6x8")]
+    Digitacts6x8,
+    /// 14 × 14 taxels over 12 mm: the density of a human fingertip.
+    #[serde(rename = "fingertip-14x14")]
+    Fingertip14x14,
+    /// 26 × 26 taxels over 12 mm: the density of a Tekscan sensor.
+    #[serde(rename = "tekscan-26x26")]
+    Tekscan26x26,
+}
+
+impl SensorPreset {
+    /// Every preset.
+    pub const ALL: [Self; 4] =
+        [Self::Digitacts6x6, Self::Digitacts6x8, Self::Fingertip14x14, Self::Tekscan26x26];
+
+    /// The preset's name, as on the wire.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Digitacts6x6 => "digitacts-6x6",
+            Self::Digitacts6x8 => "digitacts-6x8",
+            Self::Fingertip14x14 => "fingertip-14x14",
+            Self::Tekscan26x26 => "tekscan-26x26",
+        }
+    }
+}
+
+/// The geometry and response of a sensor, in metres and pascals.
+///
+/// Frame: origin at the centre of the covering's free surface, +z out of the sensor towards
+/// the object, +x along columns, +y along rows.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SensorDescription {
+    /// Where the taxels are.
+    pub grid: TaxelGrid,
+    /// Thickness of the covering in metres: the deepest indentation it takes.
+    #[schema(example = 0.00254)]
+    pub covering_thickness: f64,
+    /// Standard deviation of the Gaussian point spread in metres.
+    #[schema(example = 0.003482)]
+    pub point_spread: f64,
+    /// Blurred displacement to pressure: 2 to 64 knots that start at (0, 0) and rise.
+    #[schema(min_items = 2, max_items = 64)]
+    pub force_curve: Vec<ForceKnot>,
+    /// No taxel reads more than this, in pascal.
+    #[schema(example = 20_000.0)]
+    pub saturation: f64,
+    /// Standard deviation of a reading's additive noise, in pascal.
+    #[schema(example = 100.0)]
+    pub noise: f64,
+    /// Step of the analogue-to-digital converter in pascal; 0 for a continuous sensor.
+    #[schema(example = 78.125)]
+    pub quantisation: f64,
+    /// How the driver's images are turned; not at all when not given.
+    #[serde(default)]
+    pub image_order: ImageOrder,
+}
+
+/// A rectangular grid of square taxels.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TaxelGrid {
+    /// Number of rows, along +y.
+    #[schema(minimum = 2, maximum = 128, example = 6)]
+    pub rows: u32,
+    /// Number of columns, along +x.
+    #[schema(minimum = 2, maximum = 128, example = 6)]
+    pub cols: u32,
+    /// Distance between the centres of neighbouring taxels, in metres.
+    #[schema(example = 0.002)]
+    pub pitch: f64,
+    /// Side of one taxel's sensing area in metres; at most the pitch.
+    #[schema(example = 0.0018)]
+    pub taxel_width: f64,
+}
+
+/// One knot of a force curve.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ForceKnot {
+    /// Displacement of the covering in metres.
+    pub displacement: f64,
+    /// The pressure that a taxel reports there, in pascal.
+    pub pressure: f64,
+}
+
+/// How the driver's image relates to the sensor frame's row-major order.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImageOrder {
+    /// The driver sends columns where we expect rows.
+    #[serde(default)]
+    pub transposed: bool,
+    /// The driver's first row is our last.
+    #[serde(default)]
+    pub rows_reversed: bool,
+    /// The driver's first column is our last.
+    #[serde(default)]
+    pub cols_reversed: bool,
+}
+
+/// How the server understands a reading; nothing is stored.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct ReadingCheck {
+    /// Rows of the image below.
+    pub rows: u32,
+    /// Columns of the image below.
+    pub cols: u32,
+    /// The image in the sensor frame's order, row-major, in pascal: turned as the sensor's
+    /// `image_order` says, missing taxels filled in from their neighbours.
+    pub image: Vec<f64>,
+    /// Taxels without a value, as indices into `image`.
+    pub missing: Vec<u32>,
+    /// Taxels at the sensor's saturation, as indices into `image`.
+    pub saturated: Vec<u32>,
+    /// Taxels that touch something: above half of the largest pressure, and above the noise.
+    pub contact: Vec<u32>,
+    /// The largest pressure in pascal.
+    pub max_pressure: f64,
+    /// The centre of pressure in the sensor frame (z = 0); null without contact.
+    pub centroid_in_sensor: Option<Point>,
+    /// The same point in the session frame; null without contact.
+    pub centroid_in_session: Option<Point>,
+    /// Where the sensor looks: its +z, towards the object, in the session frame.
+    pub sensor_z_in_session: Point,
+    /// What is unusual about the reading, in words.
+    pub hints: Vec<String>,
+}
+
+/// A point in metres, or a direction of length 1.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Point {
+    /// Along +x.
+    pub x: f64,
+    /// Along +y.
+    pub y: f64,
+    /// Along +z.
+    pub z: f64,
+}

@@ -1,0 +1,245 @@
+//! Sessions on the wire: readings of one unknown object go in, beliefs about it come out.
+
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use uuid::Uuid;
+
+use crate::pose::Pose;
+use crate::reading::Reading;
+
+/// A new session: one object that rests in one frame and is touched.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CreateSession {
+    /// The catalogue to recognise with; `default` when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 64, example = "default")]
+    pub catalogue: Option<String>,
+    /// The catalogue's version; the current one when not given. A session keeps its version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1)]
+    pub version: Option<u32>,
+    /// How to recognise; `sva` when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<Method>,
+    /// The frame in which all sensor poses of the session are given, such as `base_link`. A
+    /// reading that names another frame is refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 256, example = "base_link")]
+    pub frame_id: Option<String>,
+    /// What is known before the first touch. Objects that are not named share the rest evenly.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_items = 10_000)]
+    pub prior: Option<Vec<PriorEntry>>,
+    /// Seconds without a new reading after which the session closes, 1 to 31536000; it stays
+    /// open when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1, maximum = 31_536_000)]
+    pub ttl_s: Option<u32>,
+}
+
+/// The probability of one object before the first touch.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PriorEntry {
+    /// The object's id or name.
+    pub object: String,
+    /// Its probability, 0 to 1; all together at most 1.
+    #[schema(minimum = 0.0, maximum = 1.0)]
+    pub probability: f64,
+}
+
+/// How to recognise.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Spatially varying appearance with the corrections of `docs/equations.md`.
+    #[default]
+    Sva,
+    /// Spatially varying appearance as the dissertation prints it, for its figures.
+    SvaLiteral,
+}
+
+/// A session: one object that rests in one frame and is touched.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Session {
+    /// The session's id.
+    pub id: Uuid,
+    /// The catalogue that it recognises with.
+    pub catalogue: String,
+    /// The catalogue's version, fixed when the session was created.
+    pub version: u32,
+    /// How it recognises.
+    pub method: Method,
+    /// The frame of its sensor poses, if it was named.
+    pub frame_id: Option<String>,
+    /// Whether it takes readings.
+    pub state: SessionState,
+    /// How many readings it has.
+    pub n_readings: u32,
+    /// Seconds without a new reading after which it closes.
+    pub ttl_s: Option<u32>,
+    /// When it was created.
+    #[schema(format = DateTime)]
+    pub created_at: String,
+    /// When it was closed; null while it is open.
+    #[schema(format = DateTime)]
+    pub closed_at: Option<String>,
+}
+
+/// Whether a session takes readings.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SessionState {
+    /// It takes readings.
+    Open,
+    /// It was closed, or nothing came within its time to live. Its belief can still be read.
+    Closed,
+}
+
+/// A page of sessions.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct SessionPage {
+    /// The sessions, oldest first.
+    pub items: Vec<Session>,
+    /// The cursor of the next page; null on the last.
+    pub next_cursor: Option<String>,
+}
+
+/// Readings of a session; one reading is a list of one.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AddReadings {
+    /// 1 to 1000 readings. All are taken or none.
+    #[schema(min_items = 1, max_items = 1000)]
+    pub readings: Vec<Reading>,
+}
+
+/// How much of the belief an answer holds.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BeliefDetail {
+    /// Every object, and the five likeliest poses.
+    #[default]
+    Full,
+    /// The likeliest object and pose.
+    Top,
+    /// No belief: the readings are stored, nothing is computed now.
+    None,
+}
+
+/// What to answer to readings.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct ReadingsQuery {
+    /// How much of the belief to answer; `full` when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub belief: Option<BeliefDetail>,
+}
+
+/// What became of readings.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct ReadingsAdded {
+    /// The session.
+    pub session: Uuid,
+    /// How many were new.
+    pub n_new: u32,
+    /// How many were there already (same robot and seq, same content) and are not counted twice.
+    pub n_repeated: u32,
+    /// How many readings the session has now.
+    pub n_readings: u32,
+    /// The belief after them; null with `belief=none`.
+    pub belief: Option<Belief>,
+}
+
+/// What a belief query asks for.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct BeliefQuery {
+    /// How many pose hypotheses at most, 0 to 100; 5 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[param(minimum = 0, maximum = 100)]
+    pub poses: Option<u32>,
+}
+
+/// What is known of a session's object: which one it is, where, and how certainly.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Belief {
+    /// The session.
+    pub session: Uuid,
+    /// Counts the changes of the session's readings; its value is the `ETag`.
+    pub revision: u32,
+    /// How many readings it rests on.
+    pub n_readings: u32,
+    /// The objects, likeliest first; probabilities sum to 1 when all are listed.
+    pub objects: Vec<ObjectProbability>,
+    /// Uncertainty about the identity in bits: 0 is certain, log2(n) knows nothing of n objects.
+    pub entropy_bits: f64,
+    /// Pose hypotheses, likeliest first. A symmetric object has several: do not average them.
+    pub poses: Vec<PoseHypothesis>,
+}
+
+/// How probable one object is.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct ObjectProbability {
+    /// The object's id.
+    pub object: Uuid,
+    /// The object's name when it was trained.
+    pub name: String,
+    /// Its probability, 0 to 1.
+    pub probability: f64,
+}
+
+/// One hypothesis of what the object is and where.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct PoseHypothesis {
+    /// The object's id.
+    pub object: Uuid,
+    /// The object's name when it was trained.
+    pub name: String,
+    /// The hypothesis's share of the belief, 0 to 1.
+    pub weight: f64,
+    /// The object's pose in the session frame (`session_from_object`). The object frame has its
+    /// origin at the centroid of the mesh or of the training touches, see `origin_in_mesh` of
+    /// the version's report.
+    pub pose: Pose,
+    /// 6 × 6 covariance, row-major, in the order of ROS: x, y, z in metres, then rotation about
+    /// the fixed x, y, z axes of the session frame in radians.
+    #[schema(min_items = 36, max_items = 36)]
+    pub covariance: Vec<f64>,
+}
+
+/// Which sessions a stream of events follows.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct EventsQuery {
+    /// Ids of 1 to 100 sessions, separated by commas.
+    pub sessions: String,
+}
+
+/// Something happened to a session.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum SessionEvent {
+    /// The belief as it is now.
+    #[schema(title = "BeliefEvent")]
+    Belief {
+        /// The belief.
+        belief: Belief,
+    },
+    /// The session was closed.
+    #[schema(title = "ClosedEvent")]
+    Closed {
+        /// The session as it is now.
+        session: Session,
+    },
+    /// The session was deleted.
+    #[schema(title = "DeletedEvent")]
+    Deleted {
+        /// The session's id.
+        session: Uuid,
+    },
+}

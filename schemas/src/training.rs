@@ -1,0 +1,248 @@
+//! Catalogues on the wire: their versions, the jobs that train them, and what came out.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+/// A named line of trained models, one of whose versions new sessions use.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct Catalogue {
+    /// The catalogue's unique name; `default` when nobody names another.
+    pub name: String,
+    /// What new sessions use; null until a training has succeeded.
+    pub current: Option<CurrentVersion>,
+    /// The number of its newest version; 0 before there is one.
+    pub latest_version: u32,
+    /// What was current when, newest first; at most 100 entries.
+    pub history: Vec<CurrentVersion>,
+}
+
+/// A page of catalogues.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct CataloguePage {
+    /// The catalogues in the order of their names.
+    pub items: Vec<Catalogue>,
+    /// The cursor of the next page; null on the last.
+    pub next_cursor: Option<String>,
+}
+
+/// Which version new sessions use, and since when.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct CurrentVersion {
+    /// The version.
+    pub version: u32,
+    /// Counts the switches of this catalogue; its value is the `ETag`.
+    pub revision: u32,
+    /// When it was switched.
+    #[schema(format = DateTime)]
+    pub changed_at: String,
+}
+
+/// Which version new sessions are to use.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetCurrent {
+    /// A version of this catalogue.
+    #[schema(minimum = 1)]
+    pub version: u32,
+}
+
+/// One trained model. It never changes.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct CatalogueVersion {
+    /// The catalogue's name.
+    pub catalogue: String,
+    /// The version, from 1.
+    pub version: u32,
+    /// Whether new sessions use it.
+    pub is_current: bool,
+    /// When it was trained.
+    #[schema(format = DateTime)]
+    pub created_at: String,
+    /// The job that trained it.
+    pub job: Uuid,
+    /// What was asked for, defaults filled in.
+    pub training: StartTraining,
+    /// What came out.
+    pub report: TrainingReport,
+}
+
+/// A page of versions.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct CatalogueVersionPage {
+    /// The versions, oldest first.
+    pub items: Vec<CatalogueVersion>,
+    /// The cursor of the next page; null on the last.
+    pub next_cursor: Option<String>,
+}
+
+/// What a training made, and what it cost.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct TrainingReport {
+    /// The objects that it knows.
+    pub objects: Vec<ObjectReport>,
+    /// Number of appearance classes in the vocabulary.
+    pub n_classes: u32,
+    /// Memory of the pair index, in bytes.
+    pub index_bytes: u64,
+    /// How long the training took, in seconds.
+    pub seconds: f64,
+    /// The seed of all its random choices.
+    pub seed: u64,
+}
+
+/// What a training made of one object.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct ObjectReport {
+    /// The object's id.
+    pub id: Uuid,
+    /// The object's name when it was trained.
+    pub name: String,
+    /// How many readings it was trained from.
+    pub n_readings: u32,
+    /// How many patches its map has.
+    pub n_patches: u32,
+    /// Memory of its pair index, in bytes.
+    pub index_bytes: u64,
+    /// Where the origin of the object's frame is in its mesh (or in the frame of its training
+    /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
+    #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
+    pub origin_in_mesh: [f64; 3],
+}
+
+/// What to train.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StartTraining {
+    /// Ids or names of the objects; when not given, every object that has a mesh or readings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(min_items = 1, max_items = 10_000)]
+    pub objects: Option<Vec<String>>,
+    /// Id or name of the sensor that touches meshes in simulation; `digitacts-6x6` when not
+    /// given. Objects with readings of their own are trained from those.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<String>,
+    /// Simulated readings for an object with a mesh only, 20 to 20000; 1000 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 20, maximum = 20_000)]
+    pub readings_per_object: Option<u32>,
+    /// The seed of all random choices, up to 2⁵³ − 1; 1 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
+    pub seed: Option<u64>,
+    /// Number of appearance classes, 2 to 1000; 25 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 2, maximum = 1000)]
+    pub n_classes: Option<u32>,
+    /// How a press becomes a feature; `mnti` when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub descriptor: Option<Descriptor>,
+    /// Which pairs of touches to learn, by their distance; from 8 mm to the object's size
+    /// when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_range: Option<DistanceRange>,
+    /// Whether new sessions use the version as soon as it is trained; true when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub activate: Option<bool>,
+}
+
+/// How a press becomes a feature.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Descriptor {
+    /// Magnitudes of the Fourier transform: does not change when the press is shifted.
+    Mnti,
+    /// The pressures themselves.
+    Vectorize,
+}
+
+/// A range of distances in metres.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DistanceRange {
+    /// The smallest distance in metres.
+    pub min: f64,
+    /// The largest distance in metres.
+    pub max: f64,
+}
+
+/// Long work: a training.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Job {
+    /// The job's id.
+    pub id: Uuid,
+    /// The catalogue that it trains.
+    pub catalogue: String,
+    /// How far it is.
+    pub state: JobState,
+    /// What it does at the moment; null unless it runs.
+    pub stage: Option<JobStage>,
+    /// Steps done of this stage.
+    pub done: u32,
+    /// Steps of this stage; 0 when not known.
+    pub total: u32,
+    /// Seconds until the stage is done, as far as can be told.
+    pub eta_s: Option<f64>,
+    /// What was asked for, defaults filled in.
+    pub training: StartTraining,
+    /// The version that it made; null unless it succeeded.
+    pub version: Option<u32>,
+    /// Why it failed or was cancelled; null otherwise.
+    pub reason: Option<String>,
+    /// When it was asked for.
+    #[schema(format = DateTime)]
+    pub created_at: String,
+    /// When it began.
+    #[schema(format = DateTime)]
+    pub started_at: Option<String>,
+    /// When it ended.
+    #[schema(format = DateTime)]
+    pub finished_at: Option<String>,
+}
+
+/// A page of jobs.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct JobPage {
+    /// The jobs, oldest first.
+    pub items: Vec<Job>,
+    /// The cursor of the next page; null on the last.
+    pub next_cursor: Option<String>,
+}
+
+/// How far a job is.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    /// It waits for the jobs before it.
+    Queued,
+    /// It is being done.
+    Running,
+    /// It is done; `version` is what it made.
+    Succeeded,
+    /// It could not be done; `reason` says why.
+    Failed,
+    /// Somebody cancelled it.
+    Cancelled,
+}
+
+impl JobState {
+    /// Whether the job will change no more.
+    #[must_use]
+    pub fn is_final(self) -> bool {
+        matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
+    }
+}
+
+/// What a running training does.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JobStage {
+    /// Touching meshes in simulation; steps are readings.
+    Sampling,
+    /// Learning the appearance classes.
+    Vocabulary,
+    /// Building the objects' maps; steps are objects.
+    Mapping,
+    /// Writing the version.
+    Storing,
+}

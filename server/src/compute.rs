@@ -1,0 +1,136 @@
+//! The threads that compute, behind a queue with a fixed number of places.
+//!
+//! Async threads only wait for it. Whoever wants to compute takes a [`Place`] first, before
+//! anything is stored; when there is none the robot is asked to come back. A panic in one
+//! piece of work ends that piece only.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread;
+
+use thiserror::Error;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
+
+type Work = Box<dyn FnOnce() + Send>;
+
+/// Threads that compute, and the places in the queue before them.
+#[derive(Clone, Debug)]
+pub struct Pool {
+    places: Arc<Semaphore>,
+    queue: mpsc::Sender<Work>,
+    n_places: usize,
+}
+
+/// A place in the queue; dropped, it is free again.
+#[derive(Debug)]
+pub struct Place {
+    permit: OwnedSemaphorePermit,
+    queue: mpsc::Sender<Work>,
+}
+
+/// Why something was not computed.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum ComputeError {
+    /// Every place in the queue is taken.
+    #[error("all {places} places of the compute queue are taken")]
+    Full {
+        /// How many there are.
+        places: usize,
+    },
+    /// The work panicked.
+    #[error("the computation panicked")]
+    Panicked,
+}
+
+impl Pool {
+    /// Starts `threads` threads (at least one) and opens `queue_max` places besides.
+    ///
+    /// # Errors
+    /// What the operating system says when it gives no thread.
+    pub fn start(threads: usize, queue_max: usize) -> std::io::Result<Self> {
+        let threads = threads.max(1);
+        let (sender, receiver) = mpsc::channel::<Work>();
+        let receiver = Arc::new(Mutex::new(receiver));
+        for thread in 0..threads {
+            let receiver = Arc::clone(&receiver);
+            thread::Builder::new()
+                .name(format!("compute-{thread}"))
+                .spawn(move || while take(&receiver).is_some_and(run) {})?;
+        }
+        let n_places = threads + queue_max;
+        Ok(Self { places: Arc::new(Semaphore::new(n_places)), queue: sender, n_places })
+    }
+
+    /// Takes a place in the queue, without waiting.
+    ///
+    /// # Errors
+    /// [`ComputeError::Full`] when all are taken.
+    pub fn place(&self) -> Result<Place, ComputeError> {
+        let permit = Arc::clone(&self.places).try_acquire_owned();
+        metrics::gauge!("palpate_compute_places_free").set(self.places.available_permits() as f64);
+        match permit {
+            Ok(permit) => Ok(Place { permit, queue: self.queue.clone() }),
+            Err(_) => Err(ComputeError::Full { places: self.n_places }),
+        }
+    }
+
+    /// How many places are free.
+    #[must_use]
+    pub fn n_free(&self) -> usize {
+        self.places.available_permits()
+    }
+}
+
+impl Place {
+    /// Computes on one of the pool's threads.
+    ///
+    /// # Errors
+    /// [`ComputeError::Panicked`] when `work` panicked.
+    pub async fn run<T: Send + 'static>(
+        self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, ComputeError> {
+        let (answer, answered) = oneshot::channel();
+        let permit = self.permit;
+        let work = Box::new(move || {
+            let outcome = catch_unwind(AssertUnwindSafe(work));
+            drop(permit);
+            // A robot that has gone away does not read the answer.
+            let _ = answer.send(outcome.map_err(|_| ComputeError::Panicked));
+        });
+        self.queue.send(work).map_err(|_| ComputeError::Panicked)?;
+        answered.await.unwrap_or(Err(ComputeError::Panicked))
+    }
+}
+
+fn take(queue: &Mutex<mpsc::Receiver<Work>>) -> Option<Work> {
+    queue.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
+}
+
+fn run(work: Work) -> bool {
+    work();
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_full_queue_refuses_and_a_free_place_accepts_again() {
+        let pool = Pool::start(1, 1).unwrap();
+        let (first, second) = (pool.place().unwrap(), pool.place().unwrap());
+        assert_eq!(pool.place().unwrap_err(), ComputeError::Full { places: 2 });
+        drop(first);
+        assert_eq!(second.run(|| 6 * 7).await, Ok(42));
+        assert_eq!(pool.n_free(), 2);
+    }
+
+    #[tokio::test]
+    async fn a_panic_ends_only_its_own_work() {
+        let pool = Pool::start(1, 1).unwrap();
+        let outcome = pool.place().unwrap().run(|| panic!("on purpose")).await;
+        assert_eq!(outcome, Err::<(), _>(ComputeError::Panicked));
+        assert_eq!(pool.place().unwrap().run(|| 1).await, Ok(1));
+    }
+}

@@ -1,0 +1,68 @@
+//! What an operator chooses: where to listen, where to keep data, and every bound.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// The settings of a server. Every default is meant for one machine and a small fleet.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// The address to listen at; port 0 takes any free one.
+    pub listen: SocketAddr,
+    /// Listen at an address that other machines can reach although nobody is asked for a key.
+    pub insecure_bind: bool,
+    /// The folder of the database; made if it does not exist.
+    pub data: PathBuf,
+    /// The longest JSON body, in bytes.
+    pub json_bytes_max: usize,
+    /// The longest mesh file, in bytes.
+    pub mesh_bytes_max: usize,
+    /// How long a body may take to arrive.
+    pub body_timeout: Duration,
+    /// How long an answer may take before the robot is told to come back.
+    pub answer_timeout: Duration,
+    /// How many requests may be under way at once.
+    pub requests_max: usize,
+    /// How many event streams may be open at once.
+    pub streams_max: usize,
+    /// Threads that update beliefs and read meshes.
+    pub compute_threads: usize,
+    /// How many pieces of such work may wait for a thread.
+    pub compute_queue_max: usize,
+    /// Threads that train; readings of running sessions are not held up by them.
+    pub training_threads: usize,
+    /// How many trainings may wait.
+    pub training_queue_max: usize,
+    /// How many beliefs are kept in memory; others are rebuilt from their journals.
+    pub beliefs_in_memory_max: usize,
+    /// How many readings one session may have.
+    pub session_readings_max: usize,
+    /// How many training readings one object may have.
+    pub object_readings_max: usize,
+}
+
+impl Config {
+    /// The defaults, with the database in `data`, listening at 127.0.0.1:7600.
+    #[must_use]
+    pub fn new(data: impl Into<PathBuf>) -> Self {
+        let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7600)),
+            insecure_bind: false,
+            data: data.into(),
+            json_bytes_max: 32 << 20,
+            mesh_bytes_max: 64 << 20,
+            body_timeout: Duration::from_secs(60),
+            answer_timeout: Duration::from_secs(60),
+            requests_max: 1024,
+            streams_max: 1024,
+            compute_threads: n_cores,
+            compute_queue_max: 256,
+            training_threads: n_cores.saturating_sub(1).max(1),
+            training_queue_max: 32,
+            beliefs_in_memory_max: 1024,
+            session_readings_max: 10_000,
+            object_readings_max: 100_000,
+        }
+    }
+}

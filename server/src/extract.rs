@@ -1,0 +1,199 @@
+//! What handlers take out of requests: bodies, queries and path segments, with errors that
+//! name the field.
+//!
+//! The framework's own extractors answer in plain text; these answer with a [`Refusal`].
+
+use std::error::Error as _;
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
+use futures::StreamExt;
+use palpate_schemas::FieldError;
+use serde::de::DeserializeOwned;
+use serde_json::error::Category;
+use serde_path_to_error::Segment;
+
+use crate::app::App;
+use crate::refusal::Refusal;
+
+/// How many times its limit of a body that is too long is read and thrown away, so that the
+/// robot, still sending, gets to read the answer.
+const DRAIN_FACTOR: usize = 4;
+
+/// A JSON body.
+pub(crate) struct JsonBody<T>(pub(crate) T);
+
+/// The parameters of a query.
+pub(crate) struct Params<T>(pub(crate) T);
+
+/// One segment of the path: an id or a name.
+pub(crate) struct Segment1(pub(crate) String);
+
+/// Two segments of the path.
+pub(crate) struct Segment2(pub(crate) String, pub(crate) String);
+
+/// A mesh file: its content type and its bytes.
+pub(crate) struct MeshBody {
+    pub(crate) content_type: String,
+    pub(crate) bytes: Bytes,
+}
+
+impl<T: DeserializeOwned> FromRequest<App> for JsonBody<T> {
+    type Rejection = Refusal;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
+        let found = content_type(request.headers());
+        if !is_json(&found) {
+            return Err(Refusal::ContentType { found, expected: "application/json" });
+        }
+        let config = app.config();
+        let bytes = read(request, config.json_bytes_max, config.body_timeout).await?;
+        parse(&bytes).map(Self)
+    }
+}
+
+impl FromRequest<App> for MeshBody {
+    type Rejection = Refusal;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
+        let content_type = content_type(request.headers());
+        let config = app.config();
+        let bytes = read(request, config.mesh_bytes_max, config.body_timeout).await?;
+        Ok(Self { content_type, bytes })
+    }
+}
+
+impl<T: DeserializeOwned> FromRequestParts<App> for Params<T> {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, _: &App) -> Result<Self, Refusal> {
+        let parsed = Query::<T>::try_from_uri(&parts.uri);
+        parsed.map(|Query(params)| Self(params)).map_err(|error| query_refusal(&error))
+    }
+}
+
+impl FromRequestParts<App> for Segment1 {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
+        let segment = Path::<String>::from_request_parts(parts, app).await;
+        let Path(segment) =
+            segment.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
+        Ok(Self(segment))
+    }
+}
+
+impl FromRequestParts<App> for Segment2 {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
+        let segments = Path::<(String, String)>::from_request_parts(parts, app).await;
+        let Path((first, second)) =
+            segments.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
+        Ok(Self(first, second))
+    }
+}
+
+/// The revision that a request's `If-Match` expects, as written by our `ETag`s.
+///
+/// # Errors
+/// [`Refusal::RevisionMissing`] without the header, [`Refusal::Invalid`] when it is not one
+/// of our tags.
+pub(crate) fn if_match(headers: &HeaderMap) -> Result<u64, Refusal> {
+    let value = headers.get(header::IF_MATCH).ok_or(Refusal::RevisionMissing)?;
+    let text = value.to_str().unwrap_or_default();
+    text.trim().trim_start_matches("W/").trim_matches('"').parse().map_err(|_| {
+        let detail = format!("came {text:?}, expected the `ETag` of what is changed, such as \"3\"");
+        Refusal::field("header:if-match", detail)
+    })
+}
+
+/// Parses JSON; a wrong value is named by a JSON pointer.
+pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
+    let mut deserializer = serde_json::Deserializer::from_slice(bytes);
+    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
+        let pointer = pointer(error.path());
+        json_refusal(pointer, &error.into_inner())
+    })?;
+    deserializer.end().map_err(|error| json_refusal(String::new(), &error))?;
+    Ok(value)
+}
+
+/// The framework says "name: what is wrong" or names the field between backticks.
+fn query_refusal(error: &QueryRejection) -> Refusal {
+    let said = error.source().map_or_else(|| error.body_text(), ToString::to_string);
+    let is_name = |name: &str| name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    let (name, detail) = match said.split_once(": ") {
+        Some((name, detail)) if is_name(name) => (name.to_owned(), detail.to_owned()),
+        _ => (named_field(&said).unwrap_or_default(), said),
+    };
+    Refusal::field(format!("?{name}"), detail)
+}
+
+fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
+    let detail = error.to_string();
+    let is_value = error.classify() == Category::Data || detail.contains("out of range");
+    if is_value {
+        let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
+        let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
+        return Refusal::Invalid(vec![FieldError { pointer, detail }]);
+    }
+    let errors = vec![FieldError { pointer, detail: detail.clone() }];
+    Refusal::NotJson { reason: detail, errors }
+}
+
+fn pointer(path: &serde_path_to_error::Path) -> String {
+    let mut pointer = String::new();
+    for segment in path.iter() {
+        let segment = match segment {
+            Segment::Seq { index } => index.to_string(),
+            Segment::Map { key } => key.replace('~', "~0").replace('/', "~1"),
+            Segment::Enum { variant } => variant.clone(),
+            Segment::Unknown => continue,
+        };
+        pointer.push('/');
+        pointer.push_str(&segment);
+    }
+    pointer
+}
+
+/// The field between the first backticks of serde's message.
+fn named_field(detail: &str) -> Option<String> {
+    detail.split('`').nth(1).map(str::to_owned)
+}
+
+fn content_type(headers: &HeaderMap) -> String {
+    let value = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    let essence = value.unwrap_or_default().split(';').next().unwrap_or_default();
+    essence.trim().to_ascii_lowercase()
+}
+
+fn is_json(content_type: &str) -> bool {
+    content_type == "application/json"
+        || (content_type.starts_with("application/") && content_type.ends_with("+json"))
+}
+
+async fn read(request: Request, max: usize, within: Duration) -> Result<Bytes, Refusal> {
+    let reading = read_bounded(request.into_body(), max);
+    tokio::time::timeout(within, reading).await.unwrap_or(Err(Refusal::BodyTooSlow { within }))
+}
+
+async fn read_bounded(body: Body, max: usize) -> Result<Bytes, Refusal> {
+    let mut stream = body.into_data_stream();
+    let mut bytes = Vec::new();
+    let mut length = 0usize;
+    while let Some(chunk) = stream.next().await {
+        let chunk = chunk.map_err(|error| Refusal::Unreadable { reason: error.to_string() })?;
+        length += chunk.len();
+        if length <= max {
+            bytes.extend_from_slice(&chunk);
+        } else if length > DRAIN_FACTOR.saturating_mul(max) {
+            break;
+        }
+    }
+    if length > max { Err(Refusal::BodyTooLarge { max }) } else { Ok(bytes.into()) }
+}

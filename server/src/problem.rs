@@ -1,0 +1,194 @@
+//! Errors as HTTP: the only place that knows statuses. RFC 9457, whatever went wrong.
+//!
+//! A handler's [`Refusal`] becomes a draft that rides on the response; [`finish`], the last
+//! to see it, adds path and request id and writes the body. Errors of the framework carry no
+//! draft and get one by their status.
+
+use axum::body::Body;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use palpate_schemas::{FieldError, Problem, ProblemType};
+use palpate_store::engine::EngineError;
+use palpate_store::error::StoreError;
+
+use crate::compute::ComputeError;
+use crate::refusal::Refusal;
+
+/// The content type of every error.
+pub(crate) const CONTENT_TYPE: &str = "application/problem+json";
+
+/// How long a robot waits before it asks an overloaded server again, in seconds.
+const RETRY_AFTER_S: &str = "1";
+
+/// A problem before it knows its request.
+#[derive(Clone, Debug)]
+struct Draft {
+    kind: ProblemType,
+    detail: String,
+    errors: Vec<FieldError>,
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let kind = kind(&self);
+        if status(kind).is_server_error() && !matches!(kind, ProblemType::Overloaded) {
+            tracing::error!(error = %self, "Refused a request: {self}");
+        }
+        let detail = match kind {
+            ProblemType::Internal => "the server is at fault; its log has the reason".to_owned(),
+            _ => self.to_string(),
+        };
+        let mut response = status(kind).into_response();
+        if matches!(kind, ProblemType::Overloaded | ProblemType::Unavailable) {
+            let seconds = HeaderValue::from_static(RETRY_AFTER_S);
+            response.headers_mut().insert(header::RETRY_AFTER, seconds);
+        }
+        response.extensions_mut().insert(Draft { kind, detail, errors: errors(self) });
+        response
+    }
+}
+
+/// Gives an error its body; other responses pass.
+pub(crate) fn finish(response: Response, path: &str, request_id: &str) -> Response {
+    let found = response.status();
+    if !(found.is_client_error() || found.is_server_error()) {
+        return response;
+    }
+    let draft = response.extensions().get::<Draft>().cloned();
+    let draft = draft.unwrap_or_else(|| framework_draft(found, path));
+    let problem = Problem {
+        kind: draft.kind,
+        title: title(draft.kind).to_owned(),
+        status: status(draft.kind).as_u16(),
+        detail: draft.detail,
+        instance: path.to_owned(),
+        request_id: request_id.to_owned(),
+        errors: draft.errors,
+    };
+    let body = serde_json::to_vec(&problem).expect("a problem consists of strings and a number");
+    let (mut parts, _) = response.into_parts();
+    parts.status = status(draft.kind);
+    parts.headers.remove(header::CONTENT_LENGTH);
+    parts.headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(CONTENT_TYPE));
+    Response::from_parts(parts, Body::from(body))
+}
+
+/// The response to a handler that panicked.
+pub(crate) fn panicked(_: Box<dyn std::any::Any + Send>) -> Response {
+    Refusal::Panicked.into_response()
+}
+
+fn framework_draft(found: StatusCode, path: &str) -> Draft {
+    let (kind, detail) = match found {
+        StatusCode::NOT_FOUND => (ProblemType::NotFound, format!("there is nothing at {path}")),
+        StatusCode::METHOD_NOT_ALLOWED => (
+            ProblemType::MethodNotAllowed,
+            format!("{path} exists, but not with this method; the header `Allow` lists which"),
+        ),
+        StatusCode::PAYLOAD_TOO_LARGE => {
+            (ProblemType::BodyTooLarge, "the body is too long".to_owned())
+        }
+        StatusCode::UNSUPPORTED_MEDIA_TYPE => {
+            (ProblemType::UnsupportedMediaType, "the content type is not expected here".to_owned())
+        }
+        other if other.is_client_error() => {
+            (ProblemType::MalformedRequest, format!("the request cannot be read ({other})"))
+        }
+        _ => (ProblemType::Internal, "the server is at fault; its log has the reason".to_owned()),
+    };
+    Draft { kind, detail, errors: Vec::new() }
+}
+
+fn kind(refusal: &Refusal) -> ProblemType {
+    match refusal {
+        Refusal::NotFound { .. } | Refusal::NoVersion { .. } => ProblemType::NotFound,
+        Refusal::NotJson { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
+        Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
+        Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
+        Refusal::ContentType { .. } => ProblemType::UnsupportedMediaType,
+        Refusal::Invalid(_) => ProblemType::InvalidValue,
+        Refusal::NameTaken { .. } | Refusal::ReadingConflict { .. } => ProblemType::Conflict,
+        Refusal::SessionClosed { .. }
+        | Refusal::Untrained { .. }
+        | Refusal::ReadingsFull { .. }
+        | Refusal::JobFinished { .. }
+        | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,
+        Refusal::RevisionChanged { .. } => ProblemType::PreconditionFailed,
+        Refusal::RevisionMissing => ProblemType::PreconditionRequired,
+        Refusal::TrainingQueueFull { .. }
+        | Refusal::StreamsFull { .. }
+        | Refusal::RequestsFull { .. }
+        | Refusal::TooSlow { .. }
+        | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
+        Refusal::Store(error) => store_kind(error),
+        Refusal::Compute(ComputeError::Panicked)
+        | Refusal::Unusable { .. }
+        | Refusal::Panicked => ProblemType::Internal,
+    }
+}
+
+fn store_kind(error: &StoreError) -> ProblemType {
+    match error {
+        StoreError::NotFound { .. } | StoreError::NoVersion { .. } => ProblemType::NotFound,
+        StoreError::Exists { .. } | StoreError::NameTaken { .. } => ProblemType::Conflict,
+        StoreError::Changed { .. } => ProblemType::Conflict,
+        StoreError::Engine(EngineError::Busy { .. }) => ProblemType::Overloaded,
+        StoreError::Engine(EngineError::Poisoned | EngineError::Stopped) => ProblemType::Unavailable,
+        StoreError::Engine(_) | StoreError::Damaged { .. } => ProblemType::Internal,
+    }
+}
+
+fn errors(refusal: Refusal) -> Vec<FieldError> {
+    let detail = refusal.to_string();
+    match refusal {
+        Refusal::Invalid(errors) | Refusal::NotJson { errors, .. } => errors,
+        Refusal::NameTaken { .. } => vec![FieldError { pointer: "/name".to_owned(), detail }],
+        Refusal::Store(StoreError::NameTaken { .. }) => {
+            vec![FieldError { pointer: "/name".to_owned(), detail }]
+        }
+        Refusal::ReadingConflict { pointer, .. } => vec![FieldError { pointer, detail }],
+        Refusal::ContentType { .. } => {
+            vec![FieldError { pointer: "header:content-type".to_owned(), detail }]
+        }
+        Refusal::RevisionChanged { .. } | Refusal::RevisionMissing => {
+            vec![FieldError { pointer: "header:if-match".to_owned(), detail }]
+        }
+        _ => Vec::new(),
+    }
+}
+
+fn status(kind: ProblemType) -> StatusCode {
+    match kind {
+        ProblemType::MalformedRequest => StatusCode::BAD_REQUEST,
+        ProblemType::NotFound => StatusCode::NOT_FOUND,
+        ProblemType::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
+        ProblemType::Timeout => StatusCode::REQUEST_TIMEOUT,
+        ProblemType::WrongState | ProblemType::Conflict => StatusCode::CONFLICT,
+        ProblemType::PreconditionFailed => StatusCode::PRECONDITION_FAILED,
+        ProblemType::PreconditionRequired => StatusCode::PRECONDITION_REQUIRED,
+        ProblemType::BodyTooLarge => StatusCode::PAYLOAD_TOO_LARGE,
+        ProblemType::UnsupportedMediaType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
+        ProblemType::InvalidValue => StatusCode::UNPROCESSABLE_ENTITY,
+        ProblemType::Overloaded | ProblemType::Unavailable => StatusCode::SERVICE_UNAVAILABLE,
+        ProblemType::Internal => StatusCode::INTERNAL_SERVER_ERROR,
+    }
+}
+
+fn title(kind: ProblemType) -> &'static str {
+    match kind {
+        ProblemType::MalformedRequest => "The request cannot be read",
+        ProblemType::NotFound => "There is no such thing",
+        ProblemType::MethodNotAllowed => "The method does not exist here",
+        ProblemType::Timeout => "The request did not arrive in time",
+        ProblemType::WrongState => "The request does not fit the state",
+        ProblemType::Conflict => "Something else is there already",
+        ProblemType::PreconditionFailed => "It has changed in between",
+        ProblemType::PreconditionRequired => "A precondition is missing",
+        ProblemType::BodyTooLarge => "The body is too large",
+        ProblemType::UnsupportedMediaType => "The content type is not expected",
+        ProblemType::InvalidValue => "A value is wrong",
+        ProblemType::Overloaded => "Too much at once",
+        ProblemType::Unavailable => "Not available at the moment",
+        ProblemType::Internal => "The server is at fault",
+    }
+}

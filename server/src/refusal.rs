@@ -1,0 +1,105 @@
+//! Why the service does not do what it was asked. What that means in HTTP is `problem`'s.
+
+use std::time::Duration;
+
+use palpate_schemas::{FieldError, JobState};
+use palpate_store::error::StoreError;
+use palpate_store::journal::AppendError;
+use thiserror::Error;
+use uuid::Uuid;
+
+use crate::compute::ComputeError;
+
+/// Why something was not done.
+#[derive(Debug, Error)]
+pub(crate) enum Refusal {
+    #[error("there is no {what} {reference:?}")]
+    NotFound { what: &'static str, reference: String },
+    #[error("catalogue {catalogue:?} has no version {version}")]
+    NoVersion { catalogue: String, version: u32 },
+    #[error("the body is not JSON: {reason}")]
+    NotJson { reason: String, errors: Vec<FieldError> },
+    #[error("the request's path or body cannot be read: {reason}")]
+    Unreadable { reason: String },
+    #[error("the body is longer than {max} bytes")]
+    BodyTooLarge { max: usize },
+    #[error("the body did not arrive within {within:?}")]
+    BodyTooSlow { within: Duration },
+    #[error("the content type is {found:?}, expected {expected}")]
+    ContentType { found: String, expected: &'static str },
+    #[error("{}", summary(.0))]
+    Invalid(Vec<FieldError>),
+    #[error("the name {name:?} is taken by another {what}")]
+    NameTaken { what: &'static str, name: String },
+    #[error("session {session} is closed: it takes no more readings")]
+    SessionClosed { session: Uuid },
+    #[error("catalogue {catalogue:?} has no current version: train it first")]
+    Untrained { catalogue: String },
+    #[error("reading {seq} of robot {robot:?} was stored with other content")]
+    ReadingConflict { pointer: String, robot: String, seq: u64 },
+    #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]
+    ReadingsFull { what: &'static str, found: u64, more: usize, max: usize },
+    #[error("job {job} is {state:?} already")]
+    JobFinished { job: Uuid, state: JobState },
+    #[error("object {object:?} is being trained by job {job}: cancel the job first")]
+    ObjectInTraining { object: String, job: Uuid },
+    #[error("the revision is {found}, `If-Match` expects {expected}")]
+    RevisionChanged { expected: String, found: u64 },
+    #[error("the request needs the header `If-Match` with the `ETag` of what it changes")]
+    RevisionMissing,
+    #[error("{waiting} trainings are waiting already")]
+    TrainingQueueFull { waiting: usize },
+    #[error("{open} event streams are open already")]
+    StreamsFull { open: usize },
+    #[error("{under_way} requests are under way already")]
+    RequestsFull { under_way: usize },
+    #[error(
+        "no answer within {within:?}; what was sent may be stored, repeat readings with the \
+         same robot and seq"
+    )]
+    TooSlow { within: Duration },
+    #[error(transparent)]
+    Compute(#[from] ComputeError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("what is stored of {what} {id} cannot be used: {reason}")]
+    Unusable { what: &'static str, id: String, reason: String },
+    #[error("a task of the server panicked")]
+    Panicked,
+}
+
+impl Refusal {
+    /// One wrong field.
+    pub(crate) fn field(pointer: impl Into<String>, detail: impl ToString) -> Self {
+        Self::Invalid(vec![FieldError { pointer: pointer.into(), detail: detail.to_string() }])
+    }
+}
+
+impl From<AppendError> for Refusal {
+    fn from(error: AppendError) -> Self {
+        match error {
+            AppendError::Store(error) => Self::Store(error),
+            AppendError::Sequence { .. } => {
+                Self::Store(StoreError::Changed { what: "journal", id: Uuid::nil() })
+            }
+            AppendError::Repeated { robot, seq, .. } => {
+                Self::ReadingConflict { pointer: "/readings".to_owned(), robot, seq }
+            }
+            AppendError::RobotLength { .. } => Self::field("/readings", error),
+        }
+    }
+}
+
+impl From<palpate_store::engine::EngineError> for Refusal {
+    fn from(error: palpate_store::engine::EngineError) -> Self {
+        Self::Store(error.into())
+    }
+}
+
+fn summary(errors: &[FieldError]) -> String {
+    match errors {
+        [] => "a value is wrong".to_owned(),
+        [only] => only.detail.clone(),
+        [first, rest @ ..] => format!("{} (and {} more)", first.detail, rest.len()),
+    }
+}

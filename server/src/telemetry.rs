@@ -1,0 +1,76 @@
+//! What can be seen of the service from outside: request ids, logs, metrics.
+//!
+//! Metrics belong to the process: several servers in one process (tests) share them. Logs go
+//! to whatever `tracing` subscriber the process has; this is not the place that installs one.
+
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use axum::extract::{MatchedPath, Request};
+use axum::http::{HeaderName, HeaderValue};
+use axum::middleware::Next;
+use axum::response::Response;
+use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
+use tracing::Instrument;
+use uuid::Uuid;
+
+use crate::problem;
+
+/// The header that names a request, in requests and answers.
+pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// The longest request id that a robot may choose.
+const REQUEST_ID_BYTES_MAX: usize = 64;
+
+/// Upper ends of the duration histogram's buckets, in seconds.
+const DURATION_BUCKETS: [f64; 12] =
+    [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0, 30.0];
+
+/// The process's metrics, installed at the first call.
+pub(crate) fn metrics_handle() -> &'static PrometheusHandle {
+    static HANDLE: OnceLock<PrometheusHandle> = OnceLock::new();
+    HANDLE.get_or_init(|| {
+        let builder = PrometheusBuilder::new()
+            .set_buckets(&DURATION_BUCKETS)
+            .expect("the list of buckets is not empty");
+        let recorder = builder.build_recorder();
+        let handle = recorder.handle();
+        if metrics::set_global_recorder(recorder).is_err() {
+            tracing::warn!("Another metrics recorder is installed: /metrics stays empty");
+        }
+        handle
+    })
+}
+
+/// Names the request, times it, logs it, counts it, and gives an error its body.
+pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
+    let id = request_id(&request);
+    let header = HeaderValue::from_str(&id).expect("request ids are visible ASCII");
+    request.headers_mut().insert(REQUEST_ID, header.clone());
+    let path = request.uri().path().to_owned();
+    let method = request.method().clone();
+    let matched = request.extensions().get::<MatchedPath>();
+    let route = matched.map_or("(none)", MatchedPath::as_str).to_owned();
+    let span = tracing::info_span!("request", request_id = %id, %method, path);
+    let start = Instant::now();
+    let response = next.run(request).instrument(span.clone()).await;
+    let mut response = problem::finish(response, &path, &id);
+    response.headers_mut().insert(REQUEST_ID, header);
+    let status = response.status().as_u16();
+    let elapsed = start.elapsed().as_secs_f64();
+    span.in_scope(|| tracing::debug!(status, elapsed_s = elapsed, "Answered {status}"));
+    let labels = [("method", method.to_string()), ("route", route), ("status", status.to_string())];
+    metrics::counter!("palpate_http_requests_total", &labels).increment(1);
+    metrics::histogram!("palpate_http_request_seconds", &labels[..2]).record(elapsed);
+    response
+}
+
+/// The robot's own id if it is fit for headers and logs, otherwise a new one.
+fn request_id(request: &Request) -> String {
+    let given = request.headers().get(REQUEST_ID).and_then(|value| value.to_str().ok());
+    let is_fit = |id: &&str| {
+        (1..=REQUEST_ID_BYTES_MAX).contains(&id.len())
+            && id.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.:".contains(&byte))
+    };
+    given.filter(is_fit).map_or_else(|| Uuid::now_v7().to_string(), str::to_owned)
+}

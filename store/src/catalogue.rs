@@ -1,0 +1,340 @@
+//! Catalogues: trained models as immutable versions, and the one that is current.
+//!
+//! A version is a manifest that names blocks by the hash of their content; versions share
+//! blocks. Publishing writes the blocks, then the manifest; switching then makes a version
+//! current in one commit and keeps the history. Each step is durable before the next begins,
+//! so a crash leaves the old state or the new one, at worst with blocks nobody names.
+//! Not here: what is in the blocks (`model_codec`).
+
+use std::sync::Arc;
+
+use palpate_core::model::Catalogue as Model;
+use uuid::Uuid;
+
+use crate::engine::{Commit, Engine, Expected};
+use crate::envelope::{self, Kind};
+use crate::error::{RecordError, StoreError, conflict};
+use crate::key::{self, Space};
+use crate::mesh::open_raw;
+use crate::model_codec;
+use crate::pieces;
+use crate::record::{self, SCHEMA};
+use crate::table::{Entity, Page, Table};
+
+/// How many switches of the current version are remembered.
+pub const HISTORY_MAX: usize = 1000;
+/// A manifest's key: space, catalogue, version.
+const MANIFEST_KEY_BYTES: usize = 25;
+/// How often a version number is drawn anew when others publish at the same time.
+const PUBLISH_ATTEMPTS: usize = 16;
+
+/// A catalogue: its versions are 1 ..= `latest`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Catalogue {
+    /// Its id.
+    pub id: Uuid,
+    /// Its unique name.
+    pub name: String,
+    /// The newest version's number; 0 when there is none yet.
+    pub latest: u32,
+    /// The version that new sessions use.
+    pub current: Option<u32>,
+    /// Counts the switches of `current`; the `ETag` of the alias.
+    pub revision: u64,
+    /// The last [`HISTORY_MAX`] switches, oldest first.
+    pub history: Vec<Switch>,
+    /// When it was made.
+    pub created_at_ms: u64,
+}
+
+impl Catalogue {
+    /// A catalogue without versions.
+    #[must_use]
+    pub fn new(id: Uuid, name: String, created_at_ms: u64) -> Self {
+        Self { id, name, latest: 0, current: None, revision: 0, history: Vec::new(), created_at_ms }
+    }
+}
+
+/// A version became current.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Switch {
+    /// The version.
+    pub version: u32,
+    /// When.
+    pub at_ms: u64,
+}
+
+/// An object a version knows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VersionObject {
+    /// The object's id.
+    pub id: Uuid,
+    /// Its name when it was trained.
+    pub name: String,
+}
+
+/// A block as a manifest names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlockEntry {
+    /// Its name within the version.
+    pub name: String,
+    /// The blake3 hash of its content.
+    pub hash: [u8; 32],
+    /// Its length in bytes.
+    pub length: u64,
+}
+
+/// What a version consists of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Manifest {
+    /// The catalogue.
+    pub catalogue: Uuid,
+    /// The version's number, from 1.
+    pub version: u32,
+    /// The job that made it.
+    pub job: Option<Uuid>,
+    /// What it was trained with, as the server writes it down (JSON); may be empty.
+    pub parameters: String,
+    /// The objects it knows, in the order of the model's object numbers.
+    pub objects: Vec<VersionObject>,
+    /// Its blocks.
+    pub blocks: Vec<BlockEntry>,
+    /// When it was published.
+    pub created_at_ms: u64,
+}
+
+/// A version before it is published.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Draft {
+    /// The job that made it.
+    pub job: Option<Uuid>,
+    /// What it was trained with, as the server writes it down (JSON); may be empty.
+    pub parameters: String,
+    /// The objects it knows, in the order of the model's object numbers.
+    pub objects: Vec<VersionObject>,
+    /// Its blocks: names (unique within the version) and contents.
+    pub blocks: Vec<(String, Vec<u8>)>,
+    /// When it is published.
+    pub created_at_ms: u64,
+}
+
+/// All catalogues.
+#[derive(Clone)]
+pub struct Catalogues {
+    engine: Arc<dyn Engine>,
+    table: Table<Catalogue>,
+}
+
+impl Catalogues {
+    pub(crate) fn new(engine: Arc<dyn Engine>) -> Self {
+        Self { table: Table::new(Arc::clone(&engine)), engine }
+    }
+
+    /// Makes a catalogue without versions.
+    ///
+    /// # Errors
+    /// [`StoreError::NameTaken`], [`StoreError::Exists`]; the engine's.
+    pub async fn create(&self, catalogue: &Catalogue) -> Result<(), StoreError> {
+        self.table.create(catalogue).await
+    }
+
+    /// The catalogue of an id.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], [`StoreError::Damaged`]; the engine's.
+    pub fn get(&self, id: Uuid) -> Result<Catalogue, StoreError> {
+        self.table.get(id)
+    }
+
+    /// The catalogue of a name, if there is one.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`]; the engine's.
+    pub fn find_by_name(&self, name: &str) -> Result<Option<Catalogue>, StoreError> {
+        self.table.find_by_name(name)
+    }
+
+    /// Up to `limit` catalogues behind `after`.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`]; the engine's.
+    pub fn list(&self, after: Option<Uuid>, limit: usize) -> Result<Page<Catalogue>, StoreError> {
+        self.table.list(after, limit)
+    }
+
+    /// Writes a new version: its blocks, then its manifest. It is not current yet.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], [`StoreError::Damaged`]; the engine's.
+    pub async fn publish(&self, catalogue: Uuid, draft: Draft) -> Result<Manifest, StoreError> {
+        self.get(catalogue)?;
+        let mut blocks = Vec::with_capacity(draft.blocks.len());
+        for (name, content) in draft.blocks {
+            blocks.push(self.write_block(name, &content).await?);
+        }
+        let mut manifest = Manifest {
+            catalogue,
+            version: 0,
+            job: draft.job,
+            parameters: draft.parameters,
+            objects: draft.objects,
+            blocks,
+            created_at_ms: draft.created_at_ms,
+        };
+        // The manifest is written before its number is taken: a number that is taken has one.
+        for _ in 0..PUBLISH_ATTEMPTS {
+            manifest.version = self.get(catalogue)?.latest + 1;
+            if self.write_manifest(&manifest).await? {
+                self.table
+                    .update(catalogue, |now| {
+                        now.latest = now.latest.max(manifest.version);
+                        Ok::<(), std::convert::Infallible>(())
+                    })
+                    .await?
+                    .unwrap_or_else(|never| match never {});
+                return Ok(manifest);
+            }
+        }
+        Err(StoreError::Changed { what: Catalogue::WHAT, id: catalogue })
+    }
+
+    /// Makes a version current, for new sessions. `revision`, if given, is the one the caller
+    /// has seen.
+    ///
+    /// # Errors
+    /// [`StoreError::NoVersion`]; [`StoreError::Changed`] when the revision is another one.
+    pub async fn switch(
+        &self,
+        catalogue: Uuid,
+        version: u32,
+        revision: Option<u64>,
+        at_ms: u64,
+    ) -> Result<Catalogue, StoreError> {
+        self.manifest(catalogue, version)?;
+        let switched = self.table.update(catalogue, |now| {
+            if revision.is_some_and(|revision| revision != now.revision) {
+                return Err(StoreError::Changed { what: Catalogue::WHAT, id: catalogue });
+            }
+            now.current = Some(version);
+            now.revision += 1;
+            now.history.push(Switch { version, at_ms });
+            let surplus = now.history.len().saturating_sub(HISTORY_MAX);
+            now.history.drain(..surplus);
+            Ok(())
+        });
+        switched.await?
+    }
+
+    /// The manifest of a version.
+    ///
+    /// # Errors
+    /// [`StoreError::NoVersion`], [`StoreError::Damaged`]; the engine's.
+    pub fn manifest(&self, catalogue: Uuid, version: u32) -> Result<Manifest, StoreError> {
+        let head = key::numbered(Space::Version, catalogue, u64::from(version));
+        let bytes = pieces::read(&*self.engine, Space::Version, &head)?
+            .ok_or(StoreError::NoVersion { catalogue, version })?;
+        record::decode(&bytes).map_err(StoreError::damaged(Space::Version))
+    }
+
+    /// Up to `limit` manifests of versions above `after`, in ascending order.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`]; the engine's.
+    pub fn manifests(
+        &self,
+        catalogue: Uuid,
+        after: u32,
+        limit: usize,
+    ) -> Result<Vec<Manifest>, StoreError> {
+        let mut behind = key::numbered(Space::Version, catalogue, u64::from(after));
+        behind.extend_from_slice(&[0xff; 5]);
+        let prefix = key::id(Space::Version, catalogue);
+        let records = pieces::scan(
+            &*self.engine,
+            Space::Version,
+            &prefix,
+            MANIFEST_KEY_BYTES,
+            Some(behind),
+            limit,
+        )?;
+        let decoded: Result<_, _> =
+            records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
+        decoded.map_err(StoreError::damaged(Space::Version))
+    }
+
+    /// The content of a block, checked against its hash.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`], also when it is missing; the engine's.
+    pub fn block(&self, entry: &BlockEntry) -> Result<Vec<u8>, StoreError> {
+        let damaged = StoreError::damaged(Space::Block);
+        let head = key::hash(Space::Block, &entry.hash);
+        let sealed = pieces::read(&*self.engine, Space::Block, &head)?
+            .ok_or_else(|| damaged(RecordError::Piece { piece: 0 }))?;
+        let content = open_raw(Kind::Block, &sealed, &entry.hash).map_err(&damaged)?;
+        if content.len() as u64 != entry.length {
+            let (consumed, length) = (content.len(), entry.length as usize);
+            return Err(damaged(RecordError::Trailing { consumed, length }));
+        }
+        Ok(content)
+    }
+
+    /// All blocks of a version, in the manifest's order: names and contents.
+    ///
+    /// # Errors
+    /// As [`Catalogues::block`].
+    pub fn blocks(&self, manifest: &Manifest) -> Result<Vec<(String, Vec<u8>)>, StoreError> {
+        let content = |entry: &BlockEntry| Ok((entry.name.clone(), self.block(entry)?));
+        manifest.blocks.iter().map(content).collect()
+    }
+
+    /// The trained model of a version.
+    ///
+    /// # Errors
+    /// [`StoreError::Model`] when its blocks do not fit together; else as
+    /// [`Catalogues::block`].
+    pub fn model(&self, manifest: &Manifest) -> Result<Model, StoreError> {
+        let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
+        let (catalogue, version) = (manifest.catalogue, manifest.version);
+        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects)
+            .map_err(|source| StoreError::Model { catalogue, version, source })
+    }
+
+    async fn write_block(&self, name: String, content: &[u8]) -> Result<BlockEntry, StoreError> {
+        let hash = *blake3::hash(content).as_bytes();
+        let entry = BlockEntry { name, hash, length: content.len() as u64 };
+        // A block that reads back whole is shared; one that does not is written again.
+        if self.block(&entry).is_err() {
+            let sealed = envelope::seal(Kind::Block, SCHEMA, content);
+            let head = key::hash(Space::Block, &hash);
+            pieces::write_large(&*self.engine, &head, &sealed).await?;
+        }
+        Ok(entry)
+    }
+
+    /// Writes a manifest unless its number is taken; says whether it did.
+    async fn write_manifest(&self, manifest: &Manifest) -> Result<bool, StoreError> {
+        let number = u64::from(manifest.version);
+        let head = key::numbered(Space::Version, manifest.catalogue, number);
+        let commit = Commit::new().expect(head.clone(), Expected::Absent);
+        let commit = pieces::put(commit, &head, &record::encode(manifest), None);
+        match self.engine.commit(commit).await.map_err(conflict) {
+            Ok(()) => Ok(true),
+            Err(Ok(_)) => Ok(false),
+            Err(Err(error)) => Err(error.into()),
+        }
+    }
+}
+
+impl Entity for Catalogue {
+    const SPACE: Space = Space::Catalogue;
+    const WHAT: &'static str = "catalogue";
+
+    fn id(&self) -> Uuid {
+        self.id
+    }
+
+    fn name(&self) -> Option<&str> {
+        Some(&self.name)
+    }
+}

@@ -1,0 +1,199 @@
+//! The database as a whole: opened once, its repositories handed out from here.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use thiserror::Error;
+use uuid::Uuid;
+
+use crate::catalogue::Catalogues;
+use crate::engine::{Commit, CommitError, Engine, EngineError, EngineStats, Expected, OpenError};
+use crate::entity::{Job, Object, Sensor, Session};
+use crate::error::{RecordError, StoreError};
+use crate::journal::{Journal, JournalSpaces};
+use crate::key::{self, Space};
+use crate::memory::MemoryEngine;
+use crate::mesh::Meshes;
+use crate::record::{self, LayoutV1};
+use crate::sled::{SledEngine, SledOptions};
+use crate::table::Table;
+
+/// The layout of keys and records that this version of Palpate writes.
+pub const LAYOUT: u32 = 1;
+
+/// Everything Palpate keeps. Cheap to clone.
+#[derive(Clone)]
+pub struct Database {
+    engine: Arc<dyn Engine>,
+}
+
+/// Why a database could not be opened.
+#[derive(Debug, Error)]
+pub enum DatabaseError {
+    /// The engine could not be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The database was written by a newer Palpate.
+    #[error(
+        "the database has layout {found} (made by {made_by}), this version of Palpate \
+         knows up to {LAYOUT}: use a newer version"
+    )]
+    TooNew {
+        /// Its layout.
+        found: u32,
+        /// Who made it.
+        made_by: String,
+    },
+    /// The database was written by an older Palpate and must be migrated.
+    #[error("the database has layout {found}, this version of Palpate needs {LAYOUT}: migrate it")]
+    TooOld {
+        /// Its layout.
+        found: u32,
+    },
+    /// There is data but no layout number.
+    #[error("the database has data but no layout number: it is damaged or not Palpate's")]
+    NoLayout,
+    /// The layout record is damaged.
+    #[error("the database's layout record is damaged: {source}")]
+    Damaged {
+        /// What is wrong.
+        #[from]
+        source: RecordError,
+    },
+    /// The engine failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}
+
+impl Database {
+    /// Opens the embedded database in `folder`, which is made if it does not exist. Blocks.
+    ///
+    /// # Errors
+    /// [`DatabaseError`] says who holds it, what is damaged, or which version is needed.
+    pub fn open_folder(folder: &Path, options: &SledOptions) -> Result<Self, DatabaseError> {
+        Self::with_engine(Arc::new(SledEngine::open(folder, options)?))
+    }
+
+    /// A database in memory that is gone with the process.
+    ///
+    /// # Panics
+    /// Never: an empty memory engine does not fail.
+    #[must_use]
+    pub fn in_memory() -> Self {
+        Self::with_engine(Arc::new(MemoryEngine::new())).expect("an empty engine does not fail")
+    }
+
+    /// The database of an engine; an empty one is given today's layout number. Blocks.
+    ///
+    /// # Errors
+    /// [`DatabaseError`] unless the engine holds today's layout.
+    pub fn with_engine(engine: Arc<dyn Engine>) -> Result<Self, DatabaseError> {
+        let head = key::space(Space::Layout);
+        if let Some(bytes) = engine.get(&head)? {
+            let LayoutV1 { layout: found, made_by } = record::decode(&bytes)?;
+            return match found {
+                LAYOUT => Ok(Self { engine }),
+                newer if newer > LAYOUT => Err(DatabaseError::TooNew { found, made_by }),
+                _ => Err(DatabaseError::TooOld { found }),
+            };
+        }
+        if !engine.scan(&[], None, 1)?.is_empty() {
+            return Err(DatabaseError::NoLayout);
+        }
+        let made_by = concat!("palpate ", env!("CARGO_PKG_VERSION")).to_owned();
+        let layout = record::encode(&LayoutV1 { layout: LAYOUT, made_by });
+        let commit = Commit::new().expect(head.clone(), Expected::Absent).put(head, layout);
+        match engine.commit(commit).wait() {
+            Ok(()) => Ok(Self { engine }),
+            Err(CommitError::Conflict { .. }) => Self::with_engine(engine),
+            Err(CommitError::Engine(error)) => Err(error.into()),
+        }
+    }
+
+    /// All sensors.
+    #[must_use]
+    pub fn sensors(&self) -> Table<Sensor> {
+        Table::new(Arc::clone(&self.engine))
+    }
+
+    /// All objects. Remove one with [`Database::remove_object`].
+    #[must_use]
+    pub fn objects(&self) -> Table<Object> {
+        Table::new(Arc::clone(&self.engine))
+    }
+
+    /// The meshes of objects.
+    #[must_use]
+    pub fn meshes(&self) -> Meshes {
+        Meshes::new(Arc::clone(&self.engine))
+    }
+
+    /// The training readings of objects, by object id.
+    #[must_use]
+    pub fn training(&self) -> Journal {
+        let spaces = JournalSpaces {
+            head: Space::TrainingHead,
+            entries: Space::Training,
+            robots: Space::TrainingRobot,
+        };
+        Journal::new(Arc::clone(&self.engine), spaces)
+    }
+
+    /// All jobs.
+    #[must_use]
+    pub fn jobs(&self) -> Table<Job> {
+        Table::new(Arc::clone(&self.engine))
+    }
+
+    /// All catalogues.
+    #[must_use]
+    pub fn catalogues(&self) -> Catalogues {
+        Catalogues::new(Arc::clone(&self.engine))
+    }
+
+    /// All sessions. Remove one with [`Database::remove_session`].
+    #[must_use]
+    pub fn sessions(&self) -> Table<Session> {
+        Table::new(Arc::clone(&self.engine))
+    }
+
+    /// The journals of sessions, by session id.
+    #[must_use]
+    pub fn journal(&self) -> Journal {
+        let spaces = JournalSpaces {
+            head: Space::JournalHead,
+            entries: Space::Journal,
+            robots: Space::JournalRobot,
+        };
+        Journal::new(Arc::clone(&self.engine), spaces)
+    }
+
+    /// Removes an object, then its mesh and training readings; `false` when there was none.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub async fn remove_object(&self, id: Uuid) -> Result<bool, StoreError> {
+        let removed = self.objects().remove(id).await?;
+        self.meshes().remove(id).await?;
+        self.training().remove(id).await?;
+        Ok(removed)
+    }
+
+    /// Removes a session, then its journal; `false` when there was none.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub async fn remove_session(&self, id: Uuid) -> Result<bool, StoreError> {
+        let removed = self.sessions().remove(id).await?;
+        self.journal().remove(id).await?;
+        Ok(removed)
+    }
+
+    /// What the engine holds.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn stats(&self) -> Result<EngineStats, EngineError> {
+        self.engine.stats()
+    }
+}

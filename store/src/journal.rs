@@ -1,0 +1,280 @@
+//! Journals: the readings of a session, or of an object in training, in the order they came.
+//!
+//! Entries are numbered from 0 without gaps and never change. An append states the number it
+//! expects to get, so of two writers one is told; a robot's own number is indexed, so a
+//! repeated request is found. One append is one commit: all its entries or none.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+use uuid::Uuid;
+
+use crate::engine::{Commit, Engine, EngineError, Expected};
+use crate::entity::{ReadingId, StoredReading};
+use crate::error::{RecordError, StoreError, conflict};
+use crate::key::{self, Space};
+use crate::pieces;
+use crate::record::{self, JournalHeadV1, JournalRobotV1};
+
+/// No robot's name may be longer, in bytes.
+pub const ROBOT_BYTES_MAX: usize = 64;
+/// How often [`Journal::append_next`] tries again when others append at the same time.
+const APPEND_ATTEMPTS: usize = 64;
+/// An entry's key: space, owner, sequence.
+const ENTRY_KEY_BYTES: usize = 25;
+
+/// What a journal's entry says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A reading came.
+    Reading(StoredReading),
+    /// An earlier reading is withdrawn.
+    Retraction {
+        /// The entry that is withdrawn.
+        seq: u64,
+    },
+    /// The session was closed; nothing follows.
+    Closed,
+}
+
+/// An entry before it has its number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewEntry {
+    /// The robot's own number.
+    pub reading_id: Option<ReadingId>,
+    /// When it came.
+    pub received_at_ms: u64,
+    /// What it says.
+    pub event: Event,
+}
+
+/// An entry of a journal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// Its number, from 0.
+    pub seq: u64,
+    /// The robot's own number.
+    pub reading_id: Option<ReadingId>,
+    /// When it came.
+    pub received_at_ms: u64,
+    /// What it says.
+    pub event: Event,
+}
+
+/// Why entries were not appended.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum AppendError {
+    /// Others have appended in between.
+    #[error("the journal has {found} entries, expected {expected}")]
+    Sequence {
+        /// What the writer expected.
+        expected: u64,
+        /// How many there are.
+        found: u64,
+    },
+    /// The robot's number is in the journal, or twice in this append.
+    #[error("reading {seq} of robot {robot:?} is entry {at} already")]
+    Repeated {
+        /// The robot.
+        robot: String,
+        /// Its number.
+        seq: u64,
+        /// The entry that has it.
+        at: u64,
+    },
+    /// A robot's name is too long.
+    #[error("robot's name has {found} bytes, expected at most {ROBOT_BYTES_MAX}")]
+    RobotLength {
+        /// How long it is.
+        found: usize,
+    },
+    /// The store failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl From<EngineError> for AppendError {
+    fn from(error: EngineError) -> Self {
+        Self::Store(error.into())
+    }
+}
+
+/// The spaces of one family of journals.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JournalSpaces {
+    pub(crate) head: Space,
+    pub(crate) entries: Space,
+    pub(crate) robots: Space,
+}
+
+/// A family of journals, one for each owner.
+#[derive(Clone)]
+pub struct Journal {
+    engine: Arc<dyn Engine>,
+    spaces: JournalSpaces,
+}
+
+impl Journal {
+    pub(crate) fn new(engine: Arc<dyn Engine>, spaces: JournalSpaces) -> Self {
+        Self { engine, spaces }
+    }
+
+    /// How many entries the journal of `owner` has; 0 when it has none.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn len(&self, owner: Uuid) -> Result<u64, StoreError> {
+        let Some(bytes) = self.engine.get(&key::id(self.spaces.head, owner))? else {
+            return Ok(0);
+        };
+        let head: JournalHeadV1 =
+            record::decode(&bytes).map_err(StoreError::damaged(self.spaces.head))?;
+        Ok(head.next)
+    }
+
+    /// Appends entries that become number `expected` and on; durable when it returns.
+    ///
+    /// # Errors
+    /// [`AppendError`]; nothing was written then, unless the engine itself failed.
+    pub async fn append(
+        &self,
+        owner: Uuid,
+        expected: u64,
+        entries: &[NewEntry],
+    ) -> Result<(), AppendError> {
+        let (commit, ids) = self.append_commit(owner, expected, entries)?;
+        match self.engine.commit(commit).await.map_err(conflict) {
+            Ok(()) => Ok(()),
+            Err(Ok(0)) => Err(AppendError::Sequence { expected, found: self.len(owner)? }),
+            Err(Ok(expectation)) => {
+                let id = ids[expectation - 1];
+                let at = self.find(owner, id)?.unwrap_or(expected);
+                Err(AppendError::Repeated { robot: id.robot.clone(), seq: id.seq, at })
+            }
+            Err(Err(error)) => Err(error.into()),
+        }
+    }
+
+    /// Appends entries behind whatever is there and says which number the first one got.
+    ///
+    /// # Errors
+    /// As [`Journal::append`]; [`AppendError::Sequence`] only when others never stop.
+    pub async fn append_next(&self, owner: Uuid, entries: &[NewEntry]) -> Result<u64, AppendError> {
+        let mut expected = self.len(owner)?;
+        for _ in 1..APPEND_ATTEMPTS {
+            match self.append(owner, expected, entries).await {
+                Err(AppendError::Sequence { found, .. }) => expected = found,
+                other => return other.map(|()| expected),
+            }
+        }
+        self.append(owner, expected, entries).await.map(|()| expected)
+    }
+
+    /// The entry that has a robot's own number.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn find(&self, owner: Uuid, id: &ReadingId) -> Result<Option<u64>, StoreError> {
+        if id.robot.len() > ROBOT_BYTES_MAX {
+            return Ok(None);
+        }
+        let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq);
+        let Some(bytes) = self.engine.get(&key)? else { return Ok(None) };
+        let found: JournalRobotV1 =
+            record::decode(&bytes).map_err(StoreError::damaged(self.spaces.robots))?;
+        Ok(Some(found.seq))
+    }
+
+    /// Up to `limit` entries from number `from` on.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`], also when an entry is missing; the engine's.
+    pub fn entries(&self, owner: Uuid, from: u64, limit: usize) -> Result<Vec<Entry>, StoreError> {
+        let space = self.spaces.entries;
+        let length = self.len(owner)?;
+        let wanted = usize::try_from(length.saturating_sub(from)).unwrap_or(usize::MAX).min(limit);
+        let after = from.checked_sub(1).map(|before| {
+            // Behind all pieces of the entry before.
+            let mut key = key::numbered(space, owner, before);
+            key.extend_from_slice(&[0xff; 5]);
+            key
+        });
+        let prefix = key::id(space, owner);
+        let records = pieces::scan(&*self.engine, space, &prefix, ENTRY_KEY_BYTES, after, wanted)?;
+        let damaged = StoreError::damaged(space);
+        let mut entries = Vec::with_capacity(records.len());
+        for (seq, (key, bytes)) in (from..).zip(&records) {
+            if *key != key::numbered(space, owner, seq) {
+                return Err(damaged(RecordError::Entry { seq, length }));
+            }
+            let entry: Entry = record::decode(bytes).map_err(&damaged)?;
+            if entry.seq != seq {
+                return Err(damaged(RecordError::Entry { seq, length }));
+            }
+            entries.push(entry);
+        }
+        if entries.len() < wanted {
+            let seq = from + entries.len() as u64;
+            return Err(damaged(RecordError::Entry { seq, length }));
+        }
+        Ok(entries)
+    }
+
+    /// One entry.
+    ///
+    /// # Errors
+    /// As [`Journal::entries`].
+    pub fn entry(&self, owner: Uuid, seq: u64) -> Result<Option<Entry>, StoreError> {
+        Ok(self.entries(owner, seq, 1)?.pop())
+    }
+
+    /// Removes a whole journal.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn remove(&self, owner: Uuid) -> Result<(), StoreError> {
+        for space in [self.spaces.head, self.spaces.robots, self.spaces.entries] {
+            pieces::remove_all(&*self.engine, &key::id(space, owner)).await?;
+        }
+        Ok(())
+    }
+
+    fn append_commit<'entries>(
+        &self,
+        owner: Uuid,
+        expected: u64,
+        entries: &'entries [NewEntry],
+    ) -> Result<(Commit, Vec<&'entries ReadingId>), AppendError> {
+        let head = key::id(self.spaces.head, owner);
+        let before = match expected {
+            0 => Expected::Absent,
+            next => Expected::Value(record::encode(&JournalHeadV1 { next })),
+        };
+        let next = expected + entries.len() as u64;
+        let mut commit = Commit::new().expect(head.clone(), before);
+        if !entries.is_empty() {
+            commit = commit.put(head, record::encode(&JournalHeadV1 { next }));
+        }
+        let mut ids = Vec::new();
+        for (seq, entry) in (expected..).zip(entries) {
+            let key = key::numbered(self.spaces.entries, owner, seq);
+            let NewEntry { reading_id, received_at_ms, event } = entry.clone();
+            let numbered = Entry { seq, reading_id, received_at_ms, event };
+            commit = pieces::put(commit, &key, &record::encode(&numbered), None);
+            let Some(id) = &entry.reading_id else { continue };
+            if id.robot.len() > ROBOT_BYTES_MAX {
+                return Err(AppendError::RobotLength { found: id.robot.len() });
+            }
+            if let Some(place) = ids.iter().position(|known| *known == id) {
+                let (robot, at) = (id.robot.clone(), expected + place as u64);
+                return Err(AppendError::Repeated { robot, seq: id.seq, at });
+            }
+            let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq);
+            commit = commit
+                .expect(key.clone(), Expected::Absent)
+                .put(key, record::encode(&JournalRobotV1 { seq }));
+            ids.push(id);
+        }
+        Ok((commit, ids))
+    }
+}

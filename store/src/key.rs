@@ -1,0 +1,115 @@
+//! The key layout: which record lies where. Drawn in `docs/formats.md`.
+//!
+//! A key is one letter for its space, then fixed-width big-endian parts, so that keys sort as
+//! their numbers do and a prefix is a question ("all readings of this session"). Only names
+//! and robots are of variable length; both come last or carry their length.
+
+use uuid::Uuid;
+
+/// A space of keys, by its letter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Space {
+    /// The layout number of the whole database.
+    Layout = b'!',
+    /// Sensors by id.
+    Sensor = b's',
+    /// Objects by id.
+    Object = b'o',
+    /// Unique names of sensors, objects and catalogues, to ids.
+    Name = b'n',
+    /// What is known of an object's mesh, by object.
+    Mesh = b'm',
+    /// A mesh's file, by object and upload.
+    MeshFile = b'f',
+    /// How long an object's training journal is.
+    TrainingHead = b'T',
+    /// Training readings, by object and sequence.
+    Training = b't',
+    /// Robots' own numbers of training readings.
+    TrainingRobot = b'u',
+    /// Jobs by id.
+    Job = b'j',
+    /// Sessions by id.
+    Session = b'e',
+    /// How long a session's journal is.
+    JournalHead = b'R',
+    /// Session journals, by session and sequence.
+    Journal = b'r',
+    /// Robots' own numbers of session readings.
+    JournalRobot = b'w',
+    /// Catalogues by id.
+    Catalogue = b'c',
+    /// Manifests of catalogue versions, by catalogue and number.
+    Version = b'v',
+    /// Immutable blocks, by the hash of their content.
+    Block = b'b',
+}
+
+/// The bytes of an id inside a key: the space's letter and 16 bytes.
+pub const ID_KEY_BYTES: usize = 17;
+
+/// All keys of a space.
+#[must_use]
+pub fn space(space: Space) -> Vec<u8> {
+    vec![space as u8]
+}
+
+/// The key of an id, and the prefix of what is kept under it.
+#[must_use]
+pub fn id(space: Space, id: Uuid) -> Vec<u8> {
+    let mut key = Vec::with_capacity(40);
+    key.push(space as u8);
+    key.extend_from_slice(id.as_bytes());
+    key
+}
+
+/// The key of a number under an id.
+#[must_use]
+pub fn numbered(space: Space, owner: Uuid, number: u64) -> Vec<u8> {
+    let mut key = id(space, owner);
+    key.extend_from_slice(&number.to_be_bytes());
+    key
+}
+
+/// The key of an id under an id.
+#[must_use]
+pub fn nested(space: Space, owner: Uuid, inner: Uuid) -> Vec<u8> {
+    let mut key = id(space, owner);
+    key.extend_from_slice(inner.as_bytes());
+    key
+}
+
+/// The key of a content hash.
+#[must_use]
+pub fn hash(space: Space, hash: &[u8; 32]) -> Vec<u8> {
+    let mut key = vec![space as u8];
+    key.extend_from_slice(hash);
+    key
+}
+
+/// The key of a unique name among those of `kind`, the space whose ids it names.
+#[must_use]
+pub fn name(kind: Space, name: &str) -> Vec<u8> {
+    let mut key = vec![Space::Name as u8, kind as u8];
+    key.extend_from_slice(name.as_bytes());
+    key
+}
+
+/// The key of a robot's own number under an id. `robot` has at most 64 bytes.
+#[must_use]
+pub fn robot(space: Space, owner: Uuid, robot: &str, seq: u64) -> Vec<u8> {
+    let mut key = id(space, owner);
+    key.push(u8::try_from(robot.len()).unwrap_or(u8::MAX));
+    key.extend_from_slice(robot.as_bytes());
+    key.extend_from_slice(&seq.to_be_bytes());
+    key
+}
+
+/// The key of the `piece`th piece (from 1) of the value that begins under `head`.
+#[must_use]
+pub fn piece(head: &[u8], piece: u32) -> Vec<u8> {
+    let mut key = head.to_vec();
+    key.extend_from_slice(&piece.to_be_bytes());
+    key
+}

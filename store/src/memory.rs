@@ -1,0 +1,84 @@
+//! An engine in memory, for tests and for trying things out: nothing survives the process.
+
+use std::collections::BTreeMap;
+use std::ops::Bound;
+use std::sync::Mutex;
+
+use crate::engine::{
+    Commit, CommitError, Engine, EngineError, EngineStats, Expected, Pair, Pending,
+};
+
+/// Keys and values in a sorted map under one lock.
+#[derive(Debug, Default)]
+pub struct MemoryEngine {
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    pairs: BTreeMap<Vec<u8>, Vec<u8>>,
+    commits: u64,
+}
+
+impl MemoryEngine {
+    /// An empty engine.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().expect("no code panics while it holds this lock")
+    }
+}
+
+impl Engine for MemoryEngine {
+    fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
+        Ok(self.state().pairs.get(key).cloned())
+    }
+
+    fn scan(
+        &self,
+        prefix: &[u8],
+        after: Option<&[u8]>,
+        limit: usize,
+    ) -> Result<Vec<Pair>, EngineError> {
+        let start = match after {
+            Some(after) if after >= prefix => Bound::Excluded(after),
+            _ => Bound::Included(prefix),
+        };
+        let state = self.state();
+        let pairs = state.pairs.range::<[u8], _>((start, Bound::Unbounded));
+        let within = pairs.take_while(|(key, _)| key.starts_with(prefix)).take(limit);
+        Ok(within.map(|(key, value)| (key.clone(), value.clone())).collect())
+    }
+
+    fn commit(&self, commit: Commit) -> Pending {
+        if let Err(error) = commit.check() {
+            return Pending::ready(Err(error.into()));
+        }
+        let mut state = self.state();
+        let broken = commit.expectations.iter().position(|(key, expected)| match expected {
+            Expected::Absent => state.pairs.contains_key(key),
+            Expected::Value(value) => state.pairs.get(key) != Some(value),
+        });
+        if let Some(expectation) = broken {
+            return Pending::ready(Err(CommitError::Conflict { expectation }));
+        }
+        for (key, value) in commit.writes {
+            match value {
+                Some(value) => state.pairs.insert(key, value),
+                None => state.pairs.remove(&key),
+            };
+        }
+        state.commits += 1;
+        Pending::ready(Ok(()))
+    }
+
+    fn stats(&self) -> Result<EngineStats, EngineError> {
+        let state = self.state();
+        let bytes = state.pairs.iter().map(|(key, value)| key.len() + value.len()).sum::<usize>();
+        let commits = state.commits;
+        Ok(EngineStats { engine: "memory", bytes: bytes as u64, commits, flushes: 0 })
+    }
+}

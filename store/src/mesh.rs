@@ -1,0 +1,168 @@
+//! Objects' meshes: the files as they came, with their format and unit.
+//!
+//! An upload is written under an id of its own, piece by piece; one commit then makes it the
+//! object's mesh, and the file before it is removed. A crash in between leaves the old one.
+
+use std::sync::Arc;
+
+use uuid::Uuid;
+
+use crate::engine::{Commit, Engine, Expected};
+use crate::envelope::{self, Kind};
+use crate::error::{RecordError, StoreError, conflict};
+use crate::key::{self, Space};
+use crate::pieces;
+use crate::record::{self, SCHEMA};
+
+/// The format of a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// STL, binary or text.
+    Stl,
+    /// Wavefront OBJ.
+    Obj,
+    /// PLY, binary or text.
+    Ply,
+    /// Geomview OFF.
+    Off,
+}
+
+/// The unit of a mesh's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshUnit {
+    /// Metres.
+    Metre,
+    /// Millimetres.
+    Millimetre,
+}
+
+/// What is known of a mesh without reading its file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MeshInfo {
+    /// The upload's own id.
+    pub upload: Uuid,
+    /// The file's format.
+    pub format: MeshFormat,
+    /// The unit of its coordinates.
+    pub unit: MeshUnit,
+    /// The file's length in bytes.
+    pub length: u64,
+    /// The blake3 hash of the file.
+    pub hash: [u8; 32],
+    /// When it came.
+    pub uploaded_at_ms: u64,
+}
+
+impl MeshInfo {
+    /// What is known of a file; `upload` must be new.
+    #[must_use]
+    pub fn new(
+        upload: Uuid,
+        format: MeshFormat,
+        unit: MeshUnit,
+        file: &[u8],
+        uploaded_at_ms: u64,
+    ) -> Self {
+        let hash = *blake3::hash(file).as_bytes();
+        Self { upload, format, unit, length: file.len() as u64, hash, uploaded_at_ms }
+    }
+}
+
+/// The meshes of all objects.
+#[derive(Clone)]
+pub struct Meshes {
+    engine: Arc<dyn Engine>,
+}
+
+impl Meshes {
+    pub(crate) fn new(engine: Arc<dyn Engine>) -> Self {
+        Self { engine }
+    }
+
+    /// Makes `file` the mesh of `object`. `info` describes it ([`MeshInfo::new`]).
+    ///
+    /// # Errors
+    /// [`StoreError::Changed`] when another upload for the object won; the engine's.
+    pub async fn put(&self, object: Uuid, info: &MeshInfo, file: &[u8]) -> Result<(), StoreError> {
+        let head = key::id(Space::Mesh, object);
+        let before = self.engine.get(&head)?;
+        let file_key = key::nested(Space::MeshFile, object, info.upload);
+        let sealed = envelope::seal(Kind::MeshFile, SCHEMA, file);
+        pieces::write_large(&*self.engine, &file_key, &sealed).await?;
+        let expected = before.clone().map_or(Expected::Absent, Expected::Value);
+        let commit = Commit::new().expect(head.clone(), expected).put(head, record::encode(info));
+        match self.engine.commit(commit).await.map_err(conflict) {
+            Ok(()) => {}
+            Err(Ok(_)) => {
+                pieces::remove_all(&*self.engine, &file_key).await?;
+                return Err(StoreError::Changed { what: "mesh of object", id: object });
+            }
+            Err(Err(error)) => return Err(error.into()),
+        }
+        if let Some(Ok(before)) = before.map(|bytes| record::decode::<MeshInfo>(&bytes)) {
+            let replaced = key::nested(Space::MeshFile, object, before.upload);
+            pieces::remove_all(&*self.engine, &replaced).await?;
+        }
+        Ok(())
+    }
+
+    /// What is known of an object's mesh, if it has one.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn info(&self, object: Uuid) -> Result<Option<MeshInfo>, StoreError> {
+        let Some(bytes) = self.engine.get(&key::id(Space::Mesh, object))? else {
+            return Ok(None);
+        };
+        record::decode(&bytes).map(Some).map_err(StoreError::damaged(Space::Mesh))
+    }
+
+    /// An object's mesh with its file, whole and checked against its hash.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn get(&self, object: Uuid) -> Result<Option<(MeshInfo, Vec<u8>)>, StoreError> {
+        let Some(info) = self.info(object)? else { return Ok(None) };
+        let damaged = StoreError::damaged(Space::MeshFile);
+        let head = key::nested(Space::MeshFile, object, info.upload);
+        let Some(sealed) = pieces::read(&*self.engine, Space::MeshFile, &head)? else {
+            // Replaced while we looked, or gone.
+            return match self.info(object)? {
+                Some(now) if now.upload != info.upload => self.get(object),
+                Some(_) => Err(damaged(RecordError::Piece { piece: 0 })),
+                None => Ok(None),
+            };
+        };
+        let file = open_raw(Kind::MeshFile, &sealed, &info.hash).map_err(damaged)?;
+        Ok(Some((info, file)))
+    }
+
+    /// Removes an object's mesh.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn remove(&self, object: Uuid) -> Result<(), StoreError> {
+        for space in [Space::Mesh, Space::MeshFile] {
+            pieces::remove_all(&*self.engine, &key::id(space, object)).await?;
+        }
+        Ok(())
+    }
+}
+
+/// The raw payload of a sealed record that is known by its hash.
+pub(crate) fn open_raw(
+    kind: Kind,
+    sealed: &[u8],
+    expected: &[u8; 32],
+) -> Result<Vec<u8>, RecordError> {
+    let opened = envelope::open(kind, sealed)?;
+    if opened.schema != SCHEMA {
+        return Err(RecordError::Schema { found: opened.schema, known: SCHEMA });
+    }
+    let found = blake3::hash(opened.payload);
+    if found.as_bytes() != expected {
+        let expected = blake3::Hash::from_bytes(*expected).to_hex().to_string();
+        return Err(RecordError::Hash { expected, found: found.to_hex().to_string() });
+    }
+    Ok(opened.payload.to_vec())
+}

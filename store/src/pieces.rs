@@ -1,0 +1,167 @@
+//! Values larger than one: a record under its key, and its further pieces behind it.
+//!
+//! The first piece lies under the key and says in its envelope how long the whole is; piece
+//! *n* lies under the key followed by *n* (u32, big-endian), so it sorts behind the first and
+//! before the next key. The envelope's checksum covers all pieces.
+//! Small records are written in one commit. Large immutable ones ([`write_large`]) are
+//! written in many, the first piece last: what has a first piece is whole.
+
+use crate::engine::{Commit, CommitError, Engine, EngineError, Pair, VALUE_BYTES_MAX};
+use crate::envelope;
+use crate::error::{RecordError, StoreError};
+use crate::key::{self, Space};
+
+/// How many pieces one commit of [`write_large`] carries.
+const PIECES_PER_COMMIT: usize = 256;
+/// How many pieces are read at once.
+const PIECES_PER_SCAN: usize = 1024;
+/// How often a record is read again that is being replaced while it is read.
+const READ_ATTEMPTS: usize = 16;
+
+/// How many pieces a record of `bytes` has.
+fn n_pieces(bytes: usize) -> u32 {
+    u32::try_from(bytes.div_ceil(VALUE_BYTES_MAX)).unwrap_or(u32::MAX)
+}
+
+/// Adds to `commit` the writes of a record, and the removal of what a longer one leaves.
+pub(crate) fn put(commit: Commit, head: &[u8], record: &[u8], replaced: Option<&[u8]>) -> Commit {
+    let mut commit = commit;
+    for (piece, bytes) in (0u32..).zip(record.chunks(VALUE_BYTES_MAX)) {
+        let key = if piece == 0 { head.to_vec() } else { key::piece(head, piece) };
+        commit = commit.put(key, bytes.to_vec());
+    }
+    let before = replaced.map_or(0, |bytes| n_pieces(bytes.len()));
+    (n_pieces(record.len())..before)
+        .fold(commit, |commit, piece| commit.remove(key::piece(head, piece)))
+}
+
+/// Adds to `commit` the removal of a record.
+pub(crate) fn remove(commit: Commit, head: &[u8], record: &[u8]) -> Commit {
+    let commit = commit.remove(head.to_vec());
+    (1..n_pieces(record.len())).fold(commit, |commit, piece| commit.remove(key::piece(head, piece)))
+}
+
+/// The first piece of a record, which stands for the whole in an expectation: it holds the
+/// checksum.
+pub(crate) fn first(record: &[u8]) -> Vec<u8> {
+    record[..record.len().min(VALUE_BYTES_MAX)].to_vec()
+}
+
+/// Reads a record with all its pieces; its envelope is not checked yet.
+pub(crate) fn read(
+    engine: &dyn Engine,
+    space: Space,
+    head: &[u8],
+) -> Result<Option<Vec<u8>>, StoreError> {
+    let Some(mut first) = engine.get(head)? else { return Ok(None) };
+    for _ in 0..READ_ATTEMPTS {
+        let whole = complete(engine, space, head, &first);
+        if whole.as_ref().is_ok_and(|whole| whole.len() == first.len()) {
+            return whole.map(Some);
+        }
+        match engine.get(head)? {
+            Some(now) if now == first => return whole.map(Some),
+            Some(now) => first = now,
+            None => return Ok(None),
+        }
+    }
+    Err(StoreError::Damaged { space, source: RecordError::Piece { piece: 0 } })
+}
+
+/// Up to `limit` records whose keys have `prefix`, are `head_bytes` long and greater than
+/// `after`: keys and whole records, in ascending order.
+pub(crate) fn scan(
+    engine: &dyn Engine,
+    space: Space,
+    prefix: &[u8],
+    head_bytes: usize,
+    after: Option<Vec<u8>>,
+    limit: usize,
+) -> Result<Vec<Pair>, StoreError> {
+    let mut found = Vec::new();
+    let mut after = after;
+    while found.len() < limit {
+        let page = engine.scan(
+            prefix,
+            after.as_deref(),
+            (limit - found.len()).clamp(16, PIECES_PER_SCAN),
+        )?;
+        let Some((last, _)) = page.last() else { break };
+        after = Some(last.clone());
+        for (head, value) in page {
+            if head.len() != head_bytes || found.len() == limit {
+                continue;
+            }
+            let fits = envelope::total_bytes(&value).is_ok_and(|total| total == value.len());
+            let record = if fits { Some(value) } else { read(engine, space, &head)? };
+            // A record that is gone now was removed while we looked.
+            found.extend(record.map(|record| (head, record)));
+        }
+    }
+    Ok(found)
+}
+
+/// Writes a large immutable record, its first piece last.
+pub(crate) async fn write_large(
+    engine: &dyn Engine,
+    head: &[u8],
+    record: &[u8],
+) -> Result<(), EngineError> {
+    let (first, rest) = record.split_at(record.len().min(VALUE_BYTES_MAX));
+    let rest: Vec<_> = (1u32..).zip(rest.chunks(VALUE_BYTES_MAX)).collect();
+    for group in rest.chunks(PIECES_PER_COMMIT) {
+        let commit = group.iter().fold(Commit::new(), |commit, (piece, bytes)| {
+            commit.put(key::piece(head, *piece), bytes.to_vec())
+        });
+        commit_unconditionally(engine, commit).await?;
+    }
+    commit_unconditionally(engine, Commit::new().put(head.to_vec(), first.to_vec())).await
+}
+
+/// Removes every key with `prefix`.
+pub(crate) async fn remove_all(engine: &dyn Engine, prefix: &[u8]) -> Result<(), EngineError> {
+    loop {
+        let page = engine.scan(prefix, None, PIECES_PER_COMMIT)?;
+        if page.is_empty() {
+            return Ok(());
+        }
+        let commit = page.into_iter().fold(Commit::new(), |commit, (key, _)| commit.remove(key));
+        commit_unconditionally(engine, commit).await?;
+    }
+}
+
+async fn commit_unconditionally(engine: &dyn Engine, commit: Commit) -> Result<(), EngineError> {
+    match engine.commit(commit).await {
+        Ok(()) => Ok(()),
+        Err(CommitError::Engine(error)) => Err(error),
+        Err(CommitError::Conflict { .. }) => unreachable!("the commit expects nothing"),
+    }
+}
+
+/// The whole record that begins with the piece `first`.
+fn complete(
+    engine: &dyn Engine,
+    space: Space,
+    head: &[u8],
+    first: &[u8],
+) -> Result<Vec<u8>, StoreError> {
+    let damaged = StoreError::damaged(space);
+    let total = envelope::total_bytes(first).map_err(|error| damaged(error.into()))?;
+    let mut whole = first.to_vec();
+    let mut after = head.to_vec();
+    let mut wanted = 1..n_pieces(total);
+    while !wanted.is_empty() {
+        let page = engine.scan(head, Some(&after), wanted.len().min(PIECES_PER_SCAN))?;
+        if page.is_empty() {
+            return Err(damaged(RecordError::Piece { piece: wanted.start }));
+        }
+        for ((key, bytes), piece) in page.into_iter().zip(&mut wanted) {
+            if key != key::piece(head, piece) {
+                return Err(damaged(RecordError::Piece { piece }));
+            }
+            whole.extend_from_slice(&bytes);
+            after = key;
+        }
+    }
+    Ok(whole)
+}

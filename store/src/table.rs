@@ -1,0 +1,266 @@
+//! Things known by id, some also by a unique name: create, get, list, update, remove.
+//!
+//! Every change is one commit with compare-and-swap: names stay unique and no update is lost,
+//! whoever else writes at the same time.
+
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use uuid::Uuid;
+
+use crate::engine::{Commit, Engine, Expected};
+use crate::entity::{Job, Object, Sensor, Session};
+use crate::error::{StoreError, conflict};
+use crate::key::{self, ID_KEY_BYTES, Space};
+use crate::pieces;
+use crate::record::{self, NameV1, Record};
+
+/// How often an update is tried again when others change the same thing.
+const UPDATE_ATTEMPTS: usize = 64;
+
+/// Something a [`Table`] can hold.
+pub trait Entity: Record + Clone + Send + Sync {
+    /// Where its records lie.
+    const SPACE: Space;
+    /// What it is called in messages.
+    const WHAT: &'static str;
+
+    /// Its id.
+    fn id(&self) -> Uuid;
+
+    /// Its name, unique among its kind, if its kind has names.
+    fn name(&self) -> Option<&str>;
+}
+
+/// Some of a table's items, in the order of their ids (which is that of their creation).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Page<T> {
+    /// The items.
+    pub items: Vec<T>,
+    /// Where the next page begins, if there is more.
+    pub next: Option<Uuid>,
+}
+
+/// All things of one kind.
+#[derive(Clone)]
+pub struct Table<T> {
+    engine: Arc<dyn Engine>,
+    kind: PhantomData<fn() -> T>,
+}
+
+impl<T: Entity> Table<T> {
+    pub(crate) fn new(engine: Arc<dyn Engine>) -> Self {
+        Self { engine, kind: PhantomData }
+    }
+
+    /// Stores a new item.
+    ///
+    /// # Errors
+    /// [`StoreError::Exists`] and [`StoreError::NameTaken`]; the engine's.
+    pub async fn create(&self, item: &T) -> Result<(), StoreError> {
+        let head = key::id(T::SPACE, item.id());
+        let mut commit = Commit::new().expect(head.clone(), Expected::Absent);
+        if let Some(name) = item.name() {
+            commit = name_commit::<T>(commit, name, item.id());
+        }
+        commit = pieces::put(commit, &head, &record::encode(item), None);
+        match self.engine.commit(commit).await.map_err(conflict) {
+            Ok(()) => Ok(()),
+            Err(Ok(0)) => Err(StoreError::Exists { what: T::WHAT, id: item.id() }),
+            Err(Ok(_)) => Err(name_taken::<T>(item)),
+            Err(Err(error)) => Err(error.into()),
+        }
+    }
+
+    /// The item of an id, if there is one.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn find(&self, id: Uuid) -> Result<Option<T>, StoreError> {
+        Ok(self.read(id)?.map(|(item, _)| item))
+    }
+
+    /// The item of an id.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`]; otherwise as [`Table::find`].
+    pub fn get(&self, id: Uuid) -> Result<T, StoreError> {
+        self.find(id)?.ok_or(StoreError::NotFound { what: T::WHAT, id })
+    }
+
+    /// The item of a name, if there is one.
+    ///
+    /// # Errors
+    /// As [`Table::find`].
+    pub fn find_by_name(&self, name: &str) -> Result<Option<T>, StoreError> {
+        // No item has such a name, and no key can be so long.
+        if name.len() > NAME_BYTES_MAX {
+            return Ok(None);
+        }
+        let Some(bytes) = self.engine.get(&key::name(T::SPACE, name))? else { return Ok(None) };
+        let named: NameV1 = record::decode(&bytes).map_err(StoreError::damaged(Space::Name))?;
+        self.find(Uuid::from_bytes(named.id))
+    }
+
+    /// Up to `limit` items behind `after` (a page's `next`).
+    ///
+    /// # Errors
+    /// As [`Table::find`].
+    pub fn list(&self, after: Option<Uuid>, limit: usize) -> Result<Page<T>, StoreError> {
+        let prefix = key::space(T::SPACE);
+        let after = after.map(|id| {
+            // Behind all pieces of the item.
+            let mut key = key::id(T::SPACE, id);
+            key.extend_from_slice(&[0xff; 5]);
+            key
+        });
+        let wanted = limit.saturating_add(1);
+        let records = pieces::scan(&*self.engine, T::SPACE, &prefix, ID_KEY_BYTES, after, wanted)?;
+        let decoded: Result<Vec<T>, _> =
+            records.iter().map(|(_, record)| record::decode(record)).collect();
+        let mut items = decoded.map_err(StoreError::damaged(T::SPACE))?;
+        let more = items.len() > limit;
+        items.truncate(limit);
+        Ok(Page { next: items.last().filter(|_| more).map(Entity::id), items })
+    }
+
+    /// All items.
+    ///
+    /// # Errors
+    /// As [`Table::find`].
+    pub fn all(&self) -> Result<Vec<T>, StoreError> {
+        Ok(self.list(None, usize::MAX - 1)?.items)
+    }
+
+    /// Changes an item, however many others change it at the same time: `change` may run
+    /// several times, each time on the newest state. What it refuses is not stored.
+    ///
+    /// # Errors
+    /// Outside: the store's ([`StoreError::NotFound`], [`StoreError::NameTaken`] after a
+    /// rename). Inside: what `change` refused with.
+    pub async fn update<R>(
+        &self,
+        id: Uuid,
+        mut change: impl FnMut(&mut T) -> Result<(), R>,
+    ) -> Result<Result<T, R>, StoreError> {
+        for _ in 0..UPDATE_ATTEMPTS {
+            let found = self.read(id)?;
+            let (before, bytes) = found.ok_or(StoreError::NotFound { what: T::WHAT, id })?;
+            let mut after = before.clone();
+            if let Err(refusal) = change(&mut after) {
+                return Ok(Err(refusal));
+            }
+            let head = key::id(T::SPACE, id);
+            let mut commit =
+                Commit::new().expect(head.clone(), Expected::Value(pieces::first(&bytes)));
+            if let (Some(old), Some(new)) = (before.name(), after.name())
+                && old != new
+            {
+                commit = name_commit::<T>(commit.remove(key::name(T::SPACE, old)), new, id);
+            }
+            commit = pieces::put(commit, &head, &record::encode(&after), Some(&bytes));
+            match self.engine.commit(commit).await.map_err(conflict) {
+                Ok(()) => return Ok(Ok(after)),
+                Err(Ok(0)) => {}
+                Err(Ok(_)) => return Err(name_taken::<T>(&after)),
+                Err(Err(error)) => return Err(error.into()),
+            }
+        }
+        Err(StoreError::Changed { what: T::WHAT, id })
+    }
+
+    /// Removes an item and its name; `false` when there was none.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub async fn remove(&self, id: Uuid) -> Result<bool, StoreError> {
+        for _ in 0..UPDATE_ATTEMPTS {
+            let Some((item, bytes)) = self.read(id)? else { return Ok(false) };
+            let head = key::id(T::SPACE, id);
+            let mut commit =
+                Commit::new().expect(head.clone(), Expected::Value(pieces::first(&bytes)));
+            if let Some(name) = item.name() {
+                commit = commit.remove(key::name(T::SPACE, name));
+            }
+            match self.engine.commit(pieces::remove(commit, &head, &bytes)).await.map_err(conflict)
+            {
+                Ok(()) => return Ok(true),
+                Err(Ok(_)) => {}
+                Err(Err(error)) => return Err(error.into()),
+            }
+        }
+        Err(StoreError::Changed { what: T::WHAT, id })
+    }
+
+    fn read(&self, id: Uuid) -> Result<Option<(T, Vec<u8>)>, StoreError> {
+        let head = key::id(T::SPACE, id);
+        let Some(bytes) = pieces::read(&*self.engine, T::SPACE, &head)? else { return Ok(None) };
+        let item = record::decode(&bytes).map_err(StoreError::damaged(T::SPACE))?;
+        Ok(Some((item, bytes)))
+    }
+}
+
+/// No name may be longer, in bytes.
+pub const NAME_BYTES_MAX: usize = 200;
+
+fn name_commit<T: Entity>(commit: Commit, name: &str, id: Uuid) -> Commit {
+    let key = key::name(T::SPACE, name);
+    let named = record::encode(&NameV1 { id: id.into_bytes() });
+    commit.expect(key.clone(), Expected::Absent).put(key, named)
+}
+
+fn name_taken<T: Entity>(item: &T) -> StoreError {
+    StoreError::NameTaken { what: T::WHAT, name: item.name().unwrap_or_default().to_owned() }
+}
+
+impl Entity for Sensor {
+    const SPACE: Space = Space::Sensor;
+    const WHAT: &'static str = "sensor";
+
+    fn id(&self) -> Uuid {
+        self.id
+    }
+
+    fn name(&self) -> Option<&str> {
+        Some(&self.name)
+    }
+}
+
+impl Entity for Object {
+    const SPACE: Space = Space::Object;
+    const WHAT: &'static str = "object";
+
+    fn id(&self) -> Uuid {
+        self.id
+    }
+
+    fn name(&self) -> Option<&str> {
+        Some(&self.name)
+    }
+}
+
+impl Entity for Job {
+    const SPACE: Space = Space::Job;
+    const WHAT: &'static str = "job";
+
+    fn id(&self) -> Uuid {
+        self.id
+    }
+
+    fn name(&self) -> Option<&str> {
+        None
+    }
+}
+
+impl Entity for Session {
+    const SPACE: Space = Space::Session;
+    const WHAT: &'static str = "session";
+
+    fn id(&self) -> Uuid {
+        self.id
+    }
+
+    fn name(&self) -> Option<&str> {
+        None
+    }
+}

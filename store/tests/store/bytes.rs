@@ -1,0 +1,160 @@
+//! The stored bytes are a contract: frozen examples of each record, and round trips.
+//!
+//! `golden/records_v1.txt` was written by this test's `current` on layout 1 and is never
+//! changed: what it holds must be readable for ever. A new schema adds a file.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use palpate_core::pose::Pose;
+use palpate_store::catalogue::{BlockEntry, Manifest, VersionObject};
+use palpate_store::database::Database;
+use palpate_store::engine::{Commit, Engine};
+use palpate_store::entity::{Object, ReadingId, StoredReading};
+use palpate_store::journal::{Entry, Event};
+use palpate_store::memory::MemoryEngine;
+use palpate_store::record::{decode, encode};
+use proptest::prelude::*;
+use uuid::Uuid;
+
+use crate::samples;
+
+const GOLDEN: &str = include_str!("golden/records_v1.txt");
+
+/// Every key and value of a filled database, a line each in hexadecimal; values above 500
+/// bytes (pieces of files) by their hash.
+fn current() -> String {
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    samples::fill(&Database::with_engine(Arc::clone(&engine)).unwrap());
+    let mut text = String::new();
+    // The layout record, the first, also says which Palpate made it.
+    for (key, value) in engine.scan(b"", Some(b"!"), 1000).unwrap() {
+        let value = match value.len() {
+            0..=500 => hex(&value),
+            long => format!("{long} bytes, blake3 {}", blake3::hash(&value).to_hex()),
+        };
+        writeln!(text, "{} {value}", hex(&key)).unwrap();
+    }
+    text
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        write!(text, "{byte:02x}").unwrap();
+        text
+    })
+}
+
+fn unhex(text: &str) -> Vec<u8> {
+    let digits = |place| u8::from_str_radix(&text[place..place + 2], 16).unwrap();
+    (0..text.len()).step_by(2).map(digits).collect()
+}
+
+#[test]
+fn todays_bytes_are_the_frozen_bytes() {
+    let current = current();
+    for (now, frozen) in current.lines().zip(GOLDEN.lines()) {
+        assert_eq!(now, frozen);
+    }
+    assert_eq!(current.lines().count(), GOLDEN.lines().count(), "\n{current}");
+}
+
+#[test]
+fn frozen_bytes_are_read() {
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    Database::with_engine(Arc::clone(&engine)).unwrap();
+    for line in GOLDEN.lines() {
+        let (key, value) = line.split_once(' ').unwrap();
+        // Files' pieces are frozen by their hashes only.
+        if !value.contains("bytes") {
+            engine.commit(Commit::new().put(unhex(key), unhex(value))).wait().unwrap();
+        }
+    }
+    let database = Database::with_engine(engine).unwrap();
+    assert_eq!(database.sensors().all().unwrap(), [samples::sensor(10)]);
+    assert_eq!(database.objects().all().unwrap(), [samples::object(20)]);
+    assert_eq!(database.jobs().all().unwrap(), [samples::job(40)]);
+    assert_eq!(database.sessions().all().unwrap(), [samples::session(50)]);
+    let journal = database.journal().entries(Uuid::from_u128(50), 0, 10).unwrap();
+    assert_eq!(journal[0].event, Event::Reading(samples::reading(36)));
+    assert_eq!(database.catalogues().get(Uuid::from_u128(70)).unwrap().current, Some(1));
+    assert_eq!(database.catalogues().manifest(Uuid::from_u128(70), 1).unwrap().blocks.len(), 2);
+}
+
+fn reading() -> impl Strategy<Value = StoredReading> {
+    let pressures = prop::collection::vec(prop::option::of(-1e8..1e8_f64), 0..60);
+    let angles = (0.0..6.0_f64, -1.0..1.0_f64);
+    (any::<u128>(), pressures, angles, any::<Option<i64>>()).prop_map(
+        |(sensor, pressures, (angle, x), stamp_ns)| StoredReading {
+            sensor: Uuid::from_u128(sensor),
+            session_from_sensor: Pose::new([x, -x, 2.0 * x], [0.0, angle.sin(), 0.0, angle.cos()])
+                .unwrap(),
+            pressures,
+            stamp_ns,
+        },
+    )
+}
+
+fn entry() -> impl Strategy<Value = Entry> {
+    let event = prop_oneof![
+        reading().prop_map(Event::Reading),
+        any::<u64>().prop_map(|seq| Event::Retraction { seq }),
+        Just(Event::Closed),
+    ];
+    (prop::option::of(("\\PC{0,16}", any::<u64>())), any::<u64>(), event).prop_map(
+        |(id, received_at_ms, event)| Entry {
+            seq: received_at_ms / 2,
+            reading_id: id.map(|(robot, seq)| ReadingId { robot, seq }),
+            received_at_ms,
+            event,
+        },
+    )
+}
+
+fn manifest() -> impl Strategy<Value = Manifest> {
+    let objects = prop::collection::vec((any::<u128>(), "\\PC{0,20}"), 0..5);
+    let blocks = prop::collection::vec(("[a-z.]{1,20}", any::<[u8; 32]>(), any::<u64>()), 0..5);
+    (any::<u128>(), any::<u32>(), any::<Option<u128>>(), objects, blocks, any::<u64>()).prop_map(
+        |(catalogue, version, job, objects, blocks, created_at_ms)| Manifest {
+            catalogue: Uuid::from_u128(catalogue),
+            version,
+            job: job.map(Uuid::from_u128),
+            parameters: String::new(),
+            objects: objects
+                .into_iter()
+                .map(|(id, name)| VersionObject { id: Uuid::from_u128(id), name })
+                .collect(),
+            blocks: blocks
+                .into_iter()
+                .map(|(name, hash, length)| BlockEntry { name, hash, length })
+                .collect(),
+            created_at_ms,
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn entries_come_back_bit_by_bit(entry in entry()) {
+        prop_assert_eq!(decode::<Entry>(&encode(&entry)).unwrap(), entry);
+    }
+
+    #[test]
+    fn manifests_come_back(manifest in manifest()) {
+        prop_assert_eq!(decode::<Manifest>(&encode(&manifest)).unwrap(), manifest);
+    }
+
+    #[test]
+    fn objects_come_back(name in "\\PC{0,40}", description in "\\PC{0,400}", at in any::<u64>()) {
+        let object = Object { name, description, created_at_ms: at, ..samples::object(9) };
+        prop_assert_eq!(decode::<Object>(&encode(&object)).unwrap(), object);
+    }
+
+    #[test]
+    fn any_bytes_are_refused_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        prop_assert!(decode::<Object>(&bytes).is_err());
+        let sealed = palpate_store::envelope::seal(
+            palpate_store::envelope::Kind::JournalEntry, 1, &bytes);
+        let _ = decode::<Entry>(&sealed);
+    }
+}

@@ -1,0 +1,203 @@
+//! The laws of an engine, the same for every engine, and what only sled must show.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use palpate_store::database::{Database, DatabaseError};
+use palpate_store::engine::{
+    Commit, CommitError, Engine, EngineError, Expected, OpenError, VALUE_BYTES_MAX,
+};
+use palpate_store::memory::MemoryEngine;
+use palpate_store::sled::{SledEngine, SledOptions};
+use tempfile::TempDir;
+
+use crate::samples;
+
+pub(crate) fn open(folder: &TempDir) -> SledEngine {
+    SledEngine::open(folder.path(), &SledOptions::default()).unwrap()
+}
+
+/// Runs a law on every engine.
+fn check(law: impl Fn(&dyn Engine)) {
+    law(&MemoryEngine::new());
+    let folder = TempDir::new().unwrap();
+    law(&open(&folder));
+}
+
+fn put(key: &str, value: &str) -> Commit {
+    Commit::new().put(key.into(), value.into())
+}
+
+#[test]
+fn a_commit_is_seen_whole() {
+    check(|engine| {
+        engine.commit(put("a", "1").put(b"b".to_vec(), b"2".to_vec())).wait().unwrap();
+        assert_eq!(engine.get(b"a").unwrap().as_deref(), Some(&b"1"[..]));
+        assert_eq!(engine.get(b"b").unwrap().as_deref(), Some(&b"2"[..]));
+        engine.commit(put("a", "3").remove(b"b".to_vec()).remove(b"c".to_vec())).wait().unwrap();
+        assert_eq!(engine.get(b"a").unwrap().as_deref(), Some(&b"3"[..]));
+        assert_eq!(engine.get(b"b").unwrap(), None);
+    });
+}
+
+#[test]
+fn a_commit_whose_expectation_does_not_hold_writes_nothing() {
+    check(|engine| {
+        engine.commit(put("a", "1")).wait().unwrap();
+        let commit = put("b", "2")
+            .expect(b"a".to_vec(), Expected::Value(b"1".to_vec()))
+            .expect(b"a".to_vec(), Expected::Absent);
+        assert_eq!(engine.commit(commit).wait(), Err(CommitError::Conflict { expectation: 1 }));
+        let commit = put("b", "2").expect(b"z".to_vec(), Expected::Value(Vec::new()));
+        assert_eq!(engine.commit(commit).wait(), Err(CommitError::Conflict { expectation: 0 }));
+        assert_eq!(engine.get(b"b").unwrap(), None);
+    });
+}
+
+#[test]
+fn expectations_see_all_earlier_commits_of_the_same_thread() {
+    check(|engine| {
+        let first = engine.commit(put("a", "1").expect(b"a".to_vec(), Expected::Absent));
+        let second = engine.commit(put("a", "2").expect(b"a".to_vec(), Expected::Absent));
+        assert_eq!(second.wait(), Err(CommitError::Conflict { expectation: 0 }));
+        assert_eq!(first.wait(), Ok(()));
+        assert_eq!(engine.get(b"a").unwrap().as_deref(), Some(&b"1"[..]));
+    });
+}
+
+#[test]
+fn a_scan_is_in_order_within_its_prefix_and_behind_its_start() {
+    check(|engine| {
+        let commit = ["a/3", "b/1", "a/1", "a", "a/2", "A"]
+            .iter()
+            .fold(Commit::new(), |commit, key| commit.put((*key).into(), Vec::new()));
+        engine.commit(commit).wait().unwrap();
+        let scan = |after: Option<&[u8]>, limit| -> Vec<String> {
+            let pairs = engine.scan(b"a/", after, limit).unwrap();
+            pairs.into_iter().map(|(key, _)| String::from_utf8(key).unwrap()).collect()
+        };
+        assert_eq!(scan(None, 10), ["a/1", "a/2", "a/3"]);
+        assert_eq!(scan(None, 2), ["a/1", "a/2"]);
+        assert_eq!(scan(Some(b"a/1"), 10), ["a/2", "a/3"]);
+        assert_eq!(scan(Some(b"a/1zzz"), 10), ["a/2", "a/3"]);
+        assert_eq!(scan(Some(b"A"), 1), ["a/1"]);
+        assert_eq!(scan(Some(b"b"), 10), Vec::<String>::new());
+        assert_eq!(engine.scan(b"", None, 99).unwrap().len(), 6);
+    });
+}
+
+#[test]
+fn what_is_out_of_bounds_is_refused() {
+    check(|engine| {
+        let large = Commit::new().put(b"a".to_vec(), vec![0; VALUE_BYTES_MAX + 1]);
+        let error = EngineError::ValueTooLarge { found: VALUE_BYTES_MAX + 1 };
+        assert_eq!(engine.commit(large).wait(), Err(error.into()));
+        let nameless = Commit::new().put(Vec::new(), Vec::new());
+        let error = EngineError::KeyLength { found: 0 };
+        assert_eq!(engine.commit(nameless).wait(), Err(error.into()));
+        let largest = Commit::new().put(b"a".to_vec(), vec![0; VALUE_BYTES_MAX]);
+        assert_eq!(engine.commit(largest).wait(), Ok(()));
+    });
+}
+
+#[test]
+fn of_many_who_want_the_same_key_one_gets_it() {
+    check(|engine| {
+        let winners = AtomicU64::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    let commit = put("a", "mine").expect(b"a".to_vec(), Expected::Absent);
+                    if engine.commit(commit).wait().is_ok() {
+                        winners.fetch_add(1, Ordering::Relaxed);
+                    }
+                });
+            }
+        });
+        assert_eq!(winners.into_inner(), 1);
+    });
+}
+
+#[test]
+fn thirty_two_writers_share_flushes() {
+    let folder = TempDir::new().unwrap();
+    let engine = open(&folder);
+    let (writers, each) = (32, 250);
+    let begun = Instant::now();
+    std::thread::scope(|scope| {
+        for writer in 0..writers {
+            let engine = &engine;
+            scope.spawn(move || {
+                for number in 0..each {
+                    let key = format!("{writer}/{number}");
+                    engine.commit(Commit::new().put(key.into(), vec![7; 400])).wait().unwrap();
+                }
+            });
+        }
+    });
+    let per_second = f64::from(writers * each) / begun.elapsed().as_secs_f64();
+    let stats = engine.stats().unwrap();
+    println!("{per_second:.0} acknowledged writes a second, {} flushes", stats.flushes);
+    assert_eq!(stats.commits, 8000);
+    assert!(stats.flushes < stats.commits / 2, "{stats:?}");
+    assert_eq!(engine.scan(b"", None, 9000).unwrap().len(), 8000);
+}
+
+#[test]
+fn everything_is_there_after_a_restart_and_no_value_left_the_log() {
+    let folder = TempDir::new().unwrap();
+    {
+        let database = Database::with_engine(Arc::new(open(&folder))).unwrap();
+        samples::fill(&database);
+        // A mesh of 3 MB and its replacement, the worst case for sled's blob files.
+        for upload in [31, 32] {
+            let file = samples::mesh_file(3_000_000 + upload as usize);
+            let info = samples::mesh_info(upload, &file);
+            let object = uuid::Uuid::from_u128(21);
+            samples::wait(database.meshes().put(object, &info, &file)).unwrap();
+        }
+    }
+    let database = Database::with_engine(Arc::new(open(&folder))).unwrap();
+    assert_eq!(samples::read_all(&database), Ok(()));
+    let blobs = std::fs::read_dir(folder.path().join("sled/blobs")).unwrap().count();
+    assert_eq!(blobs, 0, "sled wrote values into files of their own");
+}
+
+#[test]
+fn a_second_opener_is_refused_and_told_why() {
+    let folder = TempDir::new().unwrap();
+    let engine = open(&folder);
+    let error = SledEngine::open(folder.path(), &SledOptions::default()).unwrap_err();
+    assert!(matches!(error, OpenError::InUse { .. }), "{error}");
+    assert!(error.to_string().contains("in use by another process"), "{error}");
+    drop(engine);
+    open(&folder);
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let error = SledEngine::open(&file, &SledOptions::default()).unwrap_err();
+    assert!(matches!(&error, OpenError::Io { path, .. } if *path == file), "{error}");
+}
+
+#[test]
+fn a_layout_that_is_newer_or_missing_is_refused() {
+    let newer: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    Database::with_engine(Arc::clone(&newer)).unwrap();
+    // The layout number is the first of the payload, behind 20 bytes of envelope.
+    let mut layout = newer.get(b"!").unwrap().unwrap();
+    let payload = [&2u32.to_le_bytes()[..], &layout[24..]].concat();
+    layout = palpate_store::envelope::seal(palpate_store::envelope::Kind::Layout, 1, &payload);
+    newer.commit(Commit::new().put(b"!".to_vec(), layout)).wait().unwrap();
+    let error = Database::with_engine(newer).err().unwrap();
+    assert!(matches!(error, DatabaseError::TooNew { found: 2, .. }), "{error}");
+    assert!(error.to_string().contains("use a newer version"), "{error}");
+
+    let stranger: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    stranger.commit(put("x", "y")).wait().unwrap();
+    assert!(matches!(Database::with_engine(stranger), Err(DatabaseError::NoLayout)));
+}

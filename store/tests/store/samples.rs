@@ -1,0 +1,176 @@
+//! Values to store, each field different from every other.
+
+use palpate_core::pose::Pose;
+use palpate_core::sensor::SensorDescription;
+use palpate_store::catalogue::{Catalogue, Draft, VersionObject};
+use palpate_store::database::Database;
+use palpate_store::entity::{
+    Job, JobState, Method, Object, ReadingId, Sensor, Session, StoredReading,
+};
+use palpate_store::error::StoreError;
+use palpate_store::journal::{Event, NewEntry};
+use palpate_store::mesh::{MeshFormat, MeshInfo, MeshUnit};
+use uuid::Uuid;
+
+pub(crate) fn wait<T>(future: impl Future<Output = T>) -> T {
+    futures::executor::block_on(future)
+}
+
+pub(crate) fn sensor(id: u128) -> Sensor {
+    Sensor {
+        id: Uuid::from_u128(id),
+        name: format!("sensor-{id}"),
+        preset: Some("digitacts-6x6".to_owned()),
+        description: SensorDescription::digitacts_6x6(),
+        used: true,
+        created_at_ms: 1_700_000_000_001,
+    }
+}
+
+pub(crate) fn object(id: u128) -> Object {
+    Object {
+        id: Uuid::from_u128(id),
+        name: format!("object-{id}"),
+        description: "a mug, Größe 80 mm".to_owned(),
+        revision: 3,
+        created_at_ms: 1_700_000_000_002,
+        updated_at_ms: 1_700_000_000_003,
+    }
+}
+
+pub(crate) fn job(id: u128) -> Job {
+    Job {
+        id: Uuid::from_u128(id),
+        catalogue: "default".to_owned(),
+        request: r#"{"seed":7}"#.to_owned(),
+        state: JobState::Running,
+        stage: "patches".to_owned(),
+        done: 4,
+        total: 10,
+        cancel_requested: true,
+        version: Some(2),
+        error: Some("none yet".to_owned()),
+        created_at_ms: 1_700_000_000_004,
+        started_at_ms: Some(1_700_000_000_005),
+        finished_at_ms: None,
+    }
+}
+
+pub(crate) fn session(id: u128) -> Session {
+    Session {
+        id: Uuid::from_u128(id),
+        catalogue: Uuid::from_u128(70),
+        version: 5,
+        method: Method::Geometric,
+        sensors: vec![Uuid::from_u128(10), Uuid::from_u128(11)],
+        frame_id: "base_link".to_owned(),
+        prior: vec![(Uuid::from_u128(20), 0.25), (Uuid::from_u128(21), 0.75)],
+        object_may_move: true,
+        seed: 99,
+        time_to_live_ms: 3_600_000,
+        options: "{}".to_owned(),
+        created_at_ms: 1_700_000_000_006,
+        closed_at_ms: Some(1_700_000_000_007),
+    }
+}
+
+pub(crate) fn reading(n_taxels: usize) -> StoredReading {
+    let pressures = (0..n_taxels).map(|taxel| Some(taxel as f64 * 100.0).filter(|_| taxel != 3));
+    let half = std::f64::consts::FRAC_PI_8;
+    StoredReading {
+        sensor: Uuid::from_u128(10),
+        session_from_sensor: Pose::new([0.1, -0.2, 0.3], [0.0, half.sin(), 0.0, half.cos()])
+            .unwrap(),
+        pressures: pressures.collect(),
+        stamp_ns: Some(-5),
+    }
+}
+
+pub(crate) fn entry(robot: &str, seq: u64) -> NewEntry {
+    NewEntry {
+        reading_id: Some(ReadingId { robot: robot.to_owned(), seq }),
+        received_at_ms: 1_700_000_000_008,
+        event: Event::Reading(reading(36)),
+    }
+}
+
+pub(crate) fn mesh_file(bytes: usize) -> Vec<u8> {
+    (0..bytes).map(|place| (place * 31 + place / 256) as u8).collect()
+}
+
+pub(crate) fn mesh_info(upload: u128, file: &[u8]) -> MeshInfo {
+    let upload = Uuid::from_u128(upload);
+    MeshInfo::new(upload, MeshFormat::Ply, MeshUnit::Millimetre, file, 1_700_000_000_009)
+}
+
+pub(crate) fn catalogue(id: u128) -> Catalogue {
+    Catalogue::new(Uuid::from_u128(id), format!("catalogue-{id}"), 1_700_000_000_010)
+}
+
+pub(crate) fn draft(blocks: &[(&str, usize)]) -> Draft {
+    let block = |(name, bytes): &(&str, usize)| ((*name).to_owned(), mesh_file(*bytes));
+    Draft {
+        job: Some(Uuid::from_u128(40)),
+        parameters: r#"{"readings":1000}"#.to_owned(),
+        objects: vec![VersionObject { id: Uuid::from_u128(20), name: "mug".to_owned() }],
+        blocks: blocks.iter().map(block).collect(),
+        created_at_ms: 1_700_000_000_011,
+    }
+}
+
+/// A database with one of everything.
+pub(crate) fn fill(database: &Database) {
+    let file = mesh_file(10_000);
+    wait(async {
+        database.sensors().create(&sensor(10)).await?;
+        database.objects().create(&object(20)).await?;
+        database.meshes().put(Uuid::from_u128(20), &mesh_info(30, &file), &file).await?;
+        database.training().append_next(Uuid::from_u128(20), &[entry("a", 1)]).await.unwrap();
+        database.jobs().create(&job(40)).await?;
+        database.sessions().create(&session(50)).await?;
+        let entries = [entry("a", 1), entry("b", 1)];
+        database.journal().append(Uuid::from_u128(50), 0, &entries).await.unwrap();
+        let catalogues = database.catalogues();
+        catalogues.create(&catalogue(70)).await?;
+        let draft = draft(&[("postings", 9_000), ("report", 100)]);
+        let manifest = catalogues.publish(Uuid::from_u128(70), draft).await?;
+        catalogues.switch(manifest.catalogue, manifest.version, None, 12).await?;
+        Ok::<(), StoreError>(())
+    })
+    .unwrap();
+}
+
+/// Reads everything that [`fill`] wrote and says what is wrong.
+pub(crate) fn read_all(database: &Database) -> Result<(), String> {
+    let text = |error: StoreError| error.to_string();
+    let same = |what: &str, same: bool| if same { Ok(()) } else { Err(what.to_owned()) };
+    same("sensors", database.sensors().all().map_err(text)? == [sensor(10)])?;
+    same("objects", database.objects().all().map_err(text)? == [object(20)])?;
+    let named = database.objects().find_by_name("object-20").map_err(text)?;
+    same("names", named == Some(object(20)))?;
+    let named = database.sensors().find_by_name("sensor-10").map_err(text)?;
+    same("names", named == Some(sensor(10)))?;
+    let mesh = database.meshes().get(Uuid::from_u128(20)).map_err(text)?;
+    same("mesh", mesh.is_some_and(|(_, file)| file == mesh_file(10_000)))?;
+    for (journal, owner, expected) in [
+        (database.training(), 20, vec![entry("a", 1)]),
+        (database.journal(), 50, vec![entry("a", 1), entry("b", 1)]),
+    ] {
+        let owner = Uuid::from_u128(owner);
+        let found = journal.entries(owner, 0, 10).map_err(text)?;
+        let events: Vec<_> = found.into_iter().map(|entry| entry.event).collect();
+        same("journal", events == vec![Event::Reading(reading(36)); expected.len()])?;
+        for (seq, entry) in (0..).zip(&expected) {
+            let id = entry.reading_id.as_ref().unwrap();
+            same("robots", journal.find(owner, id).map_err(text)? == Some(seq))?;
+        }
+    }
+    same("jobs", database.jobs().all().map_err(text)? == [job(40)])?;
+    same("sessions", database.sessions().all().map_err(text)? == [session(50)])?;
+    let catalogues = database.catalogues();
+    let found = catalogues.find_by_name("catalogue-70").map_err(text)?.ok_or("no catalogue")?;
+    let version = found.current.ok_or("no current version")?;
+    let manifest = catalogues.manifest(found.id, version).map_err(text)?;
+    let blocks = catalogues.blocks(&manifest).map_err(text)?;
+    same("blocks", blocks == draft(&[("postings", 9_000), ("report", 100)]).blocks)
+}
