@@ -83,11 +83,11 @@ impl Default for SvaOptions {
             bin_pose: BinPose::Mean,
             rule: ProductRule::Floored { floor: 0.05 },
             pair_weight: PairWeight::Once,
-            normal_tolerance: Some(0.3),
+            normal_tolerance: Some(0.25),
             sigma_init: 0.1,
             turn_step: 0.25,
             partners_max: 24,
-            bins_max: 50_000,
+            bins_max: 4_000,
         }
     }
 }
