@@ -16,21 +16,21 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 /// A running server and its folder.
-pub struct Harness {
-    pub server: Server,
-    pub client: reqwest::Client,
+pub(crate) struct Harness {
+    pub(crate) server: Server,
+    pub(crate) client: reqwest::Client,
     folder: TempDir,
 }
 
 /// An answer, read to its end.
 #[derive(Debug)]
-pub struct Answer {
-    pub status: StatusCode,
-    pub headers: reqwest::header::HeaderMap,
-    pub text: String,
+pub(crate) struct Answer {
+    pub(crate) status: StatusCode,
+    pub(crate) headers: reqwest::header::HeaderMap,
+    pub(crate) text: String,
 }
 
-pub fn config(folder: &Path) -> Config {
+pub(crate) fn config(folder: &Path) -> Config {
     let listen = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     Config { listen, ..Config::new(folder) }
 }
@@ -42,11 +42,11 @@ fn client() -> reqwest::Client {
 }
 
 impl Harness {
-    pub async fn start() -> Self {
+    pub(crate) async fn start() -> Self {
         Self::start_with(|_| {}).await
     }
 
-    pub async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
+    pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let folder = TempDir::new().unwrap();
         let mut config = config(folder.path());
         change(&mut config);
@@ -54,17 +54,22 @@ impl Harness {
         Self { server, client: client(), folder }
     }
 
-    pub async fn restart(self) -> Self {
+    pub(crate) async fn restart(self) -> Self {
         self.server.shutdown().await;
         let server = Server::start(config(self.folder.path())).await.unwrap();
         Self { server, ..self }
     }
 
-    pub fn url(&self, path: &str) -> String {
+    pub(crate) fn url(&self, path: &str) -> String {
         format!("http://{}{path}", self.server.local_addr())
     }
 
-    pub async fn send(&self, method: Method, path: &str, body: Option<(&str, Vec<u8>)>) -> Answer {
+    pub(crate) async fn send(
+        &self,
+        method: Method,
+        path: &str,
+        body: Option<(&str, Vec<u8>)>,
+    ) -> Answer {
         let mut request = self.client.request(method, self.url(path));
         if let Some((content_type, bytes)) = body {
             request = request.header("content-type", content_type).body(bytes);
@@ -72,22 +77,22 @@ impl Harness {
         read(request.send().await.unwrap()).await
     }
 
-    pub async fn get(&self, path: &str) -> Answer {
+    pub(crate) async fn get(&self, path: &str) -> Answer {
         self.send(Method::GET, path, None).await
     }
 
-    pub async fn post(&self, path: &str, body: &Value) -> Answer {
+    pub(crate) async fn post(&self, path: &str, body: &Value) -> Answer {
         let bytes = body.to_string().into_bytes();
         self.send(Method::POST, path, Some(("application/json", bytes))).await
     }
 
-    pub async fn put_mesh(&self, object: &str, mesh: &str) -> Answer {
+    pub(crate) async fn put_mesh(&self, object: &str, mesh: &str) -> Answer {
         let path = format!("/v1/objects/{object}/mesh?unit=mm");
         self.send(Method::PUT, &path, Some(("model/off", mesh.into()))).await
     }
 
     /// Adds a cube and a bar and trains them.
-    pub async fn train(&self) -> Value {
+    pub(crate) async fn train(&self) -> Value {
         for (name, size) in [("cube", CUBE), ("bar", BAR)] {
             self.post("/v1/objects", &json!({"name": name})).await.expect(201);
             self.put_mesh(name, &off_box(size)).await.expect(200);
@@ -101,32 +106,32 @@ impl Harness {
     }
 
     /// Follows a job's events until it is finished.
-    pub async fn finished(&self, job: &str) -> Value {
+    pub(crate) async fn finished(&self, job: &str) -> Value {
         let events = self.get(&format!("/v1/jobs/{job}/events")).await;
         let last = events.text.lines().rev().find_map(|line| line.strip_prefix("data: "));
         serde_json::from_str(last.unwrap()).unwrap()
     }
 
-    pub async fn session(&self, request: Value) -> String {
+    pub(crate) async fn session(&self, request: Value) -> String {
         let session = self.post("/v1/sessions", &request).await.expect(201);
         session["id"].as_str().unwrap().to_owned()
     }
 }
 
 impl Answer {
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         serde_json::from_str(&self.text).unwrap_or_else(|_| panic!("not JSON: {self:?}"))
     }
 
     #[track_caller]
-    pub fn expect(&self, status: u16) -> Value {
+    pub(crate) fn expect(&self, status: u16) -> Value {
         assert_eq!(self.status.as_u16(), status, "{self:?}");
         if self.text.is_empty() { Value::Null } else { self.json() }
     }
 
     /// A problem of the right status and type that names the field.
     #[track_caller]
-    pub fn problem(&self, status: u16, kind: &str, pointer: Option<&str>) -> Value {
+    pub(crate) fn problem(&self, status: u16, kind: &str, pointer: Option<&str>) -> Value {
         let problem = self.expect(status);
         assert_eq!(self.headers["content-type"], "application/problem+json");
         assert_eq!(problem["status"], status);
@@ -147,11 +152,11 @@ async fn read(response: reqwest::Response) -> Answer {
 }
 
 /// Edges in millimetres.
-pub const CUBE: [f64; 3] = [40.0, 40.0, 40.0];
-pub const BAR: [f64; 3] = [80.0, 20.0, 20.0];
+pub(crate) const CUBE: [f64; 3] = [40.0, 40.0, 40.0];
+pub(crate) const BAR: [f64; 3] = [80.0, 20.0, 20.0];
 
 /// A box as an OFF file.
-pub fn off_box([x, y, z]: [f64; 3]) -> String {
+pub(crate) fn off_box([x, y, z]: [f64; 3]) -> String {
     let mut file = String::from("OFF\n8 6 0\n");
     for corner in 0..8 {
         let at = |bit: usize, edge: f64| if corner & bit == 0 { -edge / 2.0 } else { edge / 2.0 };
@@ -161,7 +166,12 @@ pub fn off_box([x, y, z]: [f64; 3]) -> String {
 }
 
 /// Simulated touches of a box that rests at `session_from_object`, for the wire.
-pub fn touches(size: [f64; 3], n: usize, seed: u64, session_from_object: Pose) -> Vec<Value> {
+pub(crate) fn touches(
+    size: [f64; 3],
+    n: usize,
+    seed: u64,
+    session_from_object: Pose,
+) -> Vec<Value> {
     let mesh = Mesh::from_bytes(MeshFormat::Off, off_box(size).as_bytes(), 1e-3).unwrap();
     let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
     let config = SamplerConfig::for_simulator(&simulator);
@@ -183,7 +193,7 @@ fn wire(reading: &Reading) -> Value {
 }
 
 /// A reading that is in order but touches nothing.
-pub fn quiet_reading() -> Value {
+pub(crate) fn quiet_reading() -> Value {
     json!({
         "sensor": "digitacts-6x6",
         "pose": {"position": [0.0, 0.0, 0.1], "orientation": [0.0, 0.0, 0.0, 1.0]},
