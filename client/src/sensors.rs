@@ -32,14 +32,6 @@ impl Client {
         self.send(Request::get(["v1", "sensors", sensor])).await
     }
 
-    /// Removes a sensor that no reading uses.
-    ///
-    /// # Errors
-    /// [`Error`].
-    pub async fn delete_sensor(&self, sensor: &str) -> Result<(), Error> {
-        self.send_for_nothing(Request::delete(["v1", "sensors", sensor])).await
-    }
-
     /// Asks how the server understands a reading; nothing is stored.
     ///
     /// # Errors
