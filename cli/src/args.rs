@@ -3,8 +3,9 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    demo::DemoArgs, jobs::JobsArgs, objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs,
-    sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
+    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, objects::ObjectsArgs,
+    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
+    train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -65,6 +66,8 @@ pub(crate) enum Command {
     Touch(TouchArgs),
     /// Sessions: objects being touched, and what is known of them.
     Sessions(SessionsArgs),
+    /// Rerun the tables and figures of docs/results.md.
+    Experiment(ExperimentArgs),
     /// Print the description of the HTTP API (OpenAPI 3.1).
     Openapi,
 }
@@ -101,6 +104,8 @@ mod tests {
             "palpate sessions list --json",
             "palpate jobs cancel 0198a0d0-0000-7000-8000-000000000000",
             "palpate openapi",
+            "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
+            "palpate experiment server-throughput --json",
             "palpate --server http://host:1 objects list",
         ] {
             assert!(parse(line).is_ok(), "{line}: {}", parse(line).unwrap_err());
@@ -117,6 +122,7 @@ mod tests {
             "palpate objects example mug --all --out meshes",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
+            "palpate experiment sva-objects --size-mm 0.08",
         ] {
             let error = parse(line).expect_err(line);
             assert_eq!(error.exit_code(), 2, "{line}");

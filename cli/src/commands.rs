@@ -1,6 +1,7 @@
 //! The subcommands, one file each, and where each of them is called.
 
 pub(crate) mod demo;
+pub(crate) mod experiment;
 pub(crate) mod jobs;
 pub(crate) mod objects;
 pub(crate) mod openapi;
@@ -37,6 +38,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
+        Command::Experiment(args) => experiment::run(args, output).await,
         Command::Openapi => openapi::run(),
     }
 }

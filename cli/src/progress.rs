@@ -13,6 +13,39 @@ pub(crate) fn is_watched() -> bool {
     std::io::stderr().is_terminal()
 }
 
+/// How far an experiment is: what it does, steps done and in all.
+pub(crate) struct StepProgress(Option<ProgressBar>);
+
+impl StepProgress {
+    /// A bar, or nothing when nobody watches.
+    pub(crate) fn new() -> Self {
+        Self(is_watched().then(|| {
+            let style = ProgressStyle::with_template("{msg:<24} {bar:32} {pos}/{len} {elapsed}")
+                .expect("the template is well formed")
+                .progress_chars("█▉▊▋▌▍▎▏░");
+            let bar = ProgressBar::new(0).with_style(style);
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        }))
+    }
+
+    /// Shows a step.
+    pub(crate) fn show(&self, stage: &str, done: usize, total: usize) {
+        if let Some(bar) = &self.0 {
+            bar.set_message(stage.to_owned());
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
+        }
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn clear(&self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}
+
 /// How far a training is, shown as it goes on.
 pub(crate) struct TrainingProgress {
     bar: Option<ProgressBar>,

@@ -18,7 +18,7 @@ use serde_json::json;
 
 use crate::objects;
 use crate::plot::{Line, Panel, svg};
-use crate::report::{Outcome, Report};
+use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
 
 /// What to run.
@@ -42,15 +42,26 @@ impl Default for ContactRates {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched.
-pub fn run(config: &ContactRates, command: String) -> anyhow::Result<Outcome> {
+pub fn run(
+    config: &ContactRates,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(|| run_on_one_core(config, command))
+    pool.install(|| run_on_one_core(config, command, progress))
 }
 
-fn run_on_one_core(config: &ContactRates, command: String) -> anyhow::Result<Outcome> {
+fn run_on_one_core(
+    config: &ContactRates,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
     let mut report = Report::new("contact-rates", command, config.seed);
     let mut points: [Vec<(f64, f64)>; 2] = [Vec::new(), Vec::new()];
-    for object in objects::load(config.meshes.as_deref(), 80.0 * MM)? {
+    let objects = objects::load(config.meshes.as_deref(), 80.0 * MM)?;
+    let n_objects = objects.len();
+    for (done, object) in objects.into_iter().enumerate() {
+        progress("touching objects", done, n_objects);
         let triangles = object.mesh.triangles().len();
         let simulator = PressSimulator::new(object.mesh, SensorDescription::digitacts_6x6());
         let sampler = SamplerConfig::for_simulator(&simulator);

@@ -11,6 +11,9 @@ use serde_json::{Map, Value};
 /// One row of a report: column names to numbers, strings or null.
 pub type Row = Map<String, Value>;
 
+/// Hears how far an experiment is: what it does, steps done, steps in all.
+pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
+
 /// A report with what is drawn of it.
 pub struct Outcome {
     /// The figures.

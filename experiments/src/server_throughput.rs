@@ -25,7 +25,7 @@ use serde_json::json;
 
 use crate::objects;
 use crate::plot::{Line, Panel, svg};
-use crate::report::{Outcome, Report};
+use crate::report::{Outcome, Progress, Report};
 
 const SENSOR: &str = "throughput-6x6";
 const CATALOGUE: &str = "throughput";
@@ -65,13 +65,15 @@ pub async fn run(
     config: &ServerThroughput,
     client: &Client,
     command: String,
+    progress: Progress<'_>,
 ) -> anyhow::Result<Outcome> {
     let mut report = Report::new("server-throughput", command, config.seed);
-    let readings = Arc::new(prepare(config, client).await?);
+    let readings = Arc::new(prepare(config, client, progress).await?);
     let mut lines = Vec::new();
     for (name, batch) in [("single readings", 1), ("batches of 32", BATCH)] {
         let mut points = Vec::new();
         for robots in [1, 8, 64] {
+            progress(name, robots, 64);
             let setting = Setting { robots, batch };
             let n = if robots == 1 { config.readings / 4 } else { config.readings };
             let (rate, latency) = measure(client, &readings, setting, n).await?;
@@ -105,6 +107,7 @@ pub async fn run(
 async fn prepare(
     config: &ServerThroughput,
     client: &Client,
+    progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Vec<core_reading::Reading>>> {
     let sensor = CreateSensor {
         name: SENSOR.to_owned(),
@@ -133,7 +136,9 @@ async fn prepare(
         ..StartTraining::default()
     };
     let job = client.start_training(CATALOGUE, &training).await?;
-    let job = client.follow_job(job.id, |_| ()).await?;
+    let job = client
+        .follow_job(job.id, |job| progress("training", job.done as usize, job.total as usize))
+        .await?;
     if job.state != JobState::Succeeded {
         bail!("training did not succeed: {}", job.reason.unwrap_or_default());
     }

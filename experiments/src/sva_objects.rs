@@ -9,6 +9,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use palpate_core::model::{Catalogue, ObjectIdx};
@@ -25,7 +26,7 @@ use serde_json::json;
 use crate::coverage;
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
-use crate::report::{Outcome, Report};
+use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median, quantile};
 
 /// What to run.
@@ -95,20 +96,24 @@ struct PoseError {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(config: &SvaObjects, command: String) -> anyhow::Result<Outcome> {
+pub fn run(
+    config: &SvaObjects,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
     let mut report = Report::new("sva-objects", command, config.seed);
     let objects = objects::load(config.meshes.as_deref(), config.size)?;
     let started = Instant::now();
-    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed)?;
+    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed, progress)?;
     let touch_seconds = started.elapsed().as_secs_f64();
-    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1)?;
+    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
     let (ours, printed) = (TrainingConfig::default(), TrainingConfig::literal());
     let methods = [
         train_method("default", &train, config, ours, SvaOptions::default())?,
         train_method("printed_range", &train, config, printed, SvaOptions::default())?,
         train_method("literal", &train, config, printed, SvaOptions::literal())?,
     ];
-    let steps = run_trials(config, &objects, &test, &methods)?;
+    let steps = run_trials(config, &objects, &test, &methods, progress)?;
     for (index, method) in methods.iter().enumerate() {
         report_method(&mut report, config, index, method, &steps);
     }
@@ -139,8 +144,13 @@ fn touch_all(
     config: &SvaObjects,
     n: usize,
     seed: u64,
+    progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Vec<Reading>>> {
-    objects.iter().map(|object| objects::touch(object, &config.sensor, n, seed)).collect()
+    let touch = |(done, object)| {
+        progress("touching objects", done, objects.len());
+        objects::touch(object, &config.sensor, n, seed)
+    };
+    objects.iter().enumerate().map(touch).collect()
 }
 
 fn train_method(
@@ -170,13 +180,18 @@ fn run_trials(
     objects: &[TestObject],
     test: &[Vec<Reading>],
     methods: &[Method],
+    progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Step>> {
+    let done = AtomicUsize::new(0);
     let trials: Vec<(usize, usize)> = (0..objects.len())
         .flat_map(|object| (0..config.trials).map(move |trial| (object, trial)))
         .collect();
     let per_trial: anyhow::Result<Vec<Vec<Step>>> = trials
         .par_iter()
-        .map(|(object, trial)| run_trial(config, *object, *trial, &test[*object], methods))
+        .map(|(object, trial)| {
+            progress("trials", done.fetch_add(1, Ordering::Relaxed), trials.len());
+            run_trial(config, *object, *trial, &test[*object], methods)
+        })
         .collect();
     Ok(per_trial?.into_iter().flatten().collect())
 }

@@ -20,10 +20,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("palpate-store", &["palpate-core"]),
     ("palpate-client", &["palpate-schemas"]),
     ("palpate-server", &["palpate-core", "palpate-schemas", "palpate-sim", "palpate-store"]),
-    (
-        "palpate-experiments",
-        &["palpate-core", "palpate-schemas", "palpate-sim", "palpate-client"],
-    ),
+    ("palpate-experiments", &["palpate-core", "palpate-schemas", "palpate-sim", "palpate-client"]),
 ];
 
 /// Modules of `core` in the order in which they may use each other.
