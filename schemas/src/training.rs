@@ -130,9 +130,9 @@ pub struct StartTraining {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
     pub seed: Option<u64>,
-    /// Number of appearance classes, 2 to 1000; 25 when not given.
+    /// Number of appearance classes, 2 to 255; 25 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 2, maximum = 1000)]
+    #[schema(minimum = 2, maximum = 255)]
     pub n_classes: Option<u32>,
     /// How a press becomes a feature; `mnti` when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -156,14 +156,15 @@ pub enum Descriptor {
     Vectorize,
 }
 
-/// A range of distances in metres.
+/// A range of distances between touches, in 40 steps.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DistanceRange {
     /// The smallest distance in metres.
     pub min: f64,
-    /// The largest distance in metres.
-    pub max: f64,
+    /// The largest distance in metres; the largest that is trained when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
 }
 
 /// Long work: a training.

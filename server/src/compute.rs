@@ -15,7 +15,7 @@ type Work = Box<dyn FnOnce() + Send>;
 
 /// Threads that compute, and the places in the queue before them.
 #[derive(Clone, Debug)]
-pub struct Pool {
+pub(crate) struct Pool {
     places: Arc<Semaphore>,
     queue: mpsc::Sender<Work>,
     n_places: usize,
@@ -23,14 +23,14 @@ pub struct Pool {
 
 /// A place in the queue; dropped, it is free again.
 #[derive(Debug)]
-pub struct Place {
+pub(crate) struct Place {
     permit: OwnedSemaphorePermit,
     queue: mpsc::Sender<Work>,
 }
 
 /// Why something was not computed.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-pub enum ComputeError {
+pub(crate) enum ComputeError {
     /// Every place in the queue is taken.
     #[error("all {places} places of the compute queue are taken")]
     Full {
@@ -47,7 +47,7 @@ impl Pool {
     ///
     /// # Errors
     /// What the operating system says when it gives no thread.
-    pub fn start(threads: usize, queue_max: usize) -> std::io::Result<Self> {
+    pub(crate) fn start(threads: usize, queue_max: usize) -> std::io::Result<Self> {
         let threads = threads.max(1);
         let (sender, receiver) = mpsc::channel::<Work>();
         let receiver = Arc::new(Mutex::new(receiver));
@@ -65,7 +65,7 @@ impl Pool {
     ///
     /// # Errors
     /// [`ComputeError::Full`] when all are taken.
-    pub fn place(&self) -> Result<Place, ComputeError> {
+    pub(crate) fn place(&self) -> Result<Place, ComputeError> {
         let permit = Arc::clone(&self.places).try_acquire_owned();
         metrics::gauge!("palpate_compute_places_free").set(self.places.available_permits() as f64);
         match permit {
@@ -76,7 +76,7 @@ impl Pool {
 
     /// How many places are free.
     #[must_use]
-    pub fn n_free(&self) -> usize {
+    pub(crate) fn n_free(&self) -> usize {
         self.places.available_permits()
     }
 }
@@ -86,7 +86,7 @@ impl Place {
     ///
     /// # Errors
     /// [`ComputeError::Panicked`] when `work` panicked.
-    pub async fn run<T: Send + 'static>(
+    pub(crate) async fn run<T: Send + 'static>(
         self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, ComputeError> {

@@ -10,7 +10,7 @@ use axum::body::{Body, Bytes};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderName, header};
 use futures::StreamExt;
 use palpate_schemas::FieldError;
 use serde::de::DeserializeOwned;
@@ -105,11 +105,16 @@ impl FromRequestParts<App> for Segment2 {
 /// of our tags.
 pub(crate) fn if_match(headers: &HeaderMap) -> Result<u64, Refusal> {
     let value = headers.get(header::IF_MATCH).ok_or(Refusal::RevisionMissing)?;
-    let text = value.to_str().unwrap_or_default();
-    text.trim().trim_start_matches("W/").trim_matches('"').parse().map_err(|_| {
-        let detail = format!("came {text:?}, expected the `ETag` of what is changed, such as \"3\"");
+    revision(headers, &header::IF_MATCH).ok_or_else(|| {
+        let detail = format!("came {value:?}, expected the `ETag` of what is changed");
         Refusal::field("header:if-match", detail)
     })
+}
+
+/// The revision that a header names, if it does; for headers that may be ignored.
+pub(crate) fn revision(headers: &HeaderMap, name: &HeaderName) -> Option<u64> {
+    let text = headers.get(name)?.to_str().ok()?;
+    text.trim().trim_start_matches("W/").trim_matches('"').parse().ok()
 }
 
 /// Parses JSON; a wrong value is named by a JSON pointer.

@@ -107,7 +107,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
         Refusal::ContentType { .. } => ProblemType::UnsupportedMediaType,
         Refusal::Invalid(_) => ProblemType::InvalidValue,
-        Refusal::NameTaken { .. } | Refusal::ReadingConflict { .. } => ProblemType::Conflict,
+        Refusal::ReadingConflict { .. } => ProblemType::Conflict,
         Refusal::SessionClosed { .. }
         | Refusal::Untrained { .. }
         | Refusal::ReadingsFull { .. }
@@ -121,20 +121,25 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::TooSlow { .. }
         | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
         Refusal::Store(error) => store_kind(error),
-        Refusal::Compute(ComputeError::Panicked)
-        | Refusal::Unusable { .. }
-        | Refusal::Panicked => ProblemType::Internal,
+        Refusal::Compute(ComputeError::Panicked) | Refusal::Unusable { .. } | Refusal::Panicked => {
+            ProblemType::Internal
+        }
     }
 }
 
 fn store_kind(error: &StoreError) -> ProblemType {
     match error {
         StoreError::NotFound { .. } | StoreError::NoVersion { .. } => ProblemType::NotFound,
-        StoreError::Exists { .. } | StoreError::NameTaken { .. } => ProblemType::Conflict,
-        StoreError::Changed { .. } => ProblemType::Conflict,
+        StoreError::Exists { .. } | StoreError::NameTaken { .. } | StoreError::Changed { .. } => {
+            ProblemType::Conflict
+        }
         StoreError::Engine(EngineError::Busy { .. }) => ProblemType::Overloaded,
-        StoreError::Engine(EngineError::Poisoned | EngineError::Stopped) => ProblemType::Unavailable,
-        StoreError::Engine(_) | StoreError::Damaged { .. } => ProblemType::Internal,
+        StoreError::Engine(EngineError::Poisoned | EngineError::Stopped) => {
+            ProblemType::Unavailable
+        }
+        StoreError::Engine(_) | StoreError::Damaged { .. } | StoreError::Model { .. } => {
+            ProblemType::Internal
+        }
     }
 }
 
@@ -142,7 +147,6 @@ fn errors(refusal: Refusal) -> Vec<FieldError> {
     let detail = refusal.to_string();
     match refusal {
         Refusal::Invalid(errors) | Refusal::NotJson { errors, .. } => errors,
-        Refusal::NameTaken { .. } => vec![FieldError { pointer: "/name".to_owned(), detail }],
         Refusal::Store(StoreError::NameTaken { .. }) => {
             vec![FieldError { pointer: "/name".to_owned(), detail }]
         }

@@ -29,8 +29,6 @@ pub(crate) enum Refusal {
     ContentType { found: String, expected: &'static str },
     #[error("{}", summary(.0))]
     Invalid(Vec<FieldError>),
-    #[error("the name {name:?} is taken by another {what}")]
-    NameTaken { what: &'static str, name: String },
     #[error("session {session} is closed: it takes no more readings")]
     SessionClosed { session: Uuid },
     #[error("catalogue {catalogue:?} has no current version: train it first")]
