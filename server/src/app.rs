@@ -1,0 +1,117 @@
+//! The service put together: what handlers work with, the router and its layers.
+
+use std::sync::Arc;
+
+use axum::Router;
+use axum::middleware::{from_fn, from_fn_with_state};
+use palpate_schemas::{Check, Readiness};
+use palpate_store::database::Database;
+use tokio::sync::watch;
+use tower_http::catch_panic::CatchPanicLayer;
+
+use crate::admission::{Admission, admit};
+use crate::catalogues::Catalogues;
+use crate::compute::Pool;
+use crate::config::Config;
+use crate::jobs::Jobs;
+use crate::objects::Objects;
+use crate::sensors::Sensors;
+use crate::sessions::Sessions;
+use crate::{problem, routes, telemetry};
+
+/// What handlers work with. Cheap to clone.
+#[derive(Clone)]
+pub(crate) struct App(Arc<Parts>);
+
+/// The parts of the service.
+pub(crate) struct Parts {
+    pub(crate) config: Config,
+    pub(crate) store: Database,
+    pub(crate) pool: Pool,
+    pub(crate) admission: Admission,
+    pub(crate) sensors: Arc<Sensors>,
+    pub(crate) objects: Arc<Objects>,
+    pub(crate) catalogues: Arc<Catalogues>,
+    pub(crate) jobs: Arc<Jobs>,
+    pub(crate) sessions: Arc<Sessions>,
+    pub(crate) stopping: watch::Receiver<bool>,
+}
+
+impl App {
+    pub(crate) fn new(parts: Parts) -> Self {
+        Self(Arc::new(parts))
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.0.config
+    }
+
+    pub(crate) fn admission(&self) -> &Admission {
+        &self.0.admission
+    }
+
+    pub(crate) fn sensors(&self) -> &Sensors {
+        &self.0.sensors
+    }
+
+    pub(crate) fn objects(&self) -> &Objects {
+        &self.0.objects
+    }
+
+    pub(crate) fn catalogues(&self) -> &Catalogues {
+        &self.0.catalogues
+    }
+
+    pub(crate) fn jobs(&self) -> &Jobs {
+        &self.0.jobs
+    }
+
+    pub(crate) fn sessions(&self) -> &Arc<Sessions> {
+        &self.0.sessions
+    }
+
+    /// Becomes true when the server stops.
+    pub(crate) fn stopping(&self) -> watch::Receiver<bool> {
+        self.0.stopping.clone()
+    }
+
+    /// Whether the server does its work.
+    pub(crate) fn readiness(&self) -> Readiness {
+        let store = match self.0.store.stats() {
+            Ok(stats) => check("store", true, format!("{} MB", stats.bytes >> 20)),
+            Err(error) => check("store", false, error.to_string()),
+        };
+        let n_free = self.0.pool.n_free();
+        let compute = check("compute", n_free > 0, format!("{n_free} places are free"));
+        let stopping = *self.0.stopping.borrow();
+        let serving = if stopping { "the server stops" } else { "the server serves" };
+        let checks = vec![store, compute, check("serving", !stopping, serving.to_owned())];
+        Readiness { ready: checks.iter().all(|check| check.passed), checks }
+    }
+
+    /// Brings the figures up to date that nobody else keeps.
+    pub(crate) fn measure(&self) {
+        metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
+        metrics::gauge!("palpate_jobs_unfinished").set(self.0.jobs.n_unfinished() as f64);
+        metrics::gauge!("palpate_compute_places_free").set(self.0.pool.n_free() as f64);
+        if let Ok(stats) = self.0.store.stats() {
+            metrics::gauge!("palpate_store_bytes").set(stats.bytes as f64);
+            metrics::counter!("palpate_store_commits_total").absolute(stats.commits);
+            metrics::counter!("palpate_store_flushes_total").absolute(stats.flushes);
+        }
+    }
+}
+
+/// Every route behind every layer; the outermost is added last.
+pub(crate) fn router(app: App) -> Router {
+    let (api, _) = routes::api().split_for_parts();
+    api.merge(routes::site::pages())
+        .layer(CatchPanicLayer::custom(problem::panicked))
+        .layer(from_fn_with_state(app.clone(), admit))
+        .layer(from_fn(telemetry::observe))
+        .with_state(app)
+}
+
+fn check(name: &str, passed: bool, detail: String) -> Check {
+    Check { name: name.to_owned(), passed, detail }
+}

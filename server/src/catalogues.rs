@@ -1,0 +1,244 @@
+//! Trained models: versions that never change, and the one that new sessions use.
+//!
+//! A model is read from the store when a session first needs it and shared by all sessions
+//! that pin it; the last few stay in memory.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use dashmap::DashMap;
+use palpate_core::model::Catalogue as CoreCatalogue;
+use palpate_schemas as wire;
+use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
+use palpate_store::database::Database;
+use palpate_store::error::StoreError;
+use uuid::Uuid;
+
+use crate::clock::now_ms;
+use crate::compute::Pool;
+use crate::refusal::Refusal;
+use crate::wire::{cursor, page_id, page_length, page_number, training};
+
+/// The catalogue that is meant when nobody names one.
+pub(crate) const DEFAULT: &str = "default";
+/// How many models stay in memory although no session uses them.
+const RECENT_MAX: usize = 4;
+
+/// A version that can recognise.
+pub(crate) struct Model {
+    pub(crate) catalogue: Uuid,
+    pub(crate) name: String,
+    pub(crate) version: u32,
+    pub(crate) core: Arc<CoreCatalogue>,
+    pub(crate) objects: Vec<VersionObject>,
+}
+
+impl Model {
+    /// The place of an object among the model's, by its id or its name when it was trained.
+    pub(crate) fn find(&self, reference: &str) -> Option<usize> {
+        match Uuid::parse_str(reference) {
+            Ok(id) => self.objects.iter().position(|object| object.id == id),
+            Err(_) => self.objects.iter().position(|object| object.name == reference),
+        }
+    }
+}
+
+/// All catalogues.
+pub(crate) struct Catalogues {
+    table: Table,
+    pool: Pool,
+    models: DashMap<(Uuid, u32), Weak<Model>>,
+    recent: Mutex<VecDeque<Arc<Model>>>,
+    loading: tokio::sync::Mutex<()>,
+}
+
+impl Catalogues {
+    pub(crate) fn new(store: &Database, pool: Pool) -> Self {
+        Self {
+            table: store.catalogues(),
+            pool,
+            models: DashMap::new(),
+            recent: Mutex::new(VecDeque::new()),
+            loading: tokio::sync::Mutex::new(()),
+        }
+    }
+
+    /// The catalogue of a name.
+    pub(crate) fn find(&self, name: &str) -> Result<Catalogue, Refusal> {
+        let found = self.table.find_by_name(name)?;
+        found.ok_or_else(|| Refusal::NotFound { what: "catalogue", reference: name.to_owned() })
+    }
+
+    /// The name of a catalogue's id.
+    pub(crate) fn name(&self, id: Uuid) -> Result<String, Refusal> {
+        Ok(self.table.get(id)?.name)
+    }
+
+    /// The catalogue of a name, made if it does not exist.
+    pub(crate) async fn find_or_create(&self, name: &str) -> Result<Catalogue, Refusal> {
+        if let Some(found) = self.table.find_by_name(name)? {
+            return Ok(found);
+        }
+        crate::wire::name(name)?;
+        let new = Catalogue::new(Uuid::now_v7(), name.to_owned(), now_ms());
+        match self.table.create(&new).await {
+            Ok(()) => Ok(new),
+            Err(StoreError::NameTaken { .. }) => self.find(name),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::CataloguePage, Refusal> {
+        let page = self.table.list(page_id(query)?, page_length(query)?)?;
+        let items = page.items.iter().map(training::catalogue).collect();
+        Ok(wire::CataloguePage { items, next_cursor: cursor(page.next) })
+    }
+
+    pub(crate) fn versions(
+        &self,
+        name: &str,
+        query: &wire::PageQuery,
+    ) -> Result<wire::CatalogueVersionPage, Refusal> {
+        let catalogue = self.find(name)?;
+        let after = u32::try_from(page_number(query)?).unwrap_or(u32::MAX);
+        let limit = page_length(query)?;
+        let manifests = self.table.manifests(catalogue.id, after, limit)?;
+        let last = manifests.last().map_or(after, |manifest| manifest.version);
+        let more = manifests.len() == limit && last < catalogue.latest;
+        let items: Result<_, _> =
+            manifests.iter().map(|manifest| training::version(&catalogue, manifest)).collect();
+        Ok(wire::CatalogueVersionPage {
+            items: items?,
+            next_cursor: more.then(|| last.to_string()),
+        })
+    }
+
+    pub(crate) fn version(
+        &self,
+        name: &str,
+        version: &str,
+    ) -> Result<wire::CatalogueVersion, Refusal> {
+        let catalogue = self.find(name)?;
+        let number = version
+            .parse()
+            .map_err(|_| Refusal::NotFound { what: "version", reference: version.to_owned() })?;
+        training::version(&catalogue, &self.manifest(&catalogue, number)?)
+    }
+
+    /// Makes a version current if nobody else has switched since `revision`.
+    pub(crate) async fn switch(
+        &self,
+        name: &str,
+        version: u32,
+        revision: u64,
+    ) -> Result<Catalogue, Refusal> {
+        let catalogue = self.find(name)?;
+        self.manifest(&catalogue, version)
+            .map_err(|refusal| Refusal::field("/version", refusal))?;
+        match self.table.switch(catalogue.id, version, Some(revision), now_ms()).await {
+            Err(StoreError::Changed { .. }) => Err(Refusal::RevisionChanged {
+                expected: revision.to_string(),
+                found: self.find(name)?.revision,
+            }),
+            other => {
+                tracing::info!("Version {version} of catalogue {name:?} is current now");
+                Ok(other?)
+            }
+        }
+    }
+
+    /// Stores a new version and, if asked to, makes it current.
+    pub(crate) async fn publish(
+        &self,
+        name: &str,
+        draft: Draft,
+        activate: bool,
+    ) -> Result<u32, Refusal> {
+        let catalogue = self.find(name)?;
+        let manifest = self.table.publish(catalogue.id, draft).await?;
+        if activate {
+            self.table.switch(catalogue.id, manifest.version, None, now_ms()).await?;
+        }
+        Ok(manifest.version)
+    }
+
+    /// The version that a job made, if it did.
+    pub(crate) fn made_by(&self, name: &str, job: Uuid) -> Result<Option<u32>, Refusal> {
+        let Some(catalogue) = self.table.find_by_name(name)? else { return Ok(None) };
+        let manifests = self.table.manifests(catalogue.id, 0, usize::MAX)?;
+        let made = manifests.iter().rev().find(|manifest| manifest.job == Some(job));
+        Ok(made.map(|manifest| manifest.version))
+    }
+
+    /// The model that a new session uses: the version asked for, or the current one.
+    pub(crate) async fn model(
+        &self,
+        name: &str,
+        version: Option<u32>,
+    ) -> Result<Arc<Model>, Refusal> {
+        let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
+        let version = match version {
+            Some(version) => {
+                self.manifest(&catalogue, version)
+                    .map_err(|refusal| Refusal::field("/version", refusal))?;
+                version
+            }
+            None => catalogue
+                .current
+                .ok_or_else(|| Refusal::Untrained { catalogue: name.to_owned() })?,
+        };
+        self.load(catalogue.id, version).await
+    }
+
+    /// The model of a version, from memory or the store.
+    pub(crate) async fn load(&self, catalogue: Uuid, version: u32) -> Result<Arc<Model>, Refusal> {
+        if let Some(model) = self.in_memory(catalogue, version) {
+            return Ok(model);
+        }
+        // One at a time: many sessions may want the same model at once.
+        let _loading = self.loading.lock().await;
+        if let Some(model) = self.in_memory(catalogue, version) {
+            return Ok(model);
+        }
+        let table = self.table.clone();
+        let read = move || read_model(&table, catalogue, version);
+        let model = Arc::new(self.pool.place()?.run(read).await??);
+        self.models.retain(|_, model| model.strong_count() > 0);
+        self.models.insert((catalogue, version), Arc::downgrade(&model));
+        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        recent.push_back(Arc::clone(&model));
+        if recent.len() > RECENT_MAX {
+            recent.pop_front();
+        }
+        Ok(model)
+    }
+
+    fn in_memory(&self, catalogue: Uuid, version: u32) -> Option<Arc<Model>> {
+        self.models.get(&(catalogue, version)).and_then(|model| model.upgrade())
+    }
+
+    fn manifest(&self, catalogue: &Catalogue, version: u32) -> Result<Manifest, Refusal> {
+        self.table.manifest(catalogue.id, version).map_err(|error| match error {
+            StoreError::NoVersion { .. } => {
+                Refusal::NoVersion { catalogue: catalogue.name.clone(), version }
+            }
+            other => other.into(),
+        })
+    }
+}
+
+fn unknown_catalogue(name: &str) -> Refusal {
+    if name == DEFAULT {
+        return Refusal::Untrained { catalogue: name.to_owned() };
+    }
+    Refusal::field("/catalogue", format!("there is no catalogue {name:?}"))
+}
+
+fn read_model(table: &Table, catalogue: Uuid, version: u32) -> Result<Model, Refusal> {
+    let name = table.get(catalogue)?.name;
+    let manifest = table.manifest(catalogue, version)?;
+    let core = table.model(&manifest)?;
+    let n_objects = manifest.objects.len();
+    tracing::info!("Read version {version} of catalogue {name:?} with {n_objects} objects");
+    Ok(Model { catalogue, name, version, core: Arc::new(core), objects: manifest.objects })
+}

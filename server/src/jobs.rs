@@ -1,0 +1,503 @@
+//! Training jobs: taken one at a time, in the order they were asked for, by a worker of
+//! their own, so that robots in the middle of a session do not wait for them.
+//!
+//! The store knows each job's state; how far the running one is lives in memory and is
+//! streamed. A job that a stop of the server interrupted is taken up again once; its seed
+//! makes it the same training.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use dashmap::DashMap;
+use palpate_schemas as wire;
+use palpate_schemas::{JobStage, StartTraining};
+use palpate_store::catalogue::{Draft, VersionObject};
+use palpate_store::database::Database;
+use palpate_store::entity::{Job, JobState, Object};
+use palpate_store::model_codec::model_to_blocks;
+use tokio::sync::{Notify, oneshot, watch};
+use uuid::Uuid;
+
+use crate::catalogues::Catalogues;
+use crate::clock::now_ms;
+use crate::config::Config;
+use crate::objects::Objects;
+use crate::refusal::Refusal;
+use crate::sensors::Sensors;
+use crate::training::{Plan, Sources, TrainingFailure, train};
+use crate::wire::training::{VersionParameters, job as shown};
+use crate::wire::{self as convert, cursor, page_id, page_length};
+
+/// How long a cancel waits for the running training to notice.
+const CANCEL_PATIENCE: Duration = Duration::from_secs(5);
+/// Followers hear at most this often how far a job is.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
+/// Marks a job that was interrupted by a stop of the server and queued again.
+const INTERRUPTED: &str = "interrupted by a stop of the server";
+
+/// What the running training is told: go on, stop for good, or stop until the next start.
+const GO_ON: u8 = 0;
+const CANCEL: u8 = 1;
+const SUSPEND: u8 = 2;
+
+/// All jobs.
+pub(crate) struct Jobs {
+    store: Database,
+    objects: Arc<Objects>,
+    sensors: Arc<Sensors>,
+    catalogues: Arc<Catalogues>,
+    threads: rayon::ThreadPool,
+    unfinished: DashMap<Uuid, Arc<Control>>,
+    wake: Notify,
+    starting: tokio::sync::Mutex<()>,
+    queue_max: usize,
+}
+
+/// An unfinished job: what it is told, and what it tells.
+struct Control {
+    order: AtomicU8,
+    job: watch::Sender<wire::Job>,
+    told: Mutex<(JobStage, Instant, Instant)>,
+}
+
+impl Jobs {
+    pub(crate) fn new(
+        store: Database,
+        objects: Arc<Objects>,
+        sensors: Arc<Sensors>,
+        catalogues: Arc<Catalogues>,
+        config: &Config,
+    ) -> Result<Self, rayon::ThreadPoolBuildError> {
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(config.training_threads.max(1))
+            .thread_name(|thread| format!("training-{thread}"))
+            .build()?;
+        Ok(Self {
+            store,
+            objects,
+            sensors,
+            catalogues,
+            threads,
+            unfinished: DashMap::new(),
+            wake: Notify::new(),
+            starting: tokio::sync::Mutex::new(()),
+            queue_max: config.training_queue_max.max(1),
+        })
+    }
+
+    /// Takes up what a stop of the server left behind.
+    pub(crate) async fn resume(&self) -> Result<(), Refusal> {
+        for job in self.store.jobs().all()? {
+            let job = match job.state {
+                JobState::Queued => job,
+                JobState::Running => match self.after_interruption(job).await? {
+                    Some(job) => job,
+                    None => continue,
+                },
+                JobState::Succeeded | JobState::Failed | JobState::Cancelled => continue,
+            };
+            self.unfinished.insert(job.id, Arc::new(Control::new(shown(&job))));
+        }
+        self.wake.notify_one();
+        Ok(())
+    }
+
+    /// Queues a training.
+    pub(crate) async fn start(
+        &self,
+        catalogue: &str,
+        request: &StartTraining,
+    ) -> Result<wire::Job, Refusal> {
+        let mut training = convert::training::training(request)?;
+        let sensor = training.sensor.clone().unwrap_or_default();
+        let sensor = self.sensors.find(&sensor)?.ok_or_else(|| {
+            Refusal::field(
+                "/sensor",
+                format!("there is no sensor {sensor:?}, expected an id or a name"),
+            )
+        })?;
+        training.sensor = Some(sensor.id.to_string());
+        let objects = self.objects_of(&training)?;
+        training.objects = Some(objects.iter().map(|object| object.id.to_string()).collect());
+        let _starting = self.starting.lock().await;
+        if self.unfinished.len() >= self.queue_max {
+            return Err(Refusal::TrainingQueueFull { waiting: self.unfinished.len() });
+        }
+        let catalogue = self.catalogues.find_or_create(catalogue).await?;
+        let job = Job {
+            id: Uuid::now_v7(),
+            catalogue: catalogue.name,
+            request: serde_json::to_string(&training).expect("a checked training can be written"),
+            state: JobState::Queued,
+            stage: String::new(),
+            done: 0,
+            total: 0,
+            cancel_requested: false,
+            version: None,
+            error: None,
+            created_at_ms: now_ms(),
+            started_at_ms: None,
+            finished_at_ms: None,
+        };
+        self.store.jobs().create(&job).await?;
+        tracing::info!(job.id = %job.id, "Queued job {} for {} objects", job.id, objects.len());
+        self.unfinished.insert(job.id, Arc::new(Control::new(shown(&job))));
+        self.wake.notify_one();
+        Ok(shown(&job))
+    }
+
+    pub(crate) fn get(&self, id: &str) -> Result<wire::Job, Refusal> {
+        Ok(self.show(&self.find(id)?))
+    }
+
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::JobPage, Refusal> {
+        let page = self.store.jobs().list(page_id(query)?, page_length(query)?)?;
+        let items = page.items.iter().map(|job| self.show(job)).collect();
+        Ok(wire::JobPage { items, next_cursor: cursor(page.next) })
+    }
+
+    /// Cancels a job; a running one is given some time to notice.
+    pub(crate) async fn cancel(&self, id: &str) -> Result<wire::Job, Refusal> {
+        let job = self.find(id)?;
+        let Some(control) = self.control(job.id) else {
+            return Err(finished(&self.find(id)?));
+        };
+        let mut news = control.job.subscribe();
+        let table = self.store.jobs();
+        let cancelled = table.update(job.id, |now| match now.state {
+            JobState::Queued => {
+                now.state = JobState::Cancelled;
+                now.error = Some("it was cancelled before it began".to_owned());
+                now.finished_at_ms = Some(now_ms());
+                Ok(())
+            }
+            JobState::Running => {
+                now.cancel_requested = true;
+                Ok(())
+            }
+            JobState::Succeeded | JobState::Failed | JobState::Cancelled => Err(finished(now)),
+        });
+        let job = cancelled.await??;
+        control.order.store(CANCEL, Ordering::Relaxed);
+        if job.state.is_final() {
+            self.conclude(&job);
+        } else {
+            let ended = news.wait_for(|job| job.state.is_final());
+            let _ = tokio::time::timeout(CANCEL_PATIENCE, ended).await;
+        }
+        self.get(id)
+    }
+
+    /// The job as it is now, and as it will be.
+    pub(crate) fn follow(&self, id: &str) -> Result<watch::Receiver<wire::Job>, Refusal> {
+        let job = self.find(id)?;
+        Ok(match self.control(job.id) {
+            Some(control) => control.job.subscribe(),
+            None => watch::channel(self.get(id)?).1,
+        })
+    }
+
+    /// Works on jobs until it is told to stop; what is running then is suspended.
+    pub(crate) async fn work(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
+        loop {
+            let next = match self.next() {
+                Ok(next) => next,
+                Err(refusal) => {
+                    tracing::error!("Cannot read the queue of jobs: {refusal}");
+                    None
+                }
+            };
+            let Some(job) = next else {
+                tokio::select! {
+                    () = self.wake.notified() => continue,
+                    _ = stopping.wait_for(|stopping| *stopping) => return,
+                }
+            };
+            let (id, working) = (job.id, self.run(job));
+            tokio::pin!(working);
+            let is_stopped = tokio::select! {
+                () = &mut working => continue,
+                _ = stopping.wait_for(|stopping| *stopping) => true,
+            };
+            if is_stopped {
+                if let Some(control) = self.control(id) {
+                    control.order.store(SUSPEND, Ordering::Relaxed);
+                }
+                working.await;
+                return;
+            }
+        }
+    }
+
+    /// How many jobs are not finished.
+    pub(crate) fn n_unfinished(&self) -> usize {
+        self.unfinished.len()
+    }
+
+    fn find(&self, id: &str) -> Result<Job, Refusal> {
+        let unknown = || Refusal::NotFound { what: "job", reference: id.to_owned() };
+        let uuid = Uuid::parse_str(id).map_err(|_| unknown())?;
+        self.store.jobs().find(uuid)?.ok_or_else(unknown)
+    }
+
+    fn control(&self, id: Uuid) -> Option<Arc<Control>> {
+        self.unfinished.get(&id).map(|control| Arc::clone(&control))
+    }
+
+    fn show(&self, job: &Job) -> wire::Job {
+        match self.control(job.id) {
+            Some(control) if !job.state.is_final() => control.job.borrow().clone(),
+            _ => shown(job),
+        }
+    }
+
+    fn next(&self) -> Result<Option<Job>, Refusal> {
+        let oldest = self.unfinished.iter().map(|entry| *entry.key()).min();
+        let Some(id) = oldest else { return Ok(None) };
+        Ok(self.store.jobs().find(id)?)
+    }
+
+    /// The objects of a training that have something to be trained from.
+    fn objects_of(&self, training: &StartTraining) -> Result<Vec<Object>, Refusal> {
+        let Some(references) = &training.objects else {
+            let mut objects = Vec::new();
+            for object in self.store.objects().all()? {
+                if self.has_data(&object)? {
+                    objects.push(object);
+                }
+            }
+            if objects.is_empty() {
+                let detail = "no object has data: upload a mesh or readings first";
+                return Err(Refusal::field("/objects", detail));
+            }
+            return Ok(objects);
+        };
+        if references.is_empty() {
+            return Err(Refusal::field("/objects", "came empty, expected at least one object"));
+        }
+        let mut objects: Vec<Object> = Vec::with_capacity(references.len());
+        for (index, reference) in references.iter().enumerate() {
+            let at = format!("/objects/{index}");
+            let object = match self.objects.find(reference) {
+                Err(missing @ Refusal::NotFound { .. }) => return Err(Refusal::field(at, missing)),
+                other => other?,
+            };
+            if objects.iter().any(|known| known.id == object.id) {
+                let detail = format!("object {:?} is named twice", object.name);
+                return Err(Refusal::field(at, detail));
+            }
+            if !self.has_data(&object)? {
+                let detail = format!(
+                    "object {:?} has no data: upload a mesh or readings first",
+                    object.name
+                );
+                return Err(Refusal::field(at, detail));
+            }
+            objects.push(object);
+        }
+        Ok(objects)
+    }
+
+    fn has_data(&self, object: &Object) -> Result<bool, Refusal> {
+        Ok(self.store.training().len(object.id)? > 0
+            || self.store.meshes().info(object.id)?.is_some())
+    }
+
+    /// What becomes of a job that was running when the server stopped.
+    async fn after_interruption(&self, job: Job) -> Result<Option<Job>, Refusal> {
+        let made = self.catalogues.made_by(&job.catalogue, job.id)?;
+        let again = made.is_none() && job.error.is_none() && !job.cancel_requested;
+        let table = self.store.jobs();
+        let changed = table.update(job.id, |now| {
+            now.version = made;
+            now.finished_at_ms = (!again).then(now_ms);
+            now.error = Some(INTERRUPTED.to_owned());
+            now.state = match made {
+                Some(_) => JobState::Succeeded,
+                None if again => JobState::Queued,
+                None if job.cancel_requested => JobState::Cancelled,
+                None => JobState::Failed,
+            };
+            Ok::<(), Refusal>(())
+        });
+        let job = changed.await??;
+        tracing::warn!(job.id = %job.id, "Job {} was {INTERRUPTED}: {:?} now", job.id, job.state);
+        Ok(again.then_some(job))
+    }
+
+    async fn run(&self, job: Job) {
+        let id = job.id;
+        let Some(control) = self.control(id) else { return };
+        match self.train(&job, &control).await {
+            Ok(version) => self.end(id, JobState::Succeeded, Some(version), None).await,
+            Err(TrainingFailure::Stopped) if control.order.load(Ordering::Relaxed) == SUSPEND => {
+                tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
+            }
+            Err(TrainingFailure::Stopped) => {
+                let reason = "it was cancelled while it ran".to_owned();
+                self.end(id, JobState::Cancelled, None, Some(reason)).await;
+            }
+            Err(failure) => self.end(id, JobState::Failed, None, Some(failure.to_string())).await,
+        }
+    }
+
+    async fn train(&self, job: &Job, control: &Arc<Control>) -> Result<u32, TrainingFailure> {
+        let started = Instant::now();
+        let table = self.store.jobs();
+        let marked = table.update(job.id, |now| {
+            if now.state != JobState::Queued {
+                return Err(TrainingFailure::Stopped);
+            }
+            now.state = JobState::Running;
+            now.started_at_ms = Some(now_ms());
+            Ok(())
+        });
+        let job = marked.await??;
+        control.job.send_replace(shown(&job));
+        tracing::info!(job.id = %job.id, "Started job {}", job.id);
+        let training: StartTraining = serde_json::from_str(&job.request).map_err(|error| {
+            Refusal::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }
+        })?;
+        let plan = self.plan(&training)?;
+        let (trained, blocks) = self.on_threads(plan, Arc::clone(control)).await?;
+        let _ = control.tell(JobStage::Storing, 0, 1);
+        let report = wire::TrainingReport {
+            n_classes: convert::count(trained.model.vocabulary.n_classes()),
+            index_bytes: trained.objects.iter().map(|object| object.index_bytes).sum(),
+            objects: trained.objects,
+            seconds: started.elapsed().as_secs_f64(),
+            seed: training.seed.unwrap_or_default(),
+        };
+        let objects = report.objects.iter();
+        let draft = Draft {
+            job: Some(job.id),
+            objects: objects
+                .map(|object| VersionObject { id: object.id, name: object.name.clone() })
+                .collect(),
+            blocks,
+            created_at_ms: now_ms(),
+            parameters: serde_json::to_string(&VersionParameters {
+                training: training.clone(),
+                report,
+            })
+            .expect("a report consists of finite numbers and strings"),
+        };
+        let activate = training.activate.unwrap_or(true);
+        Ok(self.catalogues.publish(&job.catalogue, draft, activate).await?)
+    }
+
+    fn plan(&self, training: &StartTraining) -> Result<Plan, Refusal> {
+        let references = training.objects.as_deref().unwrap_or_default();
+        let objects: Result<Vec<VersionObject>, Refusal> = references
+            .iter()
+            .map(|reference| {
+                let object = self.objects.find(reference)?;
+                Ok(VersionObject { id: object.id, name: object.name })
+            })
+            .collect();
+        Ok(Plan {
+            objects: objects?,
+            sensor: self.sensors.get(training.sensor.as_deref().unwrap_or_default())?,
+            readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
+            seed: training.seed.unwrap_or(1),
+            config: convert::training::config(training)?,
+        })
+    }
+
+    /// Trains on the training threads and writes the model's blocks there.
+    async fn on_threads(
+        &self,
+        plan: Plan,
+        control: Arc<Control>,
+    ) -> Result<Outcome, TrainingFailure> {
+        let (answer, answered) = oneshot::channel();
+        let (store, sensors) = (self.store.clone(), Arc::clone(&self.sensors));
+        self.threads.spawn(move || {
+            let sources = Sources { store: &store, sensors: &sensors };
+            let progress = |stage, done, total| control.tell(stage, done, total);
+            let training = std::panic::AssertUnwindSafe(|| {
+                let trained = train(&plan, &sources, &progress)?;
+                let ids: Vec<Uuid> = plan.objects.iter().map(|object| object.id).collect();
+                let blocks = model_to_blocks(&trained.model, &ids);
+                Ok((trained, blocks))
+            });
+            let outcome = std::panic::catch_unwind(training);
+            // Nobody waits any more when the runtime is gone.
+            let _ = answer.send(outcome.unwrap_or(Err(Refusal::Panicked.into())));
+        });
+        answered.await.unwrap_or(Err(Refusal::Panicked.into()))
+    }
+
+    async fn end(&self, id: Uuid, state: JobState, version: Option<u32>, reason: Option<String>) {
+        let table = self.store.jobs();
+        let ended = table.update(id, |now| {
+            now.state = state;
+            now.version = version;
+            now.error.clone_from(&reason);
+            now.finished_at_ms = Some(now_ms());
+            Ok::<(), Refusal>(())
+        });
+        match ended.await {
+            Ok(Ok(job)) => self.conclude(&job),
+            Ok(Err(refusal)) => tracing::error!("Cannot store the end of job {id}: {refusal}"),
+            Err(error) => {
+                tracing::error!("Cannot store the end of job {id}: {error}");
+                self.unfinished.remove(&id);
+            }
+        }
+    }
+
+    /// Tells the followers of a job that is finished, and forgets it.
+    fn conclude(&self, job: &Job) {
+        metrics::counter!("palpate_jobs_total", "state" => format!("{:?}", job.state)).increment(1);
+        let reason = job.error.as_deref().unwrap_or("as asked");
+        tracing::info!(job.id = %job.id, "Job {} ended {:?}: {reason}", job.id, job.state);
+        if let Some((_, control)) = self.unfinished.remove(&job.id) {
+            control.job.send_replace(shown(job));
+        }
+    }
+}
+
+type Outcome = (crate::training::Trained, Vec<(String, Vec<u8>)>);
+
+impl Control {
+    fn new(job: wire::Job) -> Self {
+        let now = Instant::now();
+        Self {
+            order: AtomicU8::new(GO_ON),
+            job: watch::Sender::new(job),
+            told: Mutex::new((JobStage::Sampling, now, now)),
+        }
+    }
+
+    /// Tells the followers how far the job is, and the job whether to go on.
+    fn tell(&self, stage: JobStage, done: usize, total: usize) -> ControlFlow<()> {
+        if self.order.load(Ordering::Relaxed) != GO_ON {
+            return ControlFlow::Break(());
+        }
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        let is_new = told.0 != stage;
+        if is_new {
+            *told = (stage, now, now);
+        }
+        if is_new || done == total || now - told.2 >= PROGRESS_INTERVAL {
+            told.2 = now;
+            let elapsed = (now - told.1).as_secs_f64();
+            let left = total.saturating_sub(done) as f64;
+            self.job.send_modify(|job| {
+                job.stage = Some(stage);
+                job.done = convert::count(done);
+                job.total = convert::count(total);
+                job.eta_s = (done > 0).then(|| elapsed / done as f64 * left);
+            });
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+fn finished(job: &Job) -> Refusal {
+    Refusal::JobFinished { job: job.id, state: convert::training::state(job.state) }
+}

@@ -1,0 +1,339 @@
+//! One session in memory: its belief, how far it is folded, and who follows it.
+//!
+//! Invariant: `belief` rests on the first `n_folded` entries of the journal, or there is no
+//! belief and `n_folded` is 0. Whoever needs the belief folds what is missing, on the compute
+//! pool; if that panics there is no belief, and the next one to ask folds anew.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use palpate_core::belief::answer::Answer;
+use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
+use palpate_schemas as wire;
+use palpate_schemas::{BeliefDetail, Method, SessionEvent};
+use palpate_store::database::Database;
+use palpate_store::entity::{ReadingId, Session, StoredReading};
+use palpate_store::error::StoreError;
+use palpate_store::journal::{Event, Journal, NewEntry};
+use tokio::sync::{Mutex, broadcast};
+
+use crate::catalogues::Model;
+use crate::clock::now_ms;
+use crate::compute::Place;
+use crate::refusal::Refusal;
+use crate::repeats::new_readings;
+use crate::sensors::Sensors;
+use crate::sessions::{POSES, Tools, status};
+use crate::wire::count;
+use crate::wire::reading::{Incoming, from_store};
+use crate::wire::session::{Status, belief, method, top};
+
+/// How many answers are remembered for robots that repeat a reading.
+const ANSWERS_MAX: usize = 64;
+/// How many events a slow follower may lag behind before it misses some.
+const EVENTS_MAX: usize = 16;
+/// How many entries of a journal are read at once.
+const ENTRIES_PER_READ: usize = 256;
+
+/// A session in memory.
+pub(crate) struct Live {
+    session: Session,
+    model: Arc<Model>,
+    state: Mutex<State>,
+    events: broadcast::Sender<SessionEvent>,
+    last_use: AtomicU64,
+}
+
+#[derive(Default)]
+struct State {
+    belief: Option<SvaBelief>,
+    n_folded: u64,
+    /// What was answered to the reading that a robot is likeliest to repeat, newest last.
+    answers: VecDeque<(ReadingId, wire::Belief)>,
+}
+
+impl Live {
+    pub(crate) fn new(session: Session, model: Arc<Model>) -> Self {
+        let (events, _) = broadcast::channel(EVENTS_MAX);
+        let last_use = AtomicU64::new(0);
+        Self { session, model, state: Mutex::new(State::default()), events, last_use }
+    }
+
+    pub(crate) fn session(&self) -> &Session {
+        &self.session
+    }
+
+    pub(crate) fn used(&self, at: u64) {
+        self.last_use.store(at, Ordering::Relaxed);
+    }
+
+    pub(crate) fn last_use(&self) -> u64 {
+        self.last_use.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn is_followed(&self) -> bool {
+        self.events.receiver_count() > 0
+    }
+
+    pub(crate) fn subscribe(&self) -> broadcast::Receiver<SessionEvent> {
+        self.events.subscribe()
+    }
+
+    /// Tells everybody who follows the session; nobody has to.
+    pub(crate) fn publish(&self, event: SessionEvent) {
+        let _ = self.events.send(event);
+    }
+
+    /// Refuses readings whose images the model cannot understand.
+    pub(crate) fn check_shapes(&self, readings: &[Incoming]) -> Result<(), Refusal> {
+        let vocabulary = &self.model.core.vocabulary;
+        let wrong = readings.iter().position(|r| !vocabulary.fits(r.reading.image()));
+        let Some(index) = wrong else { return Ok(()) };
+        let image = readings[index].reading.image();
+        let error = RecogniseError::Shape {
+            rows: vocabulary.rows,
+            cols: vocabulary.cols,
+            found_rows: image.rows,
+            found_cols: image.cols,
+        };
+        Err(Refusal::field(format!("/readings/{index}/sensor"), error))
+    }
+
+    /// Stores readings and answers the belief after them.
+    pub(crate) async fn add(
+        &self,
+        tools: &Tools<'_>,
+        readings: Vec<Incoming>,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingsAdded, Refusal> {
+        let mut state = self.state.lock().await;
+        let now = now_ms();
+        let status = self.status(tools.store, now)?;
+        let new = self.new_readings(tools.store, &readings)?;
+        let n_new = new.len();
+        if n_new > 0 && status.closed_at_ms.is_some() {
+            return Err(Refusal::SessionClosed { session: self.session.id });
+        }
+        let n_readings = status.n_readings + n_new as u64;
+        if n_readings > tools.readings_max as u64 {
+            return Err(Refusal::ReadingsFull {
+                what: "session",
+                found: status.n_readings,
+                more: n_new,
+                max: tools.readings_max,
+            });
+        }
+        let place = self.place(tools, detail)?;
+        if n_new > 0 {
+            let entries: Vec<NewEntry> = new.iter().map(|reading| reading.entry(now)).collect();
+            let journal = tools.store.journal();
+            journal.append(self.session.id, status.n_readings, &entries).await?;
+            metrics::counter!("palpate_readings_total").increment(n_new as u64);
+        }
+        let length = tools.store.journal().len(self.session.id)?;
+        let last_id = readings.last().and_then(|reading| reading.id.clone());
+        let remembered = if n_new == 0 { state.remembered(last_id.as_ref()) } else { None };
+        let belief = match (remembered, place) {
+            (Some(belief), _) => Some(belief),
+            (None, Some(place)) => {
+                let belief = self.catch_up(&mut state, tools, place, POSES, length).await?;
+                if n_new > 0 {
+                    state.remember(last_id, &belief);
+                    self.publish(SessionEvent::Belief { belief: belief.clone() });
+                }
+                Some(belief)
+            }
+            (None, None) => None,
+        };
+        Ok(wire::ReadingsAdded {
+            session: self.session.id,
+            n_new: count(n_new),
+            n_repeated: count(readings.len() - n_new),
+            n_readings: count(n_readings),
+            belief: shown(belief, detail),
+        })
+    }
+
+    /// The belief as it is now; `None` when its revision is known.
+    pub(crate) async fn belief(
+        &self,
+        tools: &Tools<'_>,
+        poses: usize,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Belief>, Refusal> {
+        let mut state = self.state.lock().await;
+        let length = tools.store.journal().len(self.session.id)?;
+        if known_revision == Some(length) {
+            return Ok(None);
+        }
+        let place = tools.pool.place()?;
+        self.catch_up(&mut state, tools, place, poses, length).await.map(Some)
+    }
+
+    /// Closes the session: nothing follows in its journal. Closing it again changes nothing.
+    pub(crate) async fn close(&self, store: &Database) -> Result<(), Refusal> {
+        let _state = self.state.lock().await;
+        let now = now_ms();
+        let status = self.status(store, now)?;
+        if status.closed_at_ms.is_some() {
+            return Ok(());
+        }
+        let closed = NewEntry { reading_id: None, received_at_ms: now, event: Event::Closed };
+        store.journal().append(self.session.id, status.n_readings, &[closed]).await?;
+        let table = store.sessions();
+        let noted = table.update(self.session.id, |session| {
+            session.closed_at_ms = Some(now);
+            Ok::<(), Refusal>(())
+        });
+        noted.await??;
+        Ok(())
+    }
+
+    /// Deletes the session while nobody else works on it.
+    pub(crate) async fn delete(&self, store: &Database) -> Result<(), Refusal> {
+        let _state = self.state.lock().await;
+        store.remove_session(self.session.id).await?;
+        Ok(())
+    }
+
+    /// What the session is doing; it may have been deleted while its entry was in use.
+    fn status(&self, store: &Database, now: u64) -> Result<Status, Refusal> {
+        let id = self.session.id;
+        if store.sessions().find(id)?.is_none() {
+            return Err(Refusal::NotFound { what: "session", reference: id.to_string() });
+        }
+        status(store, &self.session, now)
+    }
+
+    fn new_readings<'a>(
+        &self,
+        store: &Database,
+        readings: &'a [Incoming],
+    ) -> Result<Vec<&'a Incoming>, Refusal> {
+        let journal = store.journal();
+        new_readings(readings, |id| Ok(stored(&journal, self.session.id, id)?))
+    }
+
+    /// A place to compute. Without a belief to answer it is taken only for those who follow.
+    fn place(&self, tools: &Tools<'_>, detail: BeliefDetail) -> Result<Option<Place>, Refusal> {
+        match detail {
+            BeliefDetail::Full | BeliefDetail::Top => Ok(Some(tools.pool.place()?)),
+            BeliefDetail::None if self.is_followed() => Ok(tools.pool.place().ok()),
+            BeliefDetail::None => Ok(None),
+        }
+    }
+
+    /// Folds the entries up to `length` into the belief, and answers it.
+    async fn catch_up(
+        &self,
+        state: &mut State,
+        tools: &Tools<'_>,
+        place: Place,
+        poses: usize,
+        length: u64,
+    ) -> Result<wire::Belief, Refusal> {
+        let folding = Folding {
+            session: self.session.clone(),
+            model: Arc::clone(&self.model),
+            journal: tools.store.journal(),
+            sensors: Arc::clone(tools.sensors),
+            from: std::mem::take(&mut state.n_folded),
+            length,
+        };
+        let before = state.belief.take();
+        let (after, answer) = place.run(move || folding.run(before, poses)).await??;
+        state.belief = Some(after);
+        state.n_folded = length;
+        Ok(belief(self.session.id, length, &answer, &self.model, BeliefDetail::Full))
+    }
+}
+
+impl State {
+    fn remembered(&self, id: Option<&ReadingId>) -> Option<wire::Belief> {
+        let answers = self.answers.iter().rev();
+        answers.into_iter().find(|(known, _)| Some(known) == id).map(|(_, belief)| belief.clone())
+    }
+
+    fn remember(&mut self, id: Option<ReadingId>, belief: &wire::Belief) {
+        let Some(id) = id else { return };
+        if self.answers.len() == ANSWERS_MAX {
+            self.answers.pop_front();
+        }
+        self.answers.push_back((id, belief.clone()));
+    }
+}
+
+/// Everything that folding needs, on a thread of the pool.
+struct Folding {
+    session: Session,
+    model: Arc<Model>,
+    journal: Journal,
+    sensors: Arc<Sensors>,
+    from: u64,
+    length: u64,
+}
+
+impl Folding {
+    fn run(&self, before: Option<SvaBelief>, poses: usize) -> Result<(SvaBelief, Answer), Refusal> {
+        let (mut belief, mut next) = match before {
+            Some(belief) => (belief, self.from),
+            None => (self.empty()?, 0),
+        };
+        while next < self.length {
+            let limit = ENTRIES_PER_READ.min((self.length - next) as usize);
+            let entries = self.journal.entries(self.session.id, next, limit)?;
+            for entry in &entries {
+                match &entry.event {
+                    Event::Reading(reading) => self.fold(&mut belief, reading)?,
+                    Event::Retraction { .. } | Event::Closed => {}
+                }
+            }
+            next += limit as u64;
+        }
+        let answer = belief.answer(poses);
+        Ok((belief, answer))
+    }
+
+    fn empty(&self) -> Result<SvaBelief, Refusal> {
+        let options = match method(&self.session) {
+            Method::Sva => SvaOptions::default(),
+            Method::SvaLiteral => SvaOptions::literal(),
+        };
+        let weights: Vec<f64> = self.session.prior.iter().map(|(_, weight)| *weight).collect();
+        let prior = (!weights.is_empty()).then_some(weights.as_slice());
+        SvaBelief::new(Arc::clone(&self.model.core), options, prior)
+            .map_err(|error| self.unusable(&error))
+    }
+
+    fn fold(&self, belief: &mut SvaBelief, stored: &StoredReading) -> Result<(), Refusal> {
+        let sensor = self.sensors.get(&stored.sensor.to_string())?;
+        let reading = from_store(stored, &sensor).map_err(|error| self.unusable(&error))?;
+        belief.add(&reading, &sensor.description).map_err(|error| self.unusable(&error))
+    }
+
+    fn unusable(&self, error: &dyn std::error::Error) -> Refusal {
+        let id = self.session.id.to_string();
+        Refusal::Unusable { what: "session", id, reason: error.to_string() }
+    }
+}
+
+fn stored(
+    journal: &Journal,
+    session: uuid::Uuid,
+    id: &ReadingId,
+) -> Result<Option<StoredReading>, StoreError> {
+    let Some(seq) = journal.find(session, id)? else { return Ok(None) };
+    Ok(journal.entry(session, seq)?.and_then(|entry| match entry.event {
+        Event::Reading(reading) => Some(reading),
+        Event::Retraction { .. } | Event::Closed => None,
+    }))
+}
+
+fn shown(belief: Option<wire::Belief>, detail: BeliefDetail) -> Option<wire::Belief> {
+    match detail {
+        BeliefDetail::Full => belief,
+        BeliefDetail::Top => belief.map(top),
+        BeliefDetail::None => None,
+    }
+}

@@ -1,0 +1,229 @@
+//! The objects that robots are to recognise: their names, meshes and training readings.
+//!
+//! Meshes and readings are stored as they came; what is derived from them is in catalogues.
+//! A catalogue's version keeps what it learnt of an object that is deleted later.
+
+use std::sync::Arc;
+
+use bytes::Bytes;
+use palpate_schemas as wire;
+use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_store::database::Database;
+use palpate_store::entity::{JobState, Object, StoredReading};
+use palpate_store::journal::{AppendError, Event, NewEntry};
+use palpate_store::mesh::MeshInfo;
+use uuid::Uuid;
+
+use crate::clock::now_ms;
+use crate::compute::Pool;
+use crate::config::Config;
+use crate::refusal::Refusal;
+use crate::sensors::Sensors;
+use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, unit_metres};
+use crate::wire::reading::{Incoming, READINGS_MAX};
+use crate::wire::{self as convert, cursor, page_id, page_length, page_number};
+
+/// The longest description, in characters.
+const DESCRIPTION_MAX: usize = 2000;
+/// How often readings are appended anew when others append at the same time.
+const APPEND_ATTEMPTS: usize = 16;
+
+/// All objects.
+pub(crate) struct Objects {
+    store: Database,
+    sensors: Arc<Sensors>,
+    pool: Pool,
+    readings_max: usize,
+}
+
+impl Objects {
+    pub(crate) fn new(store: Database, sensors: Arc<Sensors>, pool: Pool, config: &Config) -> Self {
+        Self { store, sensors, pool, readings_max: config.object_readings_max }
+    }
+
+    /// The object of an id or a name.
+    pub(crate) fn find(&self, reference: &str) -> Result<Object, Refusal> {
+        let table = self.store.objects();
+        let found = match Uuid::parse_str(reference) {
+            Ok(id) => table.find(id)?,
+            Err(_) => table.find_by_name(reference)?,
+        };
+        found.ok_or_else(|| Refusal::NotFound { what: "object", reference: reference.to_owned() })
+    }
+
+    /// The object as the wire shows it.
+    pub(crate) fn show(&self, object: &Object) -> Result<wire::Object, Refusal> {
+        let mesh = self.store.meshes().info(object.id)?;
+        let n_readings = self.store.training().len(object.id)?;
+        Ok(convert::object::object(object, mesh.as_ref(), n_readings))
+    }
+
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ObjectPage, Refusal> {
+        let page = self.store.objects().list(page_id(query)?, page_length(query)?)?;
+        let items: Result<_, _> = page.items.iter().map(|object| self.show(object)).collect();
+        Ok(wire::ObjectPage { items: items?, next_cursor: cursor(page.next) })
+    }
+
+    pub(crate) async fn create(&self, request: wire::CreateObject) -> Result<Object, Refusal> {
+        convert::name(&request.name)?;
+        convert::text("/description", &request.description, DESCRIPTION_MAX)?;
+        let now = now_ms();
+        let object = Object {
+            id: Uuid::now_v7(),
+            name: request.name,
+            description: request.description,
+            revision: 1,
+            created_at_ms: now,
+            updated_at_ms: now,
+        };
+        self.store.objects().create(&object).await?;
+        tracing::info!(object.id = %object.id, "Created object {:?}", object.name);
+        Ok(object)
+    }
+
+    pub(crate) async fn update(
+        &self,
+        reference: &str,
+        request: wire::UpdateObject,
+    ) -> Result<Object, Refusal> {
+        let object = self.find(reference)?;
+        request.name.as_deref().map(convert::name).transpose()?;
+        let description = request.description.as_deref();
+        description.map(|text| convert::text("/description", text, DESCRIPTION_MAX)).transpose()?;
+        let table = self.store.objects();
+        let updated = table.update(object.id, |now| {
+            now.name = request.name.clone().unwrap_or_else(|| now.name.clone());
+            now.description =
+                request.description.clone().unwrap_or_else(|| now.description.clone());
+            now.revision += 1;
+            now.updated_at_ms = now_ms();
+            Ok::<(), Refusal>(())
+        });
+        updated.await?
+    }
+
+    /// Deletes an object with its mesh and readings, unless a training needs them.
+    pub(crate) async fn delete(&self, reference: &str) -> Result<(), Refusal> {
+        let object = self.find(reference)?;
+        for job in self.store.jobs().all()? {
+            let is_needed = matches!(job.state, JobState::Queued | JobState::Running)
+                && job.request.contains(&object.id.to_string());
+            if is_needed {
+                return Err(Refusal::ObjectInTraining { object: object.name, job: job.id });
+            }
+        }
+        self.store.remove_object(object.id).await?;
+        tracing::info!(object.id = %object.id, "Deleted object {:?}", object.name);
+        Ok(())
+    }
+
+    /// Reads a mesh and, if it is one, makes it the object's.
+    pub(crate) async fn put_mesh(
+        &self,
+        reference: &str,
+        query: wire::MeshQuery,
+        content_type: &str,
+        file: Bytes,
+    ) -> Result<wire::MeshReport, Refusal> {
+        let object = self.find(reference)?;
+        let format = convert::object::mesh_format(content_type, query.format)?;
+        let unit = stored_unit(query.unit);
+        let bytes = file.clone();
+        let read = move || Mesh::from_bytes(format, &bytes, unit_metres(unit));
+        let mesh = self.pool.place()?.run(read).await?;
+        let mesh = mesh.map_err(|error| Refusal::field("", error))?;
+        let format = stored_format(format);
+        let info = MeshInfo::new(Uuid::now_v7(), format, unit, &file, now_ms());
+        self.store.meshes().put(object.id, &info, &file).await?;
+        let n_triangles = mesh.triangles().len();
+        tracing::info!(object.id = %object.id, n_triangles, "Stored a mesh of {:?}", object.name);
+        Ok(mesh_report(&info, &mesh))
+    }
+
+    /// An object's mesh as it was uploaded, and its format.
+    pub(crate) async fn mesh(&self, reference: &str) -> Result<(MeshFormat, Vec<u8>), Refusal> {
+        let object = self.find(reference)?;
+        let meshes = self.store.meshes();
+        let found = self.pool.place()?.run(move || meshes.get(object.id)).await??;
+        let (info, file) = found.ok_or_else(|| Refusal::NotFound {
+            what: "mesh of object",
+            reference: object.name.clone(),
+        })?;
+        Ok((read_format(info.format), file))
+    }
+
+    /// Stores training readings: all of them or none, none of them twice.
+    pub(crate) async fn add_readings(
+        &self,
+        reference: &str,
+        request: &wire::AddTrainingReadings,
+    ) -> Result<wire::TrainingReadingsAdded, Refusal> {
+        let object = self.find(reference)?;
+        let frame_id = convert::reading::shared_frame(&request.readings)?;
+        let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
+        let journal = self.store.training();
+        for _ in 0..APPEND_ATTEMPTS {
+            let before = journal.len(object.id)?;
+            let entries = self.new_entries(&object, &readings)?;
+            if before as usize + entries.len() > self.readings_max {
+                return Err(Refusal::ReadingsFull {
+                    what: "object",
+                    found: before,
+                    more: entries.len(),
+                    max: self.readings_max,
+                });
+            }
+            match journal.append(object.id, before, &entries).await {
+                Err(AppendError::Sequence { .. }) => {}
+                other => {
+                    other?;
+                    return Ok(wire::TrainingReadingsAdded {
+                        n_new: convert::count(entries.len()),
+                        n_repeated: convert::count(readings.len() - entries.len()),
+                        n_readings: convert::count(before + entries.len() as u64),
+                    });
+                }
+            }
+        }
+        Err(AppendError::Sequence { expected: 0, found: 0 }.into())
+    }
+
+    /// Training readings in the order in which they came.
+    pub(crate) fn readings(
+        &self,
+        reference: &str,
+        query: &wire::PageQuery,
+    ) -> Result<wire::StoredReadingPage, Refusal> {
+        let object = self.find(reference)?;
+        let (from, limit) = (page_number(query)?, page_length(query)?);
+        let journal = self.store.training();
+        let entries = journal.entries(object.id, from, limit.min(READINGS_MAX))?;
+        let next = from + entries.len() as u64;
+        let more = next < journal.len(object.id)? && !entries.is_empty();
+        Ok(wire::StoredReadingPage {
+            items: entries.iter().filter_map(convert::reading::stored).collect(),
+            next_cursor: more.then(|| next.to_string()),
+        })
+    }
+
+    /// The readings that are not stored yet, as entries.
+    fn new_entries(
+        &self,
+        object: &Object,
+        readings: &[Incoming],
+    ) -> Result<Vec<NewEntry>, Refusal> {
+        let journal = self.store.training();
+        let stored =
+            |id: &palpate_store::entity::ReadingId| -> Result<Option<StoredReading>, Refusal> {
+                let Some(seq) = journal.find(object.id, id)? else { return Ok(None) };
+                let entry = journal.entry(object.id, seq)?;
+                Ok(entry.and_then(|entry| match entry.event {
+                    Event::Reading(reading) => Some(reading),
+                    Event::Retraction { .. } | Event::Closed => None,
+                }))
+            };
+        let now = now_ms();
+        let new = crate::repeats::new_readings(readings, stored)?;
+        Ok(new.into_iter().map(|reading| reading.entry(now)).collect())
+    }
+}

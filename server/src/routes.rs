@@ -1,0 +1,49 @@
+//! What can be asked of the service, resource by resource. Each handler finds, parses, does
+//! and answers; everything else lives behind it.
+
+pub(crate) mod events;
+pub(crate) mod jobs;
+pub(crate) mod objects;
+pub(crate) mod sensors;
+pub(crate) mod sessions;
+pub(crate) mod site;
+pub(crate) mod training;
+
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use crate::app::App;
+
+/// Every route of the API, with its documentation.
+pub(crate) fn api() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(site::livez))
+        .routes(routes!(site::readyz))
+        .routes(routes!(site::metrics))
+        .routes(routes!(site::version))
+        .routes(routes!(sensors::list_sensors, sensors::create_sensor))
+        .routes(routes!(sensors::get_sensor))
+        .routes(routes!(sensors::check_reading))
+        .routes(routes!(objects::list_objects, objects::create_object))
+        .routes(routes!(objects::get_object, objects::update_object, objects::delete_object))
+        .routes(routes!(objects::get_mesh, objects::put_mesh))
+        .routes(routes!(objects::list_object_readings, objects::add_object_readings))
+        .routes(routes!(training::list_catalogues))
+        .routes(routes!(training::get_catalogue))
+        .routes(routes!(training::start_training))
+        .routes(routes!(training::list_versions))
+        .routes(routes!(training::get_version))
+        .routes(routes!(training::get_report))
+        .routes(routes!(training::get_current, training::set_current))
+        .routes(routes!(jobs::list_jobs))
+        .routes(routes!(jobs::get_job))
+        .routes(routes!(jobs::cancel_job))
+        .routes(routes!(events::job_events))
+        .routes(routes!(sessions::list_sessions, sessions::create_session))
+        .routes(routes!(sessions::get_session, sessions::delete_session))
+        .routes(routes!(sessions::close_session))
+        .routes(routes!(sessions::add_readings))
+        .routes(routes!(sessions::get_belief))
+        .routes(routes!(events::session_events))
+        .routes(routes!(events::events))
+}

@@ -1,0 +1,131 @@
+//! Streams of server-sent events: what is now, then what happens.
+//!
+//! Every event carries the whole state, so one that is missed does no harm. A stream ends
+//! when there is nothing more to come, and when the server stops.
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures::stream::{self, BoxStream, StreamExt, select_all};
+use palpate_schemas::{Belief, EventsQuery, Job, SessionEvent};
+use tokio::sync::broadcast::Receiver;
+use tokio_stream::wrappers::{BroadcastStream, WatchStream};
+
+use crate::app::App;
+use crate::extract::{Params, Segment1, revision};
+use crate::refusal::Refusal;
+use crate::sessions::is_last;
+use crate::wire::session::session_ids;
+
+/// How often a comment keeps proxies from closing a quiet stream.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// Follow a job
+///
+/// Server-sent events named `job` whose data is the job; ends when the job is finished.
+#[utoipa::path(get, path = "/v1/jobs/{job}/events", operation_id = "job_events", tag = "jobs",
+    params(("job" = String, Path, description = "The job's id")),
+    responses((status = 200, description = "Server-sent events", body = String,
+        content_type = "text/event-stream")))]
+pub(crate) async fn job_events(
+    State(app): State<App>,
+    Segment1(job): Segment1,
+) -> Result<Response, Refusal> {
+    let jobs = WatchStream::new(app.jobs().follow(&job)?);
+    let events = until(jobs.boxed(), |job: &Job| job.state.is_final());
+    let events = events.map(|job| Event::default().event("job").json_data(&job));
+    sse(&app, events.filter_map(async |event| event.ok()).boxed())
+}
+
+/// Follow a session
+///
+/// Server-sent events `belief`, `closed` and `deleted` whose data is a `SessionEvent`; the
+/// first is the belief as it is now, unless `Last-Event-ID` says that it is known.
+#[utoipa::path(get, path = "/v1/sessions/{session}/events", operation_id = "session_events",
+    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    responses((status = 200, description = "Server-sent events", body = String,
+        content_type = "text/event-stream")))]
+pub(crate) async fn session_events(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let known = revision(&headers, &HeaderName::from_static("last-event-id"));
+    let id = app.sessions().parse(&session)?;
+    let (now, events) = app.sessions().follow(id, known).await?;
+    let events = until(session_stream(now, events), is_last);
+    sse(&app, events.filter_map(async |event| session_event(&event)).boxed())
+}
+
+/// Follow several sessions in one stream
+///
+/// As the stream of one session, for up to 100 of them; it goes on when one of them closes.
+#[utoipa::path(get, path = "/v1/events", operation_id = "events", tag = "sessions",
+    params(EventsQuery),
+    responses((status = 200, description = "Server-sent events", body = String,
+        content_type = "text/event-stream")))]
+pub(crate) async fn events(
+    State(app): State<App>,
+    Params(query): Params<EventsQuery>,
+) -> Result<Response, Refusal> {
+    let mut all = Vec::new();
+    for id in session_ids(&query)? {
+        let (now, events) = app.sessions().follow(id, None).await?;
+        all.push(session_stream(now, events));
+    }
+    sse(&app, select_all(all).filter_map(async |event| session_event(&event)).boxed())
+}
+
+/// What is now, then what happens. Who lags behind misses events that newer ones replace.
+fn session_stream(
+    now: Option<Belief>,
+    events: Receiver<SessionEvent>,
+) -> BoxStream<'static, SessionEvent> {
+    let now = stream::iter(now.map(|belief| SessionEvent::Belief { belief }));
+    let events = BroadcastStream::new(events).filter_map(async |event| event.ok());
+    now.chain(events).boxed()
+}
+
+fn session_event(event: &SessionEvent) -> Option<Event> {
+    let named = match event {
+        SessionEvent::Belief { belief } => {
+            Event::default().event("belief").id(belief.revision.to_string())
+        }
+        SessionEvent::Closed { .. } => Event::default().event("closed"),
+        SessionEvent::Deleted { .. } => Event::default().event("deleted"),
+    };
+    named.json_data(event).ok()
+}
+
+/// The stream up to and with the first item that is the last.
+fn until<T: Send + 'static>(
+    items: BoxStream<'static, T>,
+    is_last: impl Fn(&T) -> bool + Send + 'static,
+) -> BoxStream<'static, T> {
+    let rest = stream::unfold(Some((items, is_last)), async |state| {
+        let (mut items, is_last) = state?;
+        let item = items.next().await?;
+        let rest = if is_last(&item) { None } else { Some((items, is_last)) };
+        Some((item, rest))
+    });
+    rest.boxed()
+}
+
+/// The response of a stream. It counts against the bound on streams while it is open.
+fn sse(app: &App, events: BoxStream<'static, Event>) -> Result<Response, Refusal> {
+    let permit = app.admission().stream()?;
+    let mut stopping = app.stopping();
+    let stopped = async move {
+        // Without a sender the server is gone, which is a stop as well.
+        let _ = stopping.wait_for(|stopping| *stopping).await;
+    };
+    let events = events.take_until(Box::pin(stopped)).map(move |event| {
+        let _held_while_open = &permit;
+        Ok::<Event, Infallible>(event)
+    });
+    Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response())
+}

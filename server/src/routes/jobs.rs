@@ -1,0 +1,46 @@
+//! `/v1/jobs`
+
+use axum::Json;
+use axum::extract::State;
+use palpate_schemas::{Job, JobPage, PageQuery};
+
+use crate::app::App;
+use crate::extract::{Params, Segment1};
+use crate::openapi::Conflict;
+use crate::refusal::Refusal;
+
+/// List the jobs
+#[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
+    params(PageQuery),
+    responses((status = 200, description = "A page of jobs, oldest first", body = JobPage)))]
+pub(crate) async fn list_jobs(
+    State(app): State<App>,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<JobPage>, Refusal> {
+    Ok(Json(app.jobs().list(&query)?))
+}
+
+/// Get a job
+#[utoipa::path(get, path = "/v1/jobs/{job}", operation_id = "get_job", tag = "jobs",
+    params(("job" = String, Path, description = "The job's id")),
+    responses((status = 200, description = "The job", body = Job)))]
+pub(crate) async fn get_job(
+    State(app): State<App>,
+    Segment1(job): Segment1,
+) -> Result<Json<Job>, Refusal> {
+    Ok(Json(app.jobs().get(&job)?))
+}
+
+/// Cancel a job
+///
+/// A queued job never begins; a running one stops at its next step, within seconds. 409 when
+/// it is finished already.
+#[utoipa::path(post, path = "/v1/jobs/{job}/cancel", operation_id = "cancel_job", tag = "jobs",
+    params(("job" = String, Path, description = "The job's id")),
+    responses((status = 200, description = "The job", body = Job), Conflict))]
+pub(crate) async fn cancel_job(
+    State(app): State<App>,
+    Segment1(job): Segment1,
+) -> Result<Json<Job>, Refusal> {
+    Ok(Json(app.jobs().cancel(&job).await?))
+}

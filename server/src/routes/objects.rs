@@ -1,0 +1,147 @@
+//! `/v1/objects`
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use palpate_schemas::{
+    AddTrainingReadings, CreateObject, MeshQuery, MeshReport, Object, ObjectPage, PageQuery,
+    StoredReadingPage, TrainingReadingsAdded, UpdateObject,
+};
+
+use crate::app::App;
+use crate::extract::{JsonBody, MeshBody, Params, Segment1};
+use crate::openapi::{Conflict, MeshFile};
+use crate::refusal::Refusal;
+
+/// List the objects
+#[utoipa::path(get, path = "/v1/objects", operation_id = "list_objects", tag = "objects",
+    params(PageQuery),
+    responses((status = 200, description = "A page of objects, oldest first", body = ObjectPage)))]
+pub(crate) async fn list_objects(
+    State(app): State<App>,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<ObjectPage>, Refusal> {
+    Ok(Json(app.objects().list(&query)?))
+}
+
+/// Add an object
+#[utoipa::path(post, path = "/v1/objects", operation_id = "create_object", tag = "objects",
+    request_body = CreateObject,
+    responses((status = 201, description = "The new object", body = Object), Conflict))]
+pub(crate) async fn create_object(
+    State(app): State<App>,
+    JsonBody(request): JsonBody<CreateObject>,
+) -> Result<(StatusCode, Json<Object>), Refusal> {
+    let object = app.objects().create(request).await?;
+    Ok((StatusCode::CREATED, Json(app.objects().show(&object)?)))
+}
+
+/// Get an object
+#[utoipa::path(get, path = "/v1/objects/{object}", operation_id = "get_object", tag = "objects",
+    params(("object" = String, Path, description = "The object's id or name")),
+    responses((status = 200, description = "The object", body = Object)))]
+pub(crate) async fn get_object(
+    State(app): State<App>,
+    Segment1(object): Segment1,
+) -> Result<Json<Object>, Refusal> {
+    let object = app.objects().find(&object)?;
+    Ok(Json(app.objects().show(&object)?))
+}
+
+/// Rename or describe an object
+#[utoipa::path(patch, path = "/v1/objects/{object}", operation_id = "update_object",
+    tag = "objects", request_body = UpdateObject,
+    params(("object" = String, Path, description = "The object's id or name")),
+    responses((status = 200, description = "The object as it is now", body = Object), Conflict))]
+pub(crate) async fn update_object(
+    State(app): State<App>,
+    Segment1(object): Segment1,
+    JsonBody(request): JsonBody<UpdateObject>,
+) -> Result<Json<Object>, Refusal> {
+    let object = app.objects().update(&object, request).await?;
+    Ok(Json(app.objects().show(&object)?))
+}
+
+/// Delete an object
+///
+/// Its mesh and training readings go too. Versions that were trained with it keep what they
+/// learnt and go on recognising it. 409 while an unfinished job needs it.
+#[utoipa::path(delete, path = "/v1/objects/{object}", operation_id = "delete_object",
+    tag = "objects",
+    params(("object" = String, Path, description = "The object's id or name")),
+    responses((status = 204, description = "It is gone"), Conflict))]
+pub(crate) async fn delete_object(
+    State(app): State<App>,
+    Segment1(object): Segment1,
+) -> Result<StatusCode, Refusal> {
+    app.objects().delete(&object).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Get an object's mesh
+///
+/// The file as it was uploaded, with the content type of its format.
+#[utoipa::path(get, path = "/v1/objects/{object}/mesh", operation_id = "get_mesh", tag = "objects",
+    params(("object" = String, Path, description = "The object's id or name")),
+    responses((status = 200, description = "The file", body = MeshFile,
+        content_type = "application/octet-stream")))]
+pub(crate) async fn get_mesh(
+    State(app): State<App>,
+    Segment1(object): Segment1,
+) -> Result<Response, Refusal> {
+    let (format, file) = app.objects().mesh(&object).await?;
+    Ok(([(header::CONTENT_TYPE, format.media_type())], file).into_response())
+}
+
+/// Upload an object's mesh
+///
+/// The raw file as the body. The unit is mandatory, because no format says it: millimetres
+/// are usual in CAD, metres in robotics. The format is named by the content type (`model/stl`,
+/// `model/obj`, `model/ply`, `model/off`), or by `format` with `application/octet-stream`.
+/// The mesh before it, if any, is replaced; versions trained from that do not change.
+#[utoipa::path(put, path = "/v1/objects/{object}/mesh", operation_id = "put_mesh", tag = "objects",
+    params(("object" = String, Path, description = "The object's id or name"), MeshQuery),
+    request_body(content = MeshFile, content_type = "application/octet-stream",
+        description = "The mesh file"),
+    responses((status = 200, description = "How the mesh is understood", body = MeshReport)))]
+pub(crate) async fn put_mesh(
+    State(app): State<App>,
+    Segment1(object): Segment1,
+    Params(query): Params<MeshQuery>,
+    MeshBody { content_type, bytes }: MeshBody,
+) -> Result<Json<MeshReport>, Refusal> {
+    Ok(Json(app.objects().put_mesh(&object, query, &content_type, bytes).await?))
+}
+
+/// List an object's training readings
+#[utoipa::path(get, path = "/v1/objects/{object}/readings", operation_id = "list_object_readings",
+    tag = "objects",
+    params(("object" = String, Path, description = "The object's id or name"), PageQuery),
+    responses((status = 200, description = "A page of readings in the order they came",
+        body = StoredReadingPage)))]
+pub(crate) async fn list_object_readings(
+    State(app): State<App>,
+    Segment1(object): Segment1,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<StoredReadingPage>, Refusal> {
+    Ok(Json(app.objects().readings(&object, &query)?))
+}
+
+/// Add training readings of an object
+///
+/// 1 to 1000 readings that a robot took of the object at rest, with poses in one frame that
+/// is fixed to it. All are taken or none. An object with readings is trained from them, not
+/// from its mesh.
+#[utoipa::path(post, path = "/v1/objects/{object}/readings", operation_id = "add_object_readings",
+    tag = "objects", request_body = AddTrainingReadings,
+    params(("object" = String, Path, description = "The object's id or name")),
+    responses((status = 200, description = "How many are stored", body = TrainingReadingsAdded),
+        Conflict))]
+pub(crate) async fn add_object_readings(
+    State(app): State<App>,
+    Segment1(object): Segment1,
+    JsonBody(request): JsonBody<AddTrainingReadings>,
+) -> Result<Json<TrainingReadingsAdded>, Refusal> {
+    Ok(Json(app.objects().add_readings(&object, &request).await?))
+}

@@ -1,0 +1,66 @@
+//! `/v1/sensors`
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, SensorPage};
+
+use crate::app::App;
+use crate::extract::{JsonBody, Params, Segment1};
+use crate::refusal::Refusal;
+use crate::wire;
+
+/// List the sensors
+#[utoipa::path(get, path = "/v1/sensors", operation_id = "list_sensors", tag = "sensors",
+    params(PageQuery),
+    responses((status = 200, description = "A page of sensors, oldest first", body = SensorPage)))]
+pub(crate) async fn list_sensors(
+    State(app): State<App>,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<SensorPage>, Refusal> {
+    Ok(Json(app.sensors().list(&query)?))
+}
+
+/// Add a sensor
+///
+/// From a preset or a full description. Every preset is there from the start under its own
+/// name. A sensor does not change: readings rely on its geometry; add another one instead.
+#[utoipa::path(post, path = "/v1/sensors", operation_id = "create_sensor", tag = "sensors",
+    request_body = CreateSensor,
+    responses((status = 201, description = "The new sensor", body = Sensor)))]
+pub(crate) async fn create_sensor(
+    State(app): State<App>,
+    JsonBody(request): JsonBody<CreateSensor>,
+) -> Result<(StatusCode, Json<Sensor>), Refusal> {
+    let sensor = app.sensors().create(&request).await?;
+    Ok((StatusCode::CREATED, Json(wire::sensor::sensor(&sensor))))
+}
+
+/// Get a sensor
+#[utoipa::path(get, path = "/v1/sensors/{sensor}", operation_id = "get_sensor", tag = "sensors",
+    params(("sensor" = String, Path, description = "The sensor's id or name")),
+    responses((status = 200, description = "The sensor", body = Sensor)))]
+pub(crate) async fn get_sensor(
+    State(app): State<App>,
+    Segment1(sensor): Segment1,
+) -> Result<Json<Sensor>, Refusal> {
+    let sensor = app.sensors().get(&sensor)?;
+    Ok(Json(wire::sensor::sensor(&sensor)))
+}
+
+/// Try a reading out
+///
+/// Says how the server understands a reading: which way the image is turned, what is missing
+/// or saturated, where it touches. Nothing is stored. The reading's own `sensor` must be the
+/// one of the path.
+#[utoipa::path(post, path = "/v1/sensors/{sensor}/check", operation_id = "check_reading",
+    tag = "sensors", request_body = Reading,
+    params(("sensor" = String, Path, description = "The sensor's id or name")),
+    responses((status = 200, description = "How the reading is understood", body = ReadingCheck)))]
+pub(crate) async fn check_reading(
+    State(app): State<App>,
+    Segment1(sensor): Segment1,
+    JsonBody(reading): JsonBody<Reading>,
+) -> Result<Json<ReadingCheck>, Refusal> {
+    Ok(Json(app.sensors().check(&sensor, &reading)?))
+}

@@ -1,0 +1,121 @@
+//! `/v1/sessions`
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use palpate_schemas::{
+    AddReadings, Belief, BeliefQuery, CreateSession, PageQuery, ReadingsAdded, ReadingsQuery,
+    Session, SessionPage,
+};
+
+use crate::app::App;
+use crate::extract::{JsonBody, Params, Segment1, revision};
+use crate::openapi::Conflict;
+use crate::refusal::Refusal;
+
+/// List the sessions
+#[utoipa::path(get, path = "/v1/sessions", operation_id = "list_sessions", tag = "sessions",
+    params(PageQuery),
+    responses((status = 200, description = "A page of sessions, oldest first",
+        body = SessionPage)))]
+pub(crate) async fn list_sessions(
+    State(app): State<App>,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<SessionPage>, Refusal> {
+    Ok(Json(app.sessions().list(&query)?))
+}
+
+/// Begin a session
+///
+/// One object that rests in one frame and is touched, by one robot or several. The session
+/// keeps the catalogue's version that it begins with. 409 when there is none yet.
+#[utoipa::path(post, path = "/v1/sessions", operation_id = "create_session", tag = "sessions",
+    request_body = CreateSession,
+    responses((status = 201, description = "The new session", body = Session), Conflict))]
+pub(crate) async fn create_session(
+    State(app): State<App>,
+    JsonBody(request): JsonBody<CreateSession>,
+) -> Result<(StatusCode, Json<Session>), Refusal> {
+    Ok((StatusCode::CREATED, Json(app.sessions().create(&request).await?)))
+}
+
+/// Get a session
+#[utoipa::path(get, path = "/v1/sessions/{session}", operation_id = "get_session",
+    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    responses((status = 200, description = "The session", body = Session)))]
+pub(crate) async fn get_session(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+) -> Result<Json<Session>, Refusal> {
+    Ok(Json(app.sessions().get(&session)?))
+}
+
+/// Delete a session with its readings
+#[utoipa::path(delete, path = "/v1/sessions/{session}", operation_id = "delete_session",
+    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    responses((status = 204, description = "It is gone")))]
+pub(crate) async fn delete_session(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+) -> Result<StatusCode, Refusal> {
+    app.sessions().delete(&session).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Close a session
+///
+/// It takes no more readings; its belief can still be read. Closing it again changes nothing.
+#[utoipa::path(post, path = "/v1/sessions/{session}/close", operation_id = "close_session",
+    tag = "sessions", params(("session" = String, Path, description = "The session's id")),
+    responses((status = 200, description = "The closed session", body = Session)))]
+pub(crate) async fn close_session(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+) -> Result<Json<Session>, Refusal> {
+    Ok(Json(app.sessions().close(&session).await?))
+}
+
+/// Add readings
+///
+/// 1 to 1000 readings in one list, also when it is only one; all are taken or none. Answered
+/// when they are durable, with the belief after them. `robot` and `seq` together identify a
+/// reading: sent again with the same content it is not counted twice and the answer of
+/// before comes back (the last 64 answers of a session are remembered; otherwise the belief
+/// as it is now). 409 with other content, or when the session is closed or full.
+#[utoipa::path(post, path = "/v1/sessions/{session}/readings", operation_id = "add_readings",
+    tag = "sessions", request_body = AddReadings,
+    params(("session" = String, Path, description = "The session's id"), ReadingsQuery),
+    responses((status = 200, description = "What became of the readings", body = ReadingsAdded),
+        Conflict))]
+pub(crate) async fn add_readings(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    Params(query): Params<ReadingsQuery>,
+    JsonBody(request): JsonBody<AddReadings>,
+) -> Result<Json<ReadingsAdded>, Refusal> {
+    let detail = query.belief.unwrap_or_default();
+    Ok(Json(app.sessions().add(&session, &request, detail).await?))
+}
+
+/// Get a session's belief
+///
+/// With `If-None-Match` and the `ETag` of a belief that is still the newest, 304.
+#[utoipa::path(get, path = "/v1/sessions/{session}/belief", operation_id = "get_belief",
+    tag = "sessions",
+    params(("session" = String, Path, description = "The session's id"), BeliefQuery),
+    responses((status = 200, description = "The belief", body = Belief,
+        headers(("etag" = String, description = "The revision")))))]
+pub(crate) async fn get_belief(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    Params(query): Params<BeliefQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let known = revision(&headers, &header::IF_NONE_MATCH);
+    let Some(belief) = app.sessions().belief(&session, query, known).await? else {
+        return Ok(StatusCode::NOT_MODIFIED.into_response());
+    };
+    let etag = [(header::ETAG, format!("\"{}\"", belief.revision))];
+    Ok((etag, Json(belief)).into_response())
+}

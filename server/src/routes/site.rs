@@ -1,0 +1,67 @@
+//! What is not about robots: health, metrics, version, documentation, the first page.
+
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::{Html, IntoResponse, Response};
+use axum::{Json, Router};
+use palpate_schemas::{Liveness, Readiness, Version};
+use utoipa_swagger_ui::{Config, SwaggerUi};
+
+use crate::app::App;
+use crate::{openapi, telemetry};
+
+/// Pages for people, and the API's description.
+pub(crate) fn pages() -> Router<App> {
+    let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
+    Router::new()
+        .merge(docs)
+        .route("/", axum::routing::get(landing))
+        .route("/openapi.json", axum::routing::get(description))
+}
+
+/// Whether the process answers
+#[utoipa::path(get, path = "/livez", operation_id = "livez", tag = "site",
+    responses((status = 200, description = "It does", body = Liveness)))]
+pub(crate) async fn livez() -> Json<Liveness> {
+    Json(Liveness { alive: true })
+}
+
+/// Whether the server does its work
+///
+/// The body is the same when a check fails, with status 503 for load balancers.
+#[utoipa::path(get, path = "/readyz", operation_id = "readyz", tag = "site",
+    responses((status = 200, description = "All checks passed", body = Readiness)))]
+pub(crate) async fn readyz(State(app): State<App>) -> Response {
+    let readiness = app.readiness();
+    let status = if readiness.ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    (status, Json(readiness)).into_response()
+}
+
+/// Figures for Prometheus
+#[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "site",
+    responses((status = 200, description = "Figures in the text format of Prometheus",
+        body = String, content_type = "text/plain")))]
+pub(crate) async fn metrics(State(app): State<App>) -> Response {
+    app.measure();
+    let content_type = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
+    (content_type, telemetry::metrics_handle().render()).into_response()
+}
+
+/// Which server this is
+#[utoipa::path(get, path = "/version", operation_id = "version", tag = "site",
+    responses((status = 200, description = "The version", body = Version)))]
+pub(crate) async fn version() -> Json<Version> {
+    Json(Version {
+        name: "palpate".to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        api: "v1".to_owned(),
+    })
+}
+
+async fn landing() -> Html<&'static str> {
+    Html(include_str!("landing.html"))
+}
+
+async fn description() -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], openapi::text()).into_response()
+}

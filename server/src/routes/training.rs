@@ -1,0 +1,148 @@
+//! `/v1/catalogues`
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use palpate_schemas::{
+    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Job,
+    PageQuery, Problem, SetCurrent, StartTraining, TrainingReport,
+};
+
+use crate::app::App;
+use crate::extract::{JsonBody, Params, Segment1, Segment2, if_match};
+use crate::openapi::Conflict;
+use crate::refusal::Refusal;
+use crate::wire;
+
+/// List the catalogues
+#[utoipa::path(get, path = "/v1/catalogues", operation_id = "list_catalogues", tag = "training",
+    params(PageQuery),
+    responses((status = 200, description = "A page of catalogues, oldest first",
+        body = CataloguePage)))]
+pub(crate) async fn list_catalogues(
+    State(app): State<App>,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<CataloguePage>, Refusal> {
+    Ok(Json(app.catalogues().list(&query)?))
+}
+
+/// Get a catalogue
+///
+/// What is current, and what was when.
+#[utoipa::path(get, path = "/v1/catalogues/{name}", operation_id = "get_catalogue",
+    tag = "training", params(("name" = String, Path, description = "The catalogue's name")),
+    responses((status = 200, description = "The catalogue", body = Catalogue)))]
+pub(crate) async fn get_catalogue(
+    State(app): State<App>,
+    Segment1(name): Segment1,
+) -> Result<Json<Catalogue>, Refusal> {
+    Ok(Json(wire::training::catalogue(&app.catalogues().find(&name)?)))
+}
+
+/// Train a new version
+///
+/// Answers at once with a job; jobs are done one at a time. The catalogue is made if it does
+/// not exist. Sessions that run keep the version they began with.
+#[utoipa::path(post, path = "/v1/catalogues/{name}/trainings", operation_id = "start_training",
+    tag = "training", request_body = StartTraining,
+    params(("name" = String, Path, description = "The catalogue's name, such as `default`")),
+    responses((status = 202, description = "The job that trains it", body = Job)))]
+pub(crate) async fn start_training(
+    State(app): State<App>,
+    Segment1(name): Segment1,
+    JsonBody(request): JsonBody<StartTraining>,
+) -> Result<Response, Refusal> {
+    let job = app.jobs().start(&name, &request).await?;
+    let location = [(header::LOCATION, format!("/v1/jobs/{}", job.id))];
+    Ok((StatusCode::ACCEPTED, location, Json(job)).into_response())
+}
+
+/// List a catalogue's versions
+#[utoipa::path(get, path = "/v1/catalogues/{name}/versions", operation_id = "list_versions",
+    tag = "training",
+    params(("name" = String, Path, description = "The catalogue's name"), PageQuery),
+    responses((status = 200, description = "A page of versions, oldest first",
+        body = CatalogueVersionPage)))]
+pub(crate) async fn list_versions(
+    State(app): State<App>,
+    Segment1(name): Segment1,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<CatalogueVersionPage>, Refusal> {
+    Ok(Json(app.catalogues().versions(&name, &query)?))
+}
+
+/// Get a version
+#[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}",
+    operation_id = "get_version", tag = "training",
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("version" = u32, Path, description = "The version's number")),
+    responses((status = 200, description = "The version", body = CatalogueVersion)))]
+pub(crate) async fn get_version(
+    State(app): State<App>,
+    Segment2(name, version): Segment2,
+) -> Result<Json<CatalogueVersion>, Refusal> {
+    Ok(Json(app.catalogues().version(&name, &version)?))
+}
+
+/// Get what a version's training made
+///
+/// Objects, patches, memory, time and seed.
+#[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/report",
+    operation_id = "get_report", tag = "training",
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("version" = u32, Path, description = "The version's number")),
+    responses((status = 200, description = "The report", body = TrainingReport)))]
+pub(crate) async fn get_report(
+    State(app): State<App>,
+    Segment2(name, version): Segment2,
+) -> Result<Json<TrainingReport>, Refusal> {
+    Ok(Json(app.catalogues().version(&name, &version)?.report))
+}
+
+/// Get what new sessions use
+///
+/// The `ETag` is what a change expects in `If-Match`. 409 while no version is current.
+#[utoipa::path(get, path = "/v1/catalogues/{name}/current", operation_id = "get_current",
+    tag = "training", params(("name" = String, Path, description = "The catalogue's name")),
+    responses((status = 200, description = "The current version", body = CurrentVersion,
+        headers(("etag" = String, description = "The revision"))), Conflict))]
+pub(crate) async fn get_current(
+    State(app): State<App>,
+    Segment1(name): Segment1,
+) -> Result<Response, Refusal> {
+    current(wire::training::catalogue(&app.catalogues().find(&name)?))
+}
+
+/// Choose what new sessions use
+///
+/// Switches to any version of the catalogue, also back to an older one. `If-Match` carries
+/// the `ETag` of the current version, so that of two who switch at once one is told.
+#[utoipa::path(put, path = "/v1/catalogues/{name}/current", operation_id = "set_current",
+    tag = "training", request_body = SetCurrent,
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("if-match" = String, Header, description = "The `ETag` of the current version")),
+    responses((status = 200, description = "The current version", body = CurrentVersion,
+            headers(("etag" = String, description = "The new revision"))),
+        (status = 412, description = "Somebody else has switched in between", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 428, description = "`If-Match` is missing", body = Problem,
+            content_type = "application/problem+json")))]
+pub(crate) async fn set_current(
+    State(app): State<App>,
+    Segment1(name): Segment1,
+    headers: HeaderMap,
+    JsonBody(request): JsonBody<SetCurrent>,
+) -> Result<Response, Refusal> {
+    let revision = if_match(&headers)?;
+    let catalogue = app.catalogues().switch(&name, request.version, revision).await?;
+    current(wire::training::catalogue(&catalogue))
+}
+
+fn current(catalogue: Catalogue) -> Result<Response, Refusal> {
+    let Some(current) = catalogue.current else {
+        return Err(Refusal::Untrained { catalogue: catalogue.name });
+    };
+    let etag = [(header::ETAG, format!("\"{}\"", current.revision))];
+    Ok((etag, Json(current)).into_response())
+}

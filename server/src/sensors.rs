@@ -1,0 +1,101 @@
+//! The sensors that robots may send readings of. They never change, so they are kept in
+//! memory once they were asked for.
+
+use std::sync::Arc;
+
+use dashmap::DashMap;
+use palpate_core::sensor::SensorDescription;
+use palpate_schemas as wire;
+use palpate_store::database::Database;
+use palpate_store::entity::Sensor;
+use palpate_store::error::StoreError;
+use uuid::Uuid;
+
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::wire::{cursor, page_id, page_length, reading, sensor};
+
+/// All sensors.
+pub(crate) struct Sensors {
+    store: Database,
+    known: DashMap<String, Arc<Sensor>>,
+}
+
+impl Sensors {
+    pub(crate) fn new(store: Database) -> Self {
+        Self { store, known: DashMap::new() }
+    }
+
+    /// Makes a sensor of every preset, under the preset's name, unless the name is taken.
+    pub(crate) async fn add_presets(&self) -> Result<(), StoreError> {
+        for name in SensorDescription::PRESET_NAMES {
+            let Some(description) = SensorDescription::preset_named(name) else { continue };
+            let sensor = Sensor {
+                id: Uuid::now_v7(),
+                name: name.to_owned(),
+                preset: Some(name.to_owned()),
+                description,
+                used: false,
+                created_at_ms: now_ms(),
+            };
+            match self.store.sensors().create(&sensor).await {
+                Ok(()) | Err(StoreError::NameTaken { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    /// The sensor of an id or a name, if there is one.
+    pub(crate) fn find(&self, reference: &str) -> Result<Option<Arc<Sensor>>, StoreError> {
+        let id = Uuid::parse_str(reference).ok();
+        let key = id.map_or_else(|| reference.to_owned(), |id| id.to_string());
+        if let Some(known) = self.known.get(&key) {
+            return Ok(Some(Arc::clone(&known)));
+        }
+        let table = self.store.sensors();
+        let found = match id {
+            Some(id) => table.find(id)?,
+            None => table.find_by_name(reference)?,
+        };
+        let found = found.map(Arc::new);
+        if let Some(sensor) = &found {
+            self.known.insert(key, Arc::clone(sensor));
+        }
+        Ok(found)
+    }
+
+    /// The sensor of an id or a name.
+    pub(crate) fn get(&self, reference: &str) -> Result<Arc<Sensor>, Refusal> {
+        self.find(reference)?
+            .ok_or_else(|| Refusal::NotFound { what: "sensor", reference: reference.to_owned() })
+    }
+
+    pub(crate) async fn create(&self, request: &wire::CreateSensor) -> Result<Sensor, Refusal> {
+        let sensor = sensor::new_sensor(request, Uuid::now_v7(), now_ms())?;
+        self.store.sensors().create(&sensor).await?;
+        tracing::info!(sensor.id = %sensor.id, "Created sensor {:?}", sensor.name);
+        Ok(sensor)
+    }
+
+    /// How a reading of a sensor is understood; nothing is stored.
+    pub(crate) fn check(
+        &self,
+        reference: &str,
+        given: &wire::Reading,
+    ) -> Result<wire::ReadingCheck, Refusal> {
+        let expected = self.get(reference)?;
+        let incoming = reading::one("", given, self, given.frame_id.as_deref())?;
+        if incoming.sensor.id != expected.id {
+            let detail = format!("came {:?}, expected {reference:?} as in the path", given.sensor);
+            return Err(Refusal::field("/sensor", detail));
+        }
+        Ok(sensor::check(&incoming.reading, &expected.description))
+    }
+
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Refusal> {
+        let page = self.store.sensors().list(page_id(query)?, page_length(query)?)?;
+        let items = page.items.iter().map(sensor::sensor).collect();
+        Ok(wire::SensorPage { items, next_cursor: cursor(page.next) })
+    }
+}

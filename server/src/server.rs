@@ -1,0 +1,183 @@
+//! A server that runs: started with a [`Config`], stopped with [`Server::shutdown`].
+//!
+//! Stopping takes no new connections, ends streams, lets requests finish for a while,
+//! suspends the running training, and closes the store last.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::serve::ListenerExt;
+use palpate_store::database::{Database, DatabaseError};
+use palpate_store::error::StoreError;
+use palpate_store::sled::SledOptions;
+use thiserror::Error;
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+
+use crate::admission::Admission;
+use crate::app::{App, Parts, router};
+use crate::catalogues::Catalogues;
+use crate::compute::Pool;
+use crate::config::Config;
+use crate::jobs::Jobs;
+use crate::objects::Objects;
+use crate::refusal::Refusal;
+use crate::sensors::Sensors;
+use crate::sessions::Sessions;
+use crate::telemetry;
+
+/// How long requests under way may go on after a stop was asked for.
+const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
+
+/// A server that runs.
+#[derive(Debug)]
+pub struct Server {
+    local_addr: SocketAddr,
+    stop: watch::Sender<bool>,
+    serving: JoinHandle<std::io::Result<()>>,
+    working: JoinHandle<()>,
+}
+
+/// Why a server does not start.
+#[derive(Debug, Error)]
+pub enum StartError {
+    /// Others could reach the address, and nobody would be asked for a key.
+    #[error(
+        "{address} can be reached from other machines and this server asks nobody for a key: \
+         listen at 127.0.0.1, or allow it expressly with `insecure_bind`"
+    )]
+    InsecureBind {
+        /// The address that was asked for.
+        address: SocketAddr,
+    },
+    /// The address cannot be listened at.
+    #[error("cannot listen at {address}: {source}")]
+    Listen {
+        /// The address that was asked for.
+        address: SocketAddr,
+        /// What the operating system says.
+        source: std::io::Error,
+    },
+    /// The operating system gives no threads.
+    #[error("cannot start threads: {0}")]
+    Threads(#[from] std::io::Error),
+    /// The training threads do not start.
+    #[error("cannot start the training threads: {0}")]
+    TrainingThreads(#[from] rayon::ThreadPoolBuildError),
+    /// The database cannot be opened.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
+    /// The database cannot be read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Unfinished jobs cannot be taken up again.
+    #[error("cannot take up unfinished jobs: {reason}")]
+    Jobs {
+        /// Why not.
+        reason: String,
+    },
+}
+
+impl Server {
+    /// Opens the database, takes up unfinished jobs and listens.
+    ///
+    /// # Errors
+    /// [`StartError`] when it cannot; nothing is left running then.
+    pub async fn start(config: Config) -> Result<Self, StartError> {
+        let address = config.listen;
+        if !address.ip().is_loopback() && !config.insecure_bind {
+            return Err(StartError::InsecureBind { address });
+        }
+        telemetry::metrics_handle();
+        let listener = TcpListener::bind(address)
+            .await
+            .map_err(|source| StartError::Listen { address, source })?;
+        let local_addr = listener.local_addr()?;
+        let (stop, stopping) = watch::channel(false);
+        let (app, jobs) = assemble(config, stopping.clone()).await?;
+        let working = tokio::spawn(jobs.work(stopping.clone()));
+        let listener = listener.tap_io(|connection| {
+            // Answers are small: waiting to fill a packet costs 40 ms each.
+            let _ = connection.set_nodelay(true);
+        });
+        let mut stopped = stopping;
+        let serving = axum::serve(listener, router(app)).with_graceful_shutdown(async move {
+            let _ = stopped.wait_for(|stopping| *stopping).await;
+        });
+        let serving = tokio::spawn(serving.into_future());
+        tracing::info!("Listening at http://{local_addr}");
+        Ok(Self { local_addr, stop, serving, working })
+    }
+
+    /// The address it listens at, with the port that was taken.
+    #[must_use]
+    pub fn local_addr(&self) -> SocketAddr {
+        self.local_addr
+    }
+
+    /// Stops the server, and returns when everything is stored and closed.
+    pub async fn shutdown(mut self) {
+        tracing::info!("Stopping");
+        self.stop.send_replace(true);
+        if tokio::time::timeout(SHUTDOWN_PATIENCE, &mut self.serving).await.is_err() {
+            tracing::warn!("Requests were still under way after {SHUTDOWN_PATIENCE:?}");
+            self.serving.abort();
+            let _ = (&mut self.serving).await;
+        }
+        if (&mut self.working).await.is_err() {
+            tracing::error!("The worker of training jobs panicked");
+        }
+        tracing::info!("Stopped");
+    }
+}
+
+async fn assemble(
+    config: Config,
+    stopping: watch::Receiver<bool>,
+) -> Result<(App, Arc<Jobs>), StartError> {
+    let folder = config.data.clone();
+    let opening = tokio::task::spawn_blocking(move || {
+        Database::open_folder(&folder, &SledOptions::default())
+    });
+    let store = opening.await.map_err(std::io::Error::other)??;
+    let pool = Pool::start(config.compute_threads, config.compute_queue_max)?;
+    let sensors = Arc::new(Sensors::new(store.clone()));
+    sensors.add_presets().await?;
+    let objects = Objects::new(store.clone(), Arc::clone(&sensors), pool.clone(), &config);
+    let objects = Arc::new(objects);
+    let catalogues = Arc::new(Catalogues::new(&store, pool.clone()));
+    let jobs = Arc::new(Jobs::new(
+        store.clone(),
+        Arc::clone(&objects),
+        Arc::clone(&sensors),
+        Arc::clone(&catalogues),
+        &config,
+    )?);
+    jobs.resume()
+        .await
+        .map_err(|refusal: Refusal| StartError::Jobs { reason: refusal.to_string() })?;
+    let sessions = Arc::new(Sessions::new(
+        store.clone(),
+        Arc::clone(&catalogues),
+        Arc::clone(&sensors),
+        pool.clone(),
+        &config,
+    ));
+    let admission = Admission::new(&config);
+    let working = Arc::clone(&jobs);
+    let parts = Parts {
+        config,
+        store,
+        pool,
+        admission,
+        sensors,
+        objects,
+        catalogues,
+        jobs,
+        sessions,
+        stopping,
+    };
+    Ok((App::new(parts), working))
+}

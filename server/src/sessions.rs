@@ -1,0 +1,283 @@
+//! Sessions: readings of one unknown object go in, beliefs about it come out.
+//!
+//! The journal is the truth: a reading is acknowledged when it is durable there. A belief is
+//! derived, folded from the journal's readings in their order, kept while the session is in
+//! use and rebuilt when it is asked for again. One session is one entry with its own lock;
+//! no guard of the map lives across an await. What changes a session runs in a task of its
+//! own, so that a robot that hangs up does not leave it half done.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use dashmap::DashMap;
+use palpate_schemas as wire;
+use palpate_schemas::{BeliefDetail, SessionEvent, SessionState};
+use palpate_store::database::Database;
+use palpate_store::entity::Session;
+use palpate_store::journal::Event;
+use tokio::sync::broadcast;
+use uuid::Uuid;
+
+use crate::catalogues::{Catalogues, DEFAULT};
+use crate::clock::now_ms;
+use crate::compute::Pool;
+use crate::config::Config;
+use crate::live::Live;
+use crate::refusal::Refusal;
+use crate::sensors::Sensors;
+use crate::wire::session::Status;
+use crate::wire::{self as convert, cursor, page_id, page_length};
+
+/// Pose hypotheses of an answer when the request does not say.
+pub(crate) const POSES: usize = 5;
+/// The most pose hypotheses of an answer.
+const POSES_MAX: u64 = 100;
+
+/// All sessions.
+pub(crate) struct Sessions {
+    store: Database,
+    catalogues: Arc<Catalogues>,
+    sensors: Arc<Sensors>,
+    pool: Pool,
+    live: DashMap<Uuid, Arc<Live>>,
+    uses: AtomicU64,
+    live_max: usize,
+    readings_max: usize,
+}
+
+impl Sessions {
+    pub(crate) fn new(
+        store: Database,
+        catalogues: Arc<Catalogues>,
+        sensors: Arc<Sensors>,
+        pool: Pool,
+        config: &Config,
+    ) -> Self {
+        Self {
+            store,
+            catalogues,
+            sensors,
+            pool,
+            live: DashMap::new(),
+            uses: AtomicU64::new(0),
+            live_max: config.beliefs_in_memory_max.max(1),
+            readings_max: config.session_readings_max,
+        }
+    }
+
+    pub(crate) async fn create(
+        &self,
+        request: &wire::CreateSession,
+    ) -> Result<wire::Session, Refusal> {
+        let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
+        let model = self.catalogues.model(name, request.version).await?;
+        let session = convert::session::new_session(request, &model, Uuid::now_v7(), now_ms())?;
+        self.store.sessions().create(&session).await?;
+        tracing::debug!(session.id = %session.id, "Created session {}", session.id);
+        let status = Status { n_readings: 0, closed_at_ms: None };
+        let shown = convert::session::session(&session, &model.name, status);
+        self.keep(session.id, Arc::new(Live::new(session, model)));
+        Ok(shown)
+    }
+
+    pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Refusal> {
+        let session = self.find(id)?;
+        self.show(&session)
+    }
+
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SessionPage, Refusal> {
+        let page = self.store.sessions().list(page_id(query)?, page_length(query)?)?;
+        let items: Result<_, _> = page.items.iter().map(|session| self.show(session)).collect();
+        Ok(wire::SessionPage { items: items?, next_cursor: cursor(page.next) })
+    }
+
+    /// Closes a session; closing it again changes nothing.
+    pub(crate) async fn close(self: &Arc<Self>, id: &str) -> Result<wire::Session, Refusal> {
+        let id = self.find(id)?.id;
+        let live = self.live(id).await?;
+        let sessions = Arc::clone(self);
+        let closing = tokio::spawn(async move {
+            live.close(&sessions.store).await?;
+            let session = sessions.show(&sessions.store.sessions().get(id)?)?;
+            live.publish(SessionEvent::Closed { session: session.clone() });
+            Ok(session)
+        });
+        closing.await.unwrap_or(Err(Refusal::Panicked))
+    }
+
+    /// Deletes a session with its readings.
+    pub(crate) async fn delete(&self, id: &str) -> Result<(), Refusal> {
+        let id = self.find(id)?.id;
+        match self.live.get(&id).map(|live| Arc::clone(&live)) {
+            Some(live) => {
+                live.delete(&self.store).await?;
+                self.live.remove(&id);
+                live.publish(SessionEvent::Deleted { session: id });
+            }
+            None => {
+                self.store.remove_session(id).await?;
+            }
+        }
+        tracing::info!(session.id = %id, "Deleted session {id}");
+        Ok(())
+    }
+
+    /// Stores readings, all or none, and answers the belief after them.
+    pub(crate) async fn add(
+        self: &Arc<Self>,
+        id: &str,
+        request: &wire::AddReadings,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingsAdded, Refusal> {
+        let live = self.live(self.parse(id)?).await?;
+        let frame_id = convert::session::frame_id(live.session());
+        let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
+        live.check_shapes(&readings)?;
+        let sessions = Arc::clone(self);
+        let adding =
+            tokio::spawn(async move { live.add(&sessions.tools(), readings, detail).await });
+        adding.await.unwrap_or(Err(Refusal::Panicked))
+    }
+
+    /// The belief as it is now; `None` when it is the one of `known_revision`.
+    pub(crate) async fn belief(
+        self: &Arc<Self>,
+        id: &str,
+        query: wire::BeliefQuery,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Belief>, Refusal> {
+        let poses = query.poses.map_or(Ok(POSES as u64), |poses| {
+            convert::within("?poses", u64::from(poses), 0, POSES_MAX)
+        })?;
+        let live = self.live(self.parse(id)?).await?;
+        self.belief_of(live, poses as usize, known_revision).await
+    }
+
+    /// What happens to a session from now on, and its belief as it is now.
+    pub(crate) async fn follow(
+        self: &Arc<Self>,
+        id: Uuid,
+        known_revision: Option<u64>,
+    ) -> Result<(Option<wire::Belief>, broadcast::Receiver<SessionEvent>), Refusal> {
+        let live = self.live(id).await?;
+        let events = live.subscribe();
+        Ok((self.belief_of(live, POSES, known_revision).await?, events))
+    }
+
+    /// The id of a session as a path has it.
+    pub(crate) fn parse(&self, id: &str) -> Result<Uuid, Refusal> {
+        let unknown = || Refusal::NotFound { what: "session", reference: id.to_owned() };
+        Uuid::parse_str(id).map_err(|_| unknown())
+    }
+
+    /// How many sessions are in memory.
+    pub(crate) fn n_live(&self) -> usize {
+        self.live.len()
+    }
+
+    async fn belief_of(
+        self: &Arc<Self>,
+        live: Arc<Live>,
+        poses: usize,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Belief>, Refusal> {
+        let sessions = Arc::clone(self);
+        let asking =
+            tokio::spawn(
+                async move { live.belief(&sessions.tools(), poses, known_revision).await },
+            );
+        asking.await.unwrap_or(Err(Refusal::Panicked))
+    }
+
+    fn tools(&self) -> Tools<'_> {
+        Tools {
+            store: &self.store,
+            sensors: &self.sensors,
+            pool: &self.pool,
+            readings_max: self.readings_max,
+        }
+    }
+
+    fn find(&self, id: &str) -> Result<Session, Refusal> {
+        let found = self.store.sessions().find(self.parse(id)?)?;
+        found.ok_or_else(|| Refusal::NotFound { what: "session", reference: id.to_owned() })
+    }
+
+    fn show(&self, session: &Session) -> Result<wire::Session, Refusal> {
+        let status = status(&self.store, session, now_ms())?;
+        let catalogue = self.catalogues.name(session.catalogue)?;
+        Ok(convert::session::session(session, &catalogue, status))
+    }
+
+    /// The session's entry in memory, made from the store if need be.
+    async fn live(&self, id: Uuid) -> Result<Arc<Live>, Refusal> {
+        if let Some(live) = self.live.get(&id).map(|live| Arc::clone(&live)) {
+            live.used(self.uses.fetch_add(1, Ordering::Relaxed));
+            return Ok(live);
+        }
+        let found = self.store.sessions().find(id)?;
+        let session = found
+            .ok_or_else(|| Refusal::NotFound { what: "session", reference: id.to_string() })?;
+        let model = self.catalogues.load(session.catalogue, session.version).await?;
+        Ok(self.keep(id, Arc::new(Live::new(session, model))))
+    }
+
+    /// Keeps an entry, unless another one was quicker; makes room when there are too many.
+    fn keep(&self, id: Uuid, live: Arc<Live>) -> Arc<Live> {
+        live.used(self.uses.fetch_add(1, Ordering::Relaxed));
+        let kept = Arc::clone(&self.live.entry(id).or_insert(live));
+        if self.live.len() > self.live_max {
+            self.forget_idle();
+        }
+        metrics::gauge!("palpate_sessions_in_memory").set(self.live.len() as f64);
+        kept
+    }
+
+    /// Forgets the quarter that was not used for longest. Entries in use stay: there must
+    /// never be two of one session.
+    fn forget_idle(&self) {
+        let mut uses: Vec<(u64, Uuid)> =
+            self.live.iter().map(|entry| (entry.last_use(), *entry.key())).collect();
+        uses.sort_unstable();
+        for (_, id) in uses.iter().take(uses.len() / 4 + 1) {
+            self.live.remove_if(id, |_, live| Arc::strong_count(live) == 1 && !live.is_followed());
+        }
+    }
+}
+
+/// What an entry needs to do its work.
+pub(crate) struct Tools<'a> {
+    pub(crate) store: &'a Database,
+    pub(crate) sensors: &'a Arc<Sensors>,
+    pub(crate) pool: &'a Pool,
+    pub(crate) readings_max: usize,
+}
+
+/// What a session is doing, by its journal.
+pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<Status, Refusal> {
+    let journal = store.journal();
+    let length = journal.len(session.id)?;
+    let last = match length.checked_sub(1) {
+        Some(last) => journal.entry(session.id, last)?,
+        None => None,
+    };
+    if let Some(last) = &last
+        && last.event == Event::Closed
+    {
+        return Ok(Status { n_readings: length - 1, closed_at_ms: Some(last.received_at_ms) });
+    }
+    let since = last.map_or(session.created_at_ms, |last| last.received_at_ms);
+    let expires = since.saturating_add(session.time_to_live_ms);
+    let is_expired = session.time_to_live_ms > 0 && now >= expires;
+    let closed_at_ms = is_expired.then_some(expires);
+    Ok(Status { n_readings: length, closed_at_ms })
+}
+
+/// Whether an event ends a stream that follows one session.
+pub(crate) fn is_last(event: &SessionEvent) -> bool {
+    match event {
+        SessionEvent::Belief { .. } => false,
+        SessionEvent::Closed { session } => session.state == SessionState::Closed,
+        SessionEvent::Deleted { .. } => true,
+    }
+}

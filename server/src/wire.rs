@@ -1,0 +1,104 @@
+//! Wire to core and store, and back: the only place that converts, and where numbers are
+//! checked. What is wrong is named by a JSON pointer.
+//!
+//! JSON lets numbers through that are no numbers: 1e999 is refused by the parser, null by
+//! the types; everything else that core would choke on is refused here.
+
+pub(crate) mod object;
+pub(crate) mod reading;
+pub(crate) mod sensor;
+pub(crate) mod session;
+pub(crate) mod training;
+
+use palpate_schemas::PageQuery;
+use uuid::Uuid;
+
+use crate::refusal::Refusal;
+
+/// The largest integer that every JSON reader keeps exactly.
+pub(crate) const INTEGER_MAX: u64 = (1 << 53) - 1;
+
+/// The length of a page when the request does not say.
+const PAGE_LENGTH: u32 = 100;
+/// The longest page.
+const PAGE_LENGTH_MAX: u32 = 1000;
+
+/// Milliseconds since 1970 as the wire writes times.
+pub(crate) fn time(ms: u64) -> String {
+    let ms = i64::try_from(ms).unwrap_or(i64::MAX);
+    jiff::Timestamp::from_millisecond(ms).unwrap_or(jiff::Timestamp::MAX).to_string()
+}
+
+/// Checks a new name: short, fit for paths and shells, and not to be confused with an id.
+pub(crate) fn name(name: &str) -> Result<(), Refusal> {
+    let first_fits = name.starts_with(|c: char| c.is_ascii_alphanumeric());
+    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+    if !first_fits || name.len() > 64 || !name.chars().all(fits) {
+        return Err(Refusal::field(
+            "/name",
+            format!(
+                "came {name:?}, expected 1 to 64 of the letters a-z and A-Z, digits, `.`, `_` \
+                 and `-`, beginning with a letter or digit"
+            ),
+        ));
+    }
+    if Uuid::parse_str(name).is_ok() {
+        return Err(Refusal::field("/name", format!("came {name}, which looks like an id")));
+    }
+    Ok(())
+}
+
+/// Checks a text's length in characters.
+pub(crate) fn text(pointer: &str, text: &str, max: usize) -> Result<(), Refusal> {
+    match text.chars().count() {
+        found if found > max => {
+            Err(Refusal::field(pointer, format!("{found} characters came, expected at most {max}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Checks an integer against its range.
+pub(crate) fn within(pointer: &str, found: u64, low: u64, high: u64) -> Result<u64, Refusal> {
+    if (low..=high).contains(&found) {
+        Ok(found)
+    } else {
+        Err(Refusal::field(pointer, format!("came {found}, expected {low} to {high}")))
+    }
+}
+
+/// How many items a page is to have.
+pub(crate) fn page_length(query: &PageQuery) -> Result<usize, Refusal> {
+    let limit = query.limit.unwrap_or(PAGE_LENGTH);
+    Ok(within("?limit", u64::from(limit), 1, u64::from(PAGE_LENGTH_MAX))? as usize)
+}
+
+/// The id behind which a page begins.
+pub(crate) fn page_id(query: &PageQuery) -> Result<Option<Uuid>, Refusal> {
+    query
+        .cursor
+        .as_deref()
+        .map(|cursor| Uuid::parse_str(cursor).map_err(|_| bad_cursor(cursor)))
+        .transpose()
+}
+
+/// The number with which a page begins.
+pub(crate) fn page_number(query: &PageQuery) -> Result<u64, Refusal> {
+    let number =
+        query.cursor.as_deref().map(|cursor| cursor.parse().map_err(|_| bad_cursor(cursor)));
+    Ok(number.transpose()?.unwrap_or(0))
+}
+
+/// A cursor as the wire has it.
+pub(crate) fn cursor(next: Option<Uuid>) -> Option<String> {
+    next.map(|id| id.simple().to_string())
+}
+
+fn bad_cursor(cursor: &str) -> Refusal {
+    Refusal::field("?cursor", format!("came {cursor:?}, expected a `next_cursor` of this list"))
+}
+
+/// A count as the wire has it.
+pub(crate) fn count(n: impl TryInto<u32>) -> u32 {
+    n.try_into().unwrap_or(u32::MAX)
+}

@@ -1,0 +1,224 @@
+//! Readings: checked against their sensor when they come in, as they were when they go out.
+
+use palpate_core::pose::{Pose, PoseError};
+use palpate_core::reading::{Reading, ReadingError, SensorId};
+use palpate_schemas as wire;
+use palpate_schemas::FieldError;
+use palpate_store::entity::{ReadingId, Sensor, StoredReading};
+use palpate_store::journal::{Entry, Event, NewEntry, ROBOT_BYTES_MAX};
+
+use crate::refusal::Refusal;
+use crate::sensors::Sensors;
+use crate::wire::{INTEGER_MAX, sensor};
+
+/// The most readings of one request.
+pub(crate) const READINGS_MAX: usize = 1000;
+/// The most taxels of one request, over all its readings: one commit must hold them.
+const TAXELS_MAX: usize = 4_000_000;
+/// The most wrong fields that one answer lists.
+const ERRORS_MAX: usize = 20;
+/// The largest coordinate of a position, in metres.
+const POSITION_MAX: f64 = 1e6;
+/// The longest name of a frame, in characters.
+const FRAME_ID_MAX: usize = 256;
+/// The largest whole seconds of a stamp: later, nanoseconds do not fit 64 bits.
+const STAMP_SEC_MAX: u64 = 9_000_000_000;
+
+/// A reading that was checked: as it is to be stored, and as core knows it.
+#[derive(Clone, Debug)]
+pub(crate) struct Incoming {
+    pub(crate) id: Option<ReadingId>,
+    pub(crate) stored: StoredReading,
+    pub(crate) reading: Reading,
+    pub(crate) sensor: std::sync::Arc<Sensor>,
+}
+
+impl Incoming {
+    /// The reading as a journal's entry.
+    pub(crate) fn entry(&self, received_at_ms: u64) -> NewEntry {
+        let event = Event::Reading(self.stored.clone());
+        NewEntry { reading_id: self.id.clone(), received_at_ms, event }
+    }
+}
+
+/// Checks the readings of a request; `frame_id` is the one that they must be given in.
+pub(crate) fn readings(
+    given: &[wire::Reading],
+    sensors: &Sensors,
+    frame_id: Option<&str>,
+) -> Result<Vec<Incoming>, Refusal> {
+    if given.is_empty() || given.len() > READINGS_MAX {
+        let n = given.len();
+        let detail = format!("{n} readings came, expected 1 to {READINGS_MAX}");
+        return Err(Refusal::field("/readings", detail));
+    }
+    let n_taxels: usize = given.iter().map(|reading| reading.image.len()).sum();
+    if n_taxels > TAXELS_MAX {
+        let detail = format!(
+            "{n_taxels} taxels came in one request, expected at most {TAXELS_MAX}: send fewer \
+             readings at once"
+        );
+        return Err(Refusal::field("/readings", detail));
+    }
+    let mut errors = Vec::new();
+    let mut checked = Vec::with_capacity(given.len());
+    for (index, reading) in given.iter().enumerate() {
+        match one(&format!("/readings/{index}"), reading, sensors, frame_id) {
+            Ok(incoming) => checked.push(incoming),
+            Err(Refusal::Invalid(wrong)) => errors.extend(wrong),
+            Err(other) => return Err(other),
+        }
+        if errors.len() >= ERRORS_MAX {
+            break;
+        }
+    }
+    if errors.is_empty() { Ok(checked) } else { Err(Refusal::Invalid(errors)) }
+}
+
+/// Checks one reading that stands at `pointer`.
+pub(crate) fn one(
+    pointer: &str,
+    given: &wire::Reading,
+    sensors: &Sensors,
+    frame_id: Option<&str>,
+) -> Result<Incoming, Refusal> {
+    let id = reading_id(pointer, given)?;
+    frame(pointer, given, frame_id)?;
+    let sensor = sensors.find(&given.sensor)?.ok_or_else(|| {
+        let detail = format!("there is no sensor {:?}, expected an id or a name", given.sensor);
+        Refusal::field(format!("{pointer}/sensor"), detail)
+    })?;
+    let session_from_sensor = pose(&format!("{pointer}/pose"), &given.pose)?;
+    let core_id = SensorId(sensor.id.as_u128());
+    let reading = Reading::new(core_id, &sensor.description, &given.image, session_from_sensor)
+        .map_err(|error| {
+            let at = match error {
+                ReadingError::Pressure { taxel, .. } => format!("{pointer}/image/{taxel}"),
+                _ => format!("{pointer}/image"),
+            };
+            Refusal::field(at, error)
+        })?;
+    let stored = StoredReading {
+        sensor: sensor.id,
+        session_from_sensor,
+        pressures: given.image.clone(),
+        stamp_ns: given.stamp.map(|given| stamp_ns(pointer, given)).transpose()?,
+    };
+    Ok(Incoming { id, stored, reading, sensor })
+}
+
+/// A stored reading as core knows it. It was checked when it came, but not by this program.
+pub(crate) fn from_store(stored: &StoredReading, sensor: &Sensor) -> Result<Reading, ReadingError> {
+    let id = SensorId(stored.sensor.as_u128());
+    Reading::new(id, &sensor.description, &stored.pressures, stored.session_from_sensor)
+}
+
+/// A stored training reading for the wire; `None` for entries that are not readings.
+pub(crate) fn stored(entry: &Entry) -> Option<wire::StoredReading> {
+    let Event::Reading(reading) = &entry.event else { return None };
+    Some(wire::StoredReading {
+        index: super::count(entry.seq),
+        robot: entry.reading_id.as_ref().map(|id| id.robot.clone()),
+        seq: entry.reading_id.as_ref().map(|id| id.seq),
+        sensor: reading.sensor,
+        stamp: reading.stamp_ns.map(stamp),
+        pose: sensor::pose(&reading.session_from_sensor),
+        image: reading.pressures.clone(),
+    })
+}
+
+/// Checks a pose.
+pub(crate) fn pose(pointer: &str, given: &wire::Pose) -> Result<Pose, Refusal> {
+    let far = given.position.iter().position(|value| value.abs() > POSITION_MAX);
+    if let Some(axis) = far {
+        let found = given.position[axis];
+        let detail = format!("came {found} m, expected within ±{POSITION_MAX} m");
+        return Err(Refusal::field(format!("{pointer}/position/{axis}"), detail));
+    }
+    Pose::new(given.position, given.orientation).map_err(|error| match error {
+        PoseError::Position { axis, .. } => {
+            Refusal::field(format!("{pointer}/position/{axis}"), error)
+        }
+        PoseError::Component { component, .. } => {
+            Refusal::field(format!("{pointer}/orientation/{component}"), error)
+        }
+        PoseError::Norm { norm } if norm <= f64::EPSILON => Refusal::field(
+            format!("{pointer}/orientation"),
+            format!("{error}; a quaternion of zeros is one that nobody has set"),
+        ),
+        PoseError::Norm { .. } => Refusal::field(format!("{pointer}/orientation"), error),
+    })
+}
+
+fn reading_id(pointer: &str, given: &wire::Reading) -> Result<Option<ReadingId>, Refusal> {
+    let (robot, seq) = match (&given.robot, given.seq) {
+        (None, None) => return Ok(None),
+        (Some(robot), Some(seq)) => (robot.clone(), seq),
+        (Some(_), None) => {
+            let detail = "robot came without seq, expected both or neither";
+            return Err(Refusal::field(format!("{pointer}/seq"), detail));
+        }
+        (None, Some(_)) => {
+            let detail = "seq came without robot, expected both or neither";
+            return Err(Refusal::field(format!("{pointer}/robot"), detail));
+        }
+    };
+    if robot.is_empty() || robot.len() > ROBOT_BYTES_MAX || robot.chars().any(char::is_control) {
+        let detail = format!("came {robot:?}, expected 1 to {ROBOT_BYTES_MAX} printable bytes");
+        return Err(Refusal::field(format!("{pointer}/robot"), detail));
+    }
+    super::within(&format!("{pointer}/seq"), seq, 0, INTEGER_MAX)?;
+    Ok(Some(ReadingId { robot, seq }))
+}
+
+fn frame(pointer: &str, given: &wire::Reading, expected: Option<&str>) -> Result<(), Refusal> {
+    let Some(found) = given.frame_id.as_deref() else { return Ok(()) };
+    let at = format!("{pointer}/frame_id");
+    super::text(&at, found, FRAME_ID_MAX)?;
+    match expected {
+        Some(expected) if expected == found => Ok(()),
+        Some(expected) => Err(Refusal::field(
+            at,
+            format!(
+                "came {found:?}, expected {expected:?}: transform the pose into that frame before \
+                 it is sent"
+            ),
+        )),
+        None => Err(Refusal::field(
+            at,
+            format!(
+                "came {found:?}, but the session was created without a frame_id: name the frame \
+                 there, or leave it out here"
+            ),
+        )),
+    }
+}
+
+fn stamp_ns(pointer: &str, given: wire::Stamp) -> Result<i64, Refusal> {
+    super::within(&format!("{pointer}/stamp/sec"), given.sec, 0, STAMP_SEC_MAX)?;
+    let nanosec = u64::from(given.nanosec);
+    super::within(&format!("{pointer}/stamp/nanosec"), nanosec, 0, 999_999_999)?;
+    Ok((given.sec * 1_000_000_000 + nanosec) as i64)
+}
+
+fn stamp(ns: i64) -> wire::Stamp {
+    let ns = u64::try_from(ns).unwrap_or(0);
+    wire::Stamp { sec: ns / 1_000_000_000, nanosec: (ns % 1_000_000_000) as u32 }
+}
+
+/// The frame that the readings of one request share, or a refusal.
+pub(crate) fn shared_frame(given: &[wire::Reading]) -> Result<Option<&str>, Refusal> {
+    let first = given.first().and_then(|reading| reading.frame_id.as_deref());
+    let other = given.iter().position(|reading| reading.frame_id.as_deref() != first);
+    match other {
+        None => Ok(first),
+        Some(index) => Err(Refusal::Invalid(vec![FieldError {
+            pointer: format!("/readings/{index}/frame_id"),
+            detail: format!(
+                "came {:?}, expected {first:?} as in the first reading: training readings are \
+                 given in one frame in which the object is at rest",
+                given[index].frame_id
+            ),
+        }])),
+    }
+}

@@ -1,0 +1,215 @@
+//! Sensors: descriptions in, descriptions and dry-runs out.
+
+use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::sensor::{
+    ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid,
+};
+use palpate_schemas as wire;
+use palpate_store::entity::Sensor;
+use uuid::Uuid;
+
+use crate::refusal::Refusal;
+use crate::wire::time;
+
+/// How many deviations of the noise a pressure must exceed to be contact.
+const NOISE_DEVIATIONS: f64 = 3.0;
+
+/// A stored sensor for the wire.
+pub(crate) fn sensor(sensor: &Sensor) -> wire::Sensor {
+    wire::Sensor {
+        id: sensor.id,
+        name: sensor.name.clone(),
+        preset: sensor.preset.clone(),
+        description: description(&sensor.description),
+        created_at: time(sensor.created_at_ms),
+    }
+}
+
+/// A new sensor from the wire, checked.
+pub(crate) fn new_sensor(
+    request: &wire::CreateSensor,
+    id: Uuid,
+    created_at_ms: u64,
+) -> Result<Sensor, Refusal> {
+    super::name(&request.name)?;
+    let description = match (request.preset, &request.description) {
+        (Some(preset), None) => {
+            let known = SensorDescription::preset_named(preset.name());
+            known.ok_or_else(|| Refusal::field("/preset", "not known to this server"))?
+        }
+        (None, Some(description)) => checked_description(description)?,
+        (Some(_), Some(_)) | (None, None) => {
+            return Err(Refusal::field("/preset", "expected either a preset or a description"));
+        }
+    };
+    let description = match request.image_order {
+        Some(order) => with_order(&description, order)?,
+        None => description,
+    };
+    let (name, preset) = (request.name.clone(), request.preset.map(|p| p.name().to_owned()));
+    Ok(Sensor { id, name, preset, description, used: false, created_at_ms })
+}
+
+fn description(description: &SensorDescription) -> wire::SensorDescription {
+    let parameters = description.parameters();
+    let grid = &parameters.grid;
+    let knot = |&(displacement, pressure): &(f64, f64)| wire::ForceKnot { displacement, pressure };
+    wire::SensorDescription {
+        grid: wire::TaxelGrid {
+            rows: grid.rows as u32,
+            cols: grid.cols as u32,
+            pitch: grid.pitch,
+            taxel_width: grid.taxel_width,
+        },
+        covering_thickness: parameters.covering_thickness,
+        point_spread: parameters.point_spread,
+        force_curve: parameters.force_curve.knots().iter().map(knot).collect(),
+        saturation: parameters.saturation,
+        noise: parameters.noise,
+        quantisation: parameters.quantisation,
+        image_order: wire::ImageOrder {
+            transposed: parameters.image_order.transposed,
+            rows_reversed: parameters.image_order.rows_reversed,
+            cols_reversed: parameters.image_order.cols_reversed,
+        },
+    }
+}
+
+fn checked_description(given: &wire::SensorDescription) -> Result<SensorDescription, Refusal> {
+    let knots = given.force_curve.iter().map(|knot| (knot.displacement, knot.pressure)).collect();
+    let force_curve = ForceCurve::new(knots).map_err(refuse)?;
+    let grid = TaxelGrid {
+        rows: given.grid.rows as usize,
+        cols: given.grid.cols as usize,
+        pitch: given.grid.pitch,
+        taxel_width: given.grid.taxel_width,
+    };
+    let parameters = SensorParameters {
+        grid,
+        covering_thickness: given.covering_thickness,
+        point_spread: given.point_spread,
+        force_curve,
+        saturation: given.saturation,
+        noise: given.noise,
+        quantisation: given.quantisation,
+        image_order: order(given.image_order),
+    };
+    SensorDescription::new(parameters).map_err(refuse)
+}
+
+fn with_order(
+    description: &SensorDescription,
+    given: wire::ImageOrder,
+) -> Result<SensorDescription, Refusal> {
+    let parameters = description.parameters().clone();
+    let turned = SensorParameters { image_order: order(given), ..parameters };
+    SensorDescription::new(turned).map_err(refuse)
+}
+
+fn order(given: wire::ImageOrder) -> ImageOrder {
+    ImageOrder {
+        transposed: given.transposed,
+        rows_reversed: given.rows_reversed,
+        cols_reversed: given.cols_reversed,
+    }
+}
+
+fn refuse(error: SensorError) -> Refusal {
+    let pointer = match &error {
+        SensorError::Count { field, .. } => format!("/description/grid/{field}"),
+        SensorError::Range { field: field @ ("pitch" | "taxel_width"), .. } => {
+            format!("/description/grid/{field}")
+        }
+        SensorError::Range { field, .. } => format!("/description/{field}"),
+        SensorError::ForceCurve { knot } => format!("/description/force_curve/{knot}"),
+    };
+    Refusal::field(pointer, error)
+}
+
+/// How a reading is understood.
+pub(crate) fn check(reading: &Reading, description: &SensorDescription) -> wire::ReadingCheck {
+    let (image, parameters) = (reading.image(), description.parameters());
+    let indices = |fits: &dyn Fn(usize, f64) -> bool| -> Vec<u32> {
+        let taxels = image.pressures.iter().enumerate();
+        taxels.filter(|&(taxel, &p)| fits(taxel, p)).map(|(taxel, _)| taxel as u32).collect()
+    };
+    let max_pressure = image.max();
+    let quiet = NOISE_DEVIATIONS * parameters.noise;
+    let threshold = (CONTACT_SHARE * max_pressure).max(quiet);
+    let contact = indices(&|_, pressure| pressure > 0.0 && pressure >= threshold);
+    let missing = indices(&|taxel, _| reading.missing()[taxel]);
+    let saturated = indices(&|_, pressure| pressure >= parameters.saturation);
+    let session_from_sensor = reading.session_from_sensor();
+    let center = center_of_pressure(image, description);
+    let touches = !contact.is_empty();
+    let looks = session_from_sensor.turn([0.0, 0.0, 1.0].into());
+    let hints = hints(image.pressures.iter().copied(), parameters, &missing, &saturated, touches);
+    wire::ReadingCheck {
+        rows: image.rows as u32,
+        cols: image.cols as u32,
+        image: image.pressures.clone(),
+        missing,
+        saturated,
+        contact,
+        max_pressure,
+        centroid_in_sensor: touches.then(|| point(center.to_array())),
+        centroid_in_session: touches.then(|| point((session_from_sensor * center).to_array())),
+        sensor_z_in_session: point(looks.to_array()),
+        hints,
+    }
+}
+
+fn hints(
+    pressures: impl Iterator<Item = f64> + Clone,
+    parameters: &SensorParameters,
+    missing: &[u32],
+    saturated: &[u32],
+    touches: bool,
+) -> Vec<String> {
+    let n_taxels = parameters.grid.n_taxels();
+    let (low, high) = (pressures.clone().fold(f64::MAX, f64::min), pressures.fold(0.0, f64::max));
+    let mut hints = Vec::new();
+    if !touches {
+        hints.push("nothing is touched: send it all the same, free space is evidence".to_owned());
+    }
+    if touches && high < 0.01 * parameters.saturation {
+        hints.push(format!(
+            "the largest pressure is {high} Pa, less than 1 % of the sensor's {} Pa: are the \
+             values in pascal?",
+            parameters.saturation
+        ));
+    }
+    if high > 1.5 * parameters.saturation {
+        hints.push(format!(
+            "the largest pressure is {high} Pa, above the sensor's saturation of {} Pa: are the \
+             values in pascal?",
+            parameters.saturation
+        ));
+    }
+    if low < -NOISE_DEVIATIONS * parameters.noise.max(parameters.quantisation) {
+        hints.push(format!("pressures go down to {low} Pa: was the sensor tared?"));
+    }
+    if 2 * saturated.len() > n_taxels {
+        hints.push(format!(
+            "{} of {n_taxels} taxels are saturated: press more lightly",
+            saturated.len()
+        ));
+    }
+    if !missing.is_empty() {
+        let n = missing.len();
+        hints.push(format!("{n} of {n_taxels} taxels have no value; neighbours stand in for them"));
+    }
+    hints
+}
+
+/// Three numbers for the wire.
+fn point([x, y, z]: [f64; 3]) -> wire::Point {
+    wire::Point { x, y, z }
+}
+
+/// A pose for the wire.
+pub(crate) fn pose(pose: &Pose) -> wire::Pose {
+    wire::Pose { position: pose.translation.to_array(), orientation: pose.rotation.to_array() }
+}

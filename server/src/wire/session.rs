@@ -1,0 +1,194 @@
+//! Sessions and beliefs for the wire.
+
+use palpate_core::belief::answer::{Answer, PoseMode};
+use palpate_schemas as wire;
+use palpate_schemas::{BeliefDetail, Method, SessionState};
+use palpate_store::entity::{Method as StoredMethod, Session};
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+use crate::catalogues::Model;
+use crate::refusal::Refusal;
+use crate::wire::{count, sensor, time};
+
+/// How far probabilities may miss the sum 1.
+const SUM_TOLERANCE: f64 = 1e-6;
+/// The longest time to live, in seconds.
+const TTL_MAX: u64 = 31_536_000;
+
+/// The options of a session that have no field of their own in the store.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
+struct StoredOptions {
+    method: Method,
+}
+
+/// What a session is doing, beside what is stored under its id.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Status {
+    pub(crate) n_readings: u64,
+    pub(crate) closed_at_ms: Option<u64>,
+}
+
+/// A session for the wire.
+pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wire::Session {
+    let is_open = status.closed_at_ms.is_none();
+    wire::Session {
+        id: session.id,
+        catalogue: catalogue.to_owned(),
+        version: session.version,
+        method: method(session),
+        frame_id: frame_id(session).map(str::to_owned),
+        state: if is_open { SessionState::Open } else { SessionState::Closed },
+        n_readings: count(status.n_readings),
+        ttl_s: (session.time_to_live_ms > 0).then(|| count(session.time_to_live_ms / 1000)),
+        created_at: time(session.created_at_ms),
+        closed_at: status.closed_at_ms.map(time),
+    }
+}
+
+/// How a stored session recognises.
+pub(crate) fn method(session: &Session) -> Method {
+    let options: StoredOptions = serde_json::from_str(&session.options).unwrap_or_default();
+    options.method
+}
+
+/// The frame of a stored session, if it was named.
+pub(crate) fn frame_id(session: &Session) -> Option<&str> {
+    (!session.frame_id.is_empty()).then_some(session.frame_id.as_str())
+}
+
+/// A new session from the wire, checked against the model it pins.
+pub(crate) fn new_session(
+    request: &wire::CreateSession,
+    model: &Model,
+    id: Uuid,
+    created_at_ms: u64,
+) -> Result<Session, Refusal> {
+    let frame_id = request.frame_id.clone().unwrap_or_default();
+    super::text("/frame_id", &frame_id, 256)?;
+    if request.frame_id.is_some() && frame_id.is_empty() {
+        return Err(Refusal::field("/frame_id", "came empty, expected a frame's name"));
+    }
+    let ttl_s = request.ttl_s.map(|ttl| super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX));
+    let options = StoredOptions { method: request.method.unwrap_or_default() };
+    let options = serde_json::to_string(&options).expect("an enum can be written");
+    Ok(Session {
+        id,
+        catalogue: model.catalogue,
+        version: model.version,
+        method: StoredMethod::Sva,
+        sensors: Vec::new(),
+        frame_id,
+        prior: prior(request.prior.as_deref().unwrap_or_default(), model)?,
+        object_may_move: false,
+        seed: 0,
+        time_to_live_ms: ttl_s.transpose()?.unwrap_or(0) * 1000,
+        options,
+        created_at_ms,
+        closed_at_ms: None,
+    })
+}
+
+/// The prior over all objects of the model; empty when the request names none.
+fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>, Refusal> {
+    if entries.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut given: Vec<Option<f64>> = vec![None; model.objects.len()];
+    for (index, entry) in entries.iter().enumerate() {
+        let object = model.find(&entry.object).ok_or_else(|| {
+            let (name, version) = (&model.name, model.version);
+            let detail = format!(
+                "version {version} of catalogue {name:?} does not know the object {:?}",
+                entry.object
+            );
+            Refusal::field(format!("/prior/{index}/object"), detail)
+        })?;
+        let probability = entry.probability;
+        if !(0.0..=1.0).contains(&probability) {
+            let detail = format!("came {probability}, expected 0 to 1");
+            return Err(Refusal::field(format!("/prior/{index}/probability"), detail));
+        }
+        if given[object].replace(probability).is_some() {
+            let detail = format!("the object {:?} is named twice", entry.object);
+            return Err(Refusal::field(format!("/prior/{index}/object"), detail));
+        }
+    }
+    let sum: f64 = given.iter().flatten().sum();
+    let n_others = given.iter().filter(|probability| probability.is_none()).count();
+    if sum > 1.0 + SUM_TOLERANCE || (n_others == 0 && sum < 1.0 - SUM_TOLERANCE) {
+        let expected = if n_others == 0 { "exactly 1" } else { "at most 1" };
+        let detail = format!("the probabilities sum to {sum}, expected {expected}");
+        return Err(Refusal::field("/prior", detail));
+    }
+    let share = (1.0 - sum).max(0.0) / n_others.max(1) as f64;
+    let all = given.iter().zip(&model.objects);
+    Ok(all.map(|(probability, object)| (object.id, probability.unwrap_or(share))).collect())
+}
+
+/// A belief for the wire.
+pub(crate) fn belief(
+    session: Uuid,
+    revision: u64,
+    answer: &Answer,
+    model: &Model,
+    detail: BeliefDetail,
+) -> wire::Belief {
+    let mut objects: Vec<wire::ObjectProbability> = answer
+        .probabilities
+        .iter()
+        .zip(&model.objects)
+        .map(|(&probability, object)| wire::ObjectProbability {
+            object: object.id,
+            name: object.name.clone(),
+            probability,
+        })
+        .collect();
+    objects.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let poses = answer.modes.iter().map(|mode| hypothesis(mode, model)).collect();
+    let belief = wire::Belief {
+        session,
+        revision: count(revision),
+        n_readings: count(answer.n_readings),
+        objects,
+        entropy_bits: answer.entropy_bits,
+        poses,
+    };
+    if detail == BeliefDetail::Top { top(belief) } else { belief }
+}
+
+/// The same belief with its likeliest object and pose only.
+pub(crate) fn top(mut belief: wire::Belief) -> wire::Belief {
+    belief.objects.truncate(1);
+    belief.poses.truncate(1);
+    belief
+}
+
+fn hypothesis(mode: &PoseMode, model: &Model) -> wire::PoseHypothesis {
+    let object = &model.objects[mode.object.0 as usize];
+    let covariance = mode.covariance;
+    wire::PoseHypothesis {
+        object: object.id,
+        name: object.name.clone(),
+        weight: mode.weight,
+        pose: sensor::pose(&mode.session_from_object),
+        covariance: (0..36).map(|index| covariance[(index / 6, index % 6)]).collect(),
+    }
+}
+
+/// The sessions that `?sessions=` names.
+pub(crate) fn session_ids(query: &wire::EventsQuery) -> Result<Vec<Uuid>, Refusal> {
+    let mut ids: Vec<Uuid> = Vec::new();
+    for part in query.sessions.split(',').filter(|part| !part.is_empty()) {
+        let id = Uuid::parse_str(part.trim()).map_err(|_| {
+            Refusal::field("?sessions", format!("came {part:?}, expected a session's id"))
+        })?;
+        if !ids.contains(&id) {
+            ids.push(id);
+        }
+    }
+    match ids.len() {
+        1..=100 => Ok(ids),
+        n => Err(Refusal::field("?sessions", format!("{n} ids came, expected 1 to 100"))),
+    }
+}

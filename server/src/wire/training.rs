@@ -1,0 +1,175 @@
+//! Catalogues, trainings and jobs for the wire.
+
+use palpate_core::descriptor::DescriptorKind;
+use palpate_core::patch_pair::DistanceBins;
+use palpate_core::train::{DistanceRange, TrainingConfig};
+use palpate_schemas as wire;
+use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
+use palpate_store::catalogue::{Catalogue, Manifest, Switch};
+use palpate_store::entity as stored;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+use crate::refusal::Refusal;
+use crate::wire::{INTEGER_MAX, count, time};
+
+/// How many switches of the current version an answer lists.
+const HISTORY_MAX: usize = 100;
+/// Steps of a range of distances.
+const DISTANCE_STEPS: u16 = 40;
+/// The largest distance between two touches, in metres.
+const DISTANCE_MAX: f64 = 10.0;
+
+/// What a version's manifest says beside its objects and blocks.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub(crate) struct VersionParameters {
+    pub(crate) training: StartTraining,
+    pub(crate) report: wire::TrainingReport,
+}
+
+/// A catalogue for the wire.
+pub(crate) fn catalogue(catalogue: &Catalogue) -> wire::Catalogue {
+    let mut history = history(catalogue);
+    history.truncate(HISTORY_MAX);
+    wire::Catalogue {
+        name: catalogue.name.clone(),
+        current: history.first().cloned(),
+        latest_version: catalogue.latest,
+        history,
+    }
+}
+
+/// The switches, newest first.
+fn history(catalogue: &Catalogue) -> Vec<wire::CurrentVersion> {
+    let revisions = (0..=catalogue.revision).rev();
+    let entry = |(switch, revision): (&Switch, u64)| wire::CurrentVersion {
+        version: switch.version,
+        revision: count(revision),
+        changed_at: time(switch.at_ms),
+    };
+    catalogue.history.iter().rev().zip(revisions).map(entry).collect()
+}
+
+/// A version for the wire.
+pub(crate) fn version(
+    catalogue: &Catalogue,
+    manifest: &Manifest,
+) -> Result<wire::CatalogueVersion, Refusal> {
+    let parameters: VersionParameters =
+        serde_json::from_str(&manifest.parameters).map_err(|error| Refusal::Unusable {
+            what: "version",
+            id: format!("{}/{}", catalogue.name, manifest.version),
+            reason: error.to_string(),
+        })?;
+    Ok(wire::CatalogueVersion {
+        catalogue: catalogue.name.clone(),
+        version: manifest.version,
+        is_current: catalogue.current == Some(manifest.version),
+        created_at: time(manifest.created_at_ms),
+        job: manifest.job.unwrap_or(Uuid::nil()),
+        training: parameters.training,
+        report: parameters.report,
+    })
+}
+
+/// A stored job for the wire.
+pub(crate) fn job(job: &stored::Job) -> wire::Job {
+    let state = state(job.state);
+    wire::Job {
+        id: job.id,
+        catalogue: job.catalogue.clone(),
+        state,
+        stage: if state == JobState::Running { stage(&job.stage) } else { None },
+        done: count(job.done),
+        total: count(job.total),
+        eta_s: None,
+        training: serde_json::from_str(&job.request).unwrap_or_default(),
+        version: job.version,
+        reason: job.error.clone().filter(|_| state.is_final()),
+        created_at: time(job.created_at_ms),
+        started_at: job.started_at_ms.map(time),
+        finished_at: job.finished_at_ms.map(time),
+    }
+}
+
+/// A stage's name, as it is stored.
+pub(crate) fn stage_name(stage: JobStage) -> &'static str {
+    match stage {
+        JobStage::Sampling => "sampling",
+        JobStage::Vocabulary => "vocabulary",
+        JobStage::Mapping => "mapping",
+        JobStage::Storing => "storing",
+    }
+}
+
+fn stage(name: &str) -> Option<JobStage> {
+    [JobStage::Sampling, JobStage::Vocabulary, JobStage::Mapping, JobStage::Storing]
+        .into_iter()
+        .find(|stage| stage_name(*stage) == name)
+}
+
+/// A stored job's state for the wire.
+pub(crate) fn state(state: stored::JobState) -> JobState {
+    match state {
+        stored::JobState::Queued => JobState::Queued,
+        stored::JobState::Running => JobState::Running,
+        stored::JobState::Succeeded => JobState::Succeeded,
+        stored::JobState::Failed => JobState::Failed,
+        stored::JobState::Cancelled => JobState::Cancelled,
+    }
+}
+
+/// A training with every default filled in, its numbers checked. Objects and sensor are
+/// still what the request names.
+pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal> {
+    let n_readings = u64::from(request.readings_per_object.unwrap_or(1000));
+    super::within("/readings_per_object", n_readings, 20, 20_000)?;
+    let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
+    let n_classes = u64::from(request.n_classes.unwrap_or(25));
+    super::within("/n_classes", n_classes, 2, 255)?;
+    if let Some(range) = request.distance_range {
+        distances(range)?;
+    }
+    Ok(StartTraining {
+        objects: request.objects.clone(),
+        sensor: Some(request.sensor.clone().unwrap_or_else(|| "digitacts-6x6".to_owned())),
+        readings_per_object: Some(count(n_readings)),
+        seed: Some(seed),
+        n_classes: Some(count(n_classes)),
+        descriptor: Some(request.descriptor.unwrap_or(Descriptor::Mnti)),
+        distance_range: request.distance_range,
+        activate: Some(request.activate.unwrap_or(true)),
+    })
+}
+
+/// Core's configuration of a training that was checked.
+pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Refusal> {
+    let default = TrainingConfig::default();
+    Ok(TrainingConfig {
+        n_classes: training.n_classes.map_or(default.n_classes, |n| n as usize),
+        descriptor: match training.descriptor {
+            Some(Descriptor::Vectorize) => DescriptorKind::Vectorize,
+            Some(Descriptor::Mnti) | None => DescriptorKind::Mnti,
+        },
+        distances: training.distance_range.map_or(Ok(default.distances), distances)?,
+        ..default
+    })
+}
+
+fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Refusal> {
+    let fits = |value: f64| value.is_finite() && (0.0..=DISTANCE_MAX).contains(&value);
+    if !fits(range.min) {
+        let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", range.min);
+        return Err(Refusal::field("/distance_range/min", detail));
+    }
+    let Some(max) = range.max else {
+        return Ok(DistanceRange::ToLargest { min: range.min, n: DISTANCE_STEPS });
+    };
+    if !fits(max) {
+        let detail = format!("came {max}, expected 0 to {DISTANCE_MAX} m");
+        return Err(Refusal::field("/distance_range/max", detail));
+    }
+    DistanceBins::new(range.min, max, DISTANCE_STEPS)
+        .map(DistanceRange::Fixed)
+        .map_err(|error| Refusal::field("/distance_range", error))
+}

@@ -1,0 +1,202 @@
+//! A server for one test, and the few calls that the tests make.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::Path;
+use std::time::Duration;
+
+use palpate_core::pose::Pose;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::SensorDescription;
+use palpate_server::{Config, Server};
+use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::{SamplerConfig, sample};
+use reqwest::{Method, StatusCode};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+/// A running server and its folder.
+pub(crate) struct Harness {
+    pub(crate) server: Server,
+    pub(crate) client: reqwest::Client,
+    folder: TempDir,
+}
+
+/// An answer, read to its end.
+#[derive(Debug)]
+pub(crate) struct Answer {
+    pub(crate) status: StatusCode,
+    pub(crate) headers: reqwest::header::HeaderMap,
+    pub(crate) text: String,
+}
+
+pub(crate) fn config(folder: &Path) -> Config {
+    let listen = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    Config { listen, ..Config::new(folder) }
+}
+
+fn client() -> reqwest::Client {
+    // Reqwest wants a provider even when no test speaks TLS.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    reqwest::Client::builder().timeout(Duration::from_secs(30)).build().unwrap()
+}
+
+impl Harness {
+    pub(crate) async fn start() -> Self {
+        Self::start_with(|_| {}).await
+    }
+
+    pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
+        let folder = TempDir::new().unwrap();
+        let mut config = config(folder.path());
+        change(&mut config);
+        let server = Server::start(config).await.unwrap();
+        Self { server, client: client(), folder }
+    }
+
+    pub(crate) async fn restart(self) -> Self {
+        self.server.shutdown().await;
+        let server = Server::start(config(self.folder.path())).await.unwrap();
+        Self { server, ..self }
+    }
+
+    pub(crate) fn url(&self, path: &str) -> String {
+        format!("http://{}{path}", self.server.local_addr())
+    }
+
+    pub(crate) async fn send(
+        &self,
+        method: Method,
+        path: &str,
+        body: Option<(&str, Vec<u8>)>,
+    ) -> Answer {
+        let mut request = self.client.request(method, self.url(path));
+        if let Some((content_type, bytes)) = body {
+            request = request.header("content-type", content_type).body(bytes);
+        }
+        read(request.send().await.unwrap()).await
+    }
+
+    pub(crate) async fn get(&self, path: &str) -> Answer {
+        self.send(Method::GET, path, None).await
+    }
+
+    pub(crate) async fn post(&self, path: &str, body: &Value) -> Answer {
+        let bytes = body.to_string().into_bytes();
+        self.send(Method::POST, path, Some(("application/json", bytes))).await
+    }
+
+    pub(crate) async fn put_mesh(&self, object: &str, mesh: &str) -> Answer {
+        let path = format!("/v1/objects/{object}/mesh?unit=mm");
+        self.send(Method::PUT, &path, Some(("model/off", mesh.into()))).await
+    }
+
+    /// Adds a cube and a bar and trains them.
+    pub(crate) async fn train(&self) -> Value {
+        for (name, size) in [("cube", CUBE), ("bar", BAR)] {
+            self.post("/v1/objects", &json!({"name": name})).await.expect(201);
+            self.put_mesh(name, &off_box(size)).await.expect(200);
+        }
+        let training = json!({"readings_per_object": 60, "n_classes": 8, "seed": 3});
+        let path = "/v1/catalogues/default/trainings";
+        let job = self.post(path, &training).await.expect(202);
+        let job = self.finished(job["id"].as_str().unwrap()).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+        job
+    }
+
+    /// Follows a job's events until it is finished.
+    pub(crate) async fn finished(&self, job: &str) -> Value {
+        let events = self.get(&format!("/v1/jobs/{job}/events")).await;
+        let last = events.text.lines().rev().find_map(|line| line.strip_prefix("data: "));
+        serde_json::from_str(last.unwrap()).unwrap()
+    }
+
+    pub(crate) async fn session(&self, request: Value) -> String {
+        let session = self.post("/v1/sessions", &request).await.expect(201);
+        session["id"].as_str().unwrap().to_owned()
+    }
+}
+
+impl Answer {
+    pub(crate) fn json(&self) -> Value {
+        serde_json::from_str(&self.text).unwrap_or_else(|_| panic!("not JSON: {self:?}"))
+    }
+
+    #[track_caller]
+    pub(crate) fn expect(&self, status: u16) -> Value {
+        assert_eq!(self.status.as_u16(), status, "{self:?}");
+        if self.text.is_empty() { Value::Null } else { self.json() }
+    }
+
+    /// A problem of the right status and type that names the field.
+    #[track_caller]
+    pub(crate) fn problem(&self, status: u16, kind: &str, pointer: Option<&str>) -> Value {
+        let problem = self.expect(status);
+        assert_eq!(self.headers["content-type"], "application/problem+json");
+        assert_eq!(problem["status"], status);
+        assert_eq!(problem["type"], format!("urn:palpate:problem:{kind}"), "{problem}");
+        assert_eq!(problem["request_id"], self.headers["x-request-id"].to_str().unwrap());
+        if let Some(pointer) = pointer {
+            let errors = problem["errors"].as_array().unwrap();
+            let named = errors.iter().any(|error| error["pointer"] == pointer);
+            assert!(named, "{pointer} is not named in {problem}");
+        }
+        problem
+    }
+}
+
+async fn read(response: reqwest::Response) -> Answer {
+    let (status, headers) = (response.status(), response.headers().clone());
+    Answer { status, headers, text: response.text().await.unwrap() }
+}
+
+/// Edges in millimetres.
+pub(crate) const CUBE: [f64; 3] = [40.0, 40.0, 40.0];
+pub(crate) const BAR: [f64; 3] = [80.0, 20.0, 20.0];
+
+/// A box as an OFF file.
+pub(crate) fn off_box([x, y, z]: [f64; 3]) -> String {
+    let mut file = String::from("OFF\n8 6 0\n");
+    for corner in 0..8 {
+        let at = |bit: usize, edge: f64| if corner & bit == 0 { -edge / 2.0 } else { edge / 2.0 };
+        file += &format!("{} {} {}\n", at(1, x), at(2, y), at(4, z));
+    }
+    file + "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n"
+}
+
+/// Simulated touches of a box that rests at `session_from_object`, for the wire.
+pub(crate) fn touches(
+    size: [f64; 3],
+    n: usize,
+    seed: u64,
+    session_from_object: Pose,
+) -> Vec<Value> {
+    let mesh = Mesh::from_bytes(MeshFormat::Off, off_box(size).as_bytes(), 1e-3).unwrap();
+    let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
+    let config = SamplerConfig::for_simulator(&simulator);
+    let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
+    let readings = sample(&simulator, SensorId(1), n, seed, &config, &mut go_on).unwrap();
+    readings.iter().map(|reading| wire(&reading.moved_by(session_from_object))).collect()
+}
+
+fn wire(reading: &Reading) -> Value {
+    let pose = reading.session_from_sensor();
+    json!({
+        "sensor": "digitacts-6x6",
+        "pose": {
+            "position": pose.translation.to_array(),
+            "orientation": pose.rotation.to_array(),
+        },
+        "image": reading.image().pressures,
+    })
+}
+
+/// A reading that is in order but touches nothing.
+pub(crate) fn quiet_reading() -> Value {
+    json!({
+        "sensor": "digitacts-6x6",
+        "pose": {"position": [0.0, 0.0, 0.1], "orientation": [0.0, 0.0, 0.0, 1.0]},
+        "image": vec![0.0; 36],
+    })
+}

@@ -1,0 +1,141 @@
+//! Sensors and objects: what is stored comes back, names are unique.
+
+use reqwest::Method;
+use serde_json::json;
+
+use crate::harness::{BAR, CUBE, Harness, off_box, quiet_reading};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn presets_are_there_and_sensors_can_be_added() {
+    let it = Harness::start().await;
+    let page = it.get("/v1/sensors").await.expect(200);
+    assert_eq!(page["items"].as_array().unwrap().len(), 4);
+    let known = it.get("/v1/sensors/digitacts-6x6").await.expect(200);
+    assert_eq!(known["description"]["grid"]["rows"], 6);
+    let example = include_str!("../../../schemas/examples/create_sensor.json");
+    let given: serde_json::Value = serde_json::from_str(example).unwrap();
+    let made = it.post("/v1/sensors", &given).await.expect(201);
+    assert_eq!(made["description"], given["description"]);
+    let id = made["id"].as_str().unwrap();
+    assert_eq!(it.get(&format!("/v1/sensors/{id}")).await.expect(200), made);
+    let again = it.post("/v1/sensors", &given).await;
+    again.problem(409, "conflict", Some("/name"));
+    let mut wrong = given;
+    wrong["name"] = json!("other");
+    wrong["description"]["grid"]["pitch"] = json!(2.0);
+    let refused = it.post("/v1/sensors", &wrong).await;
+    refused.problem(422, "invalid-value", Some("/description/grid/pitch"));
+    let both = json!({"name": "other", "preset": "digitacts-6x6",
+        "description": wrong["description"]});
+    it.post("/v1/sensors", &both).await.problem(422, "invalid-value", Some("/preset"));
+    let odd = json!({"name": "other", "preset": "digitacts-7x7"});
+    it.post("/v1/sensors", &odd).await.problem(422, "invalid-value", Some("/preset"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_reading_can_be_tried_out_without_storing_it() {
+    let it = Harness::start().await;
+    let sensor = json!({"name": "turned", "preset": "digitacts-6x6",
+        "image_order": {"rows_reversed": true}});
+    it.post("/v1/sensors", &sensor).await.expect(201);
+    let mut reading = quiet_reading();
+    reading["sensor"] = json!("turned");
+    // Row 0, column 5 as the driver sends it is row 5, column 5 of the sensor frame, with its
+    // centre at 5 mm along x and y; the sensor is 100 mm above the session's origin.
+    reading["image"][5] = json!(8000.0);
+    reading["image"][0] = serde_json::Value::Null;
+    let check = it.post("/v1/sensors/turned/check", &reading).await.expect(200);
+    assert_eq!(check["contact"], json!([35]));
+    assert_eq!(check["missing"], json!([30]));
+    assert_eq!(check["saturated"], json!([]));
+    let close = |value: &serde_json::Value, expected: f64| {
+        assert!((value.as_f64().unwrap() - expected).abs() < 1e-9, "{check}");
+    };
+    close(&check["centroid_in_sensor"]["x"], 0.005);
+    close(&check["centroid_in_sensor"]["y"], 0.005);
+    close(&check["centroid_in_session"]["z"], 0.1);
+    close(&check["sensor_z_in_session"]["z"], 1.0);
+    let quiet = it.post("/v1/sensors/digitacts-6x6/check", &quiet_reading()).await.expect(200);
+    assert!(quiet["hints"][0].as_str().unwrap().contains("free space"), "{quiet}");
+    let other = it.post("/v1/sensors/turned/check", &quiet_reading()).await;
+    other.problem(422, "invalid-value", Some("/sensor"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn objects_are_made_changed_listed_and_deleted() {
+    let it = Harness::start().await;
+    for name in ["mug", "tyre", "glass"] {
+        it.post("/v1/objects", &json!({"name": name})).await.expect(201);
+    }
+    it.post("/v1/objects", &json!({"name": "mug"})).await.problem(409, "conflict", Some("/name"));
+    for name in ["", "two words", "-x", "0192f0a0-0000-7000-8000-000000000000"] {
+        let refused = it.post("/v1/objects", &json!({"name": name})).await;
+        refused.problem(422, "invalid-value", Some("/name"));
+    }
+    let first = it.get("/v1/objects?limit=2").await.expect(200);
+    let cursor = first["next_cursor"].as_str().unwrap();
+    let rest = it.get(&format!("/v1/objects?limit=2&cursor={cursor}")).await.expect(200);
+    assert_eq!(rest["items"][0]["name"], "glass");
+    assert_eq!(rest["next_cursor"], json!(null));
+    let rename = json!({"name": "cup", "description": "blue"}).to_string().into_bytes();
+    let body = || Some(("application/json", rename.clone()));
+    let renamed = it.send(Method::PATCH, "/v1/objects/mug", body()).await.expect(200);
+    assert_eq!((&renamed["name"], &renamed["description"]), (&json!("cup"), &json!("blue")));
+    it.get("/v1/objects/mug").await.problem(404, "not-found", None);
+    let taken = it.send(Method::PATCH, "/v1/objects/tyre", body()).await;
+    taken.problem(409, "conflict", Some("/name"));
+    it.send(Method::DELETE, "/v1/objects/cup", None).await.expect(204);
+    it.send(Method::DELETE, "/v1/objects/cup", None).await.problem(404, "not-found", None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn meshes_come_back_as_they_were_sent() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
+    it.get("/v1/objects/bar/mesh").await.problem(404, "not-found", None);
+    let report = it.put_mesh("bar", &off_box(BAR)).await.expect(200);
+    assert_eq!(report["n_triangles"], 12);
+    assert_eq!(report["warnings"], json!([]));
+    assert!((report["size"][0].as_f64().unwrap() - 0.08).abs() < 1e-9, "{report}");
+    let file = it.get("/v1/objects/bar/mesh").await;
+    assert_eq!(
+        (file.text.as_str(), &file.headers["content-type"]),
+        (off_box(BAR).as_str(), &"model/off".parse().unwrap())
+    );
+    let path = "/v1/objects/bar/mesh?unit=m&format=off";
+    let plain = Some(("application/octet-stream", off_box(CUBE).into_bytes()));
+    let report = it.send(Method::PUT, path, plain).await.expect(200);
+    assert!(report["warnings"][0].as_str().unwrap().contains("in mm?"), "{report}");
+    let tiny = off_box([0.04, 0.04, 0.04]);
+    let report = it.put_mesh("bar", &tiny).await.expect(200);
+    assert!(report["warnings"][0].as_str().unwrap().contains("in m?"), "{report}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn training_readings_are_stored_once_and_listed() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
+    let mut readings = vec![quiet_reading(); 3];
+    for (seq, reading) in readings.iter_mut().enumerate() {
+        reading["robot"] = json!("arm");
+        reading["seq"] = json!(seq);
+        reading["stamp"] = json!({"sec": 0, "nanosec": 5});
+    }
+    let path = "/v1/objects/mug/readings";
+    let added = it.post(path, &json!({"readings": readings})).await.expect(200);
+    assert_eq!(added, json!({"n_new": 3, "n_repeated": 0, "n_readings": 3}));
+    let added = it.post(path, &json!({"readings": readings})).await.expect(200);
+    assert_eq!(added, json!({"n_new": 0, "n_repeated": 3, "n_readings": 3}));
+    readings[1]["image"][0] = json!(5.0);
+    let other = it.post(path, &json!({"readings": readings})).await;
+    other.problem(409, "conflict", Some("/readings/1"));
+    let page = it.get(&format!("{path}?limit=2")).await.expect(200);
+    assert_eq!(page["items"][0]["stamp"], json!({"sec": 0, "nanosec": 5}));
+    let cursor = page["next_cursor"].as_str().unwrap();
+    let rest = it.get(&format!("{path}?cursor={cursor}")).await.expect(200);
+    assert_eq!((&rest["items"][0]["index"], &rest["next_cursor"]), (&json!(2), &json!(null)));
+    readings[0]["frame_id"] = json!("table");
+    let mixed = it.post(path, &json!({"readings": readings})).await;
+    mixed.problem(422, "invalid-value", Some("/readings/1/frame_id"));
+    assert_eq!(it.get("/v1/objects/mug").await.expect(200)["n_readings"], 3);
+}

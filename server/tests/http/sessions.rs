@@ -1,0 +1,224 @@
+//! Sessions: beliefs firm up, retries count once, restarts lose nothing.
+
+use futures::future::join_all;
+use glam::{DQuat, DVec3};
+use palpate_core::pose::Pose;
+use reqwest::Method;
+use serde_json::{Value, json};
+
+use crate::harness::{BAR, CUBE, Harness, quiet_reading, touches};
+
+fn resting_pose() -> Pose {
+    Pose::from_parts(DQuat::from_rotation_z(0.4), DVec3::new(0.02, -0.03, 0.05))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn touches_are_recognised_and_a_restart_loses_nothing() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it
+        .session(json!({"frame_id": "base_link", "prior": [
+        {"object": "bar", "probability": 0.5}]}))
+        .await;
+    let path = format!("/v1/sessions/{session}");
+    let mut readings = touches(BAR, 12, 77, resting_pose());
+    readings.iter_mut().for_each(|reading| reading["frame_id"] = json!("base_link"));
+    let before = it.get(&format!("{path}/belief")).await;
+    assert_eq!(before.expect(200)["objects"][1]["probability"], 0.5);
+    let added = it.post(&format!("{path}/readings"), &json!({"readings": readings})).await;
+    let added = added.expect(200);
+    let belief = &added["belief"];
+    assert_eq!((&added["n_new"], &belief["n_readings"]), (&json!(12), &json!(12)));
+    assert_eq!(belief["objects"][0]["name"], "bar", "{belief}");
+    assert_eq!(belief["poses"][0]["covariance"].as_array().unwrap().len(), 36);
+    let answer = it.get(&format!("{path}/belief?poses=2")).await;
+    assert!(answer.expect(200)["poses"].as_array().unwrap().len() <= 2);
+    let known = answer.headers["etag"].to_str().unwrap().to_owned();
+    assert_eq!(known, "\"12\"");
+    let request = it.client.get(it.url(&format!("{path}/belief"))).header("if-none-match", known);
+    assert_eq!(request.send().await.unwrap().status(), 304);
+
+    let it = it.restart().await;
+    let after = it.get(&format!("{path}/belief")).await.expect(200);
+    assert_eq!(&after, belief);
+    let more = json!({"readings": touches(BAR, 1, 78, resting_pose())});
+    let top = it.post(&format!("{path}/readings?belief=top"), &more).await.expect(200);
+    assert_eq!(top["belief"]["objects"].as_array().unwrap().len(), 1);
+    assert_eq!(top["n_readings"], 13);
+    let none = json!({"readings": [quiet_reading()]});
+    let none = it.post(&format!("{path}/readings?belief=none"), &none).await.expect(200);
+    assert_eq!((&none["belief"], &none["n_readings"]), (&Value::Null, &json!(14)));
+    assert_eq!(it.get(&path).await.expect(200)["n_readings"], 14);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_repeated_reading_counts_once_and_a_changed_one_is_refused() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    let path = format!("/v1/sessions/{session}/readings");
+    let numbered: Vec<Value> = touches(CUBE, 4, 5, resting_pose())
+        .into_iter()
+        .enumerate()
+        .map(|(seq, mut reading)| {
+            reading["robot"] = json!("arm-3");
+            reading["seq"] = json!(seq);
+            reading
+        })
+        .collect();
+    let post = async |readings: &[Value]| it.post(&path, &json!({"readings": readings})).await;
+    let first = post(&numbered[..2]).await.expect(200);
+    post(&numbered[2..]).await.expect(200);
+    let again = post(&numbered[..2]).await.expect(200);
+    assert_eq!(again["belief"], first["belief"], "the stored answer");
+    assert_eq!((&again["n_new"], &again["n_repeated"]), (&json!(0), &json!(2)));
+    assert_eq!(again["n_readings"], 4);
+    let twice = [numbered[3].clone(), numbered[3].clone()];
+    assert_eq!(post(&twice).await.expect(200)["n_repeated"], 2);
+    let mut changed = numbered[1].clone();
+    changed["pose"]["position"][0] = json!(0.5);
+    let mixed = [quiet_reading(), changed];
+    post(&mixed).await.problem(409, "conflict", Some("/readings/1"));
+    let page = it.get(&format!("/v1/sessions/{session}")).await.expect(200);
+    assert_eq!(page["n_readings"], 4, "all or none");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn robots_may_post_to_one_session_and_to_many_at_once() {
+    let it = Harness::start().await;
+    it.train().await;
+    let shared = it.session(json!({})).await;
+    let own = join_all((0..4).map(|_| it.session(json!({})))).await;
+    let readings = touches(CUBE, 16, 6, resting_pose());
+    let posts = readings.iter().enumerate().flat_map(|(index, reading)| {
+        let body = json!({"readings": [reading]});
+        let it = &it;
+        [&shared, &own[index % 4]].map(|session| {
+            let (path, body) = (format!("/v1/sessions/{session}/readings"), body.clone());
+            async move { it.post(&path, &body).await.expect(200) }
+        })
+    });
+    join_all(posts).await;
+    let belief = it.get(&format!("/v1/sessions/{shared}/belief")).await.expect(200);
+    assert_eq!((&belief["n_readings"], &belief["revision"]), (&json!(16), &json!(16)));
+    for session in own {
+        let session = it.get(&format!("/v1/sessions/{session}")).await.expect(200);
+        assert_eq!(session["n_readings"], 4);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_full_queue_says_come_back_and_stores_nothing() {
+    let it = Harness::start_with(|config| {
+        config.compute_threads = 1;
+        config.compute_queue_max = 0;
+    })
+    .await;
+    it.train().await;
+    let mut sessions = Vec::new();
+    for _ in 0..8 {
+        sessions.push(it.session(json!({})).await);
+    }
+    let body = json!({"readings": touches(CUBE, 24, 8, resting_pose())});
+    let posts = sessions.iter().map(|session| {
+        let path = format!("/v1/sessions/{session}/readings");
+        let (it, body) = (&it, &body);
+        async move { it.post(&path, body).await }
+    });
+    let answers = join_all(posts).await;
+    let refused = answers.iter().filter(|answer| answer.status == 503).count();
+    assert!((1..8).contains(&refused), "{refused} of 8 refused");
+    for (session, answer) in sessions.iter().zip(&answers) {
+        let session = it.get(&format!("/v1/sessions/{session}")).await.expect(200);
+        if answer.status == 503 {
+            answer.problem(503, "overloaded", None);
+            assert_eq!(answer.headers["retry-after"], "1");
+            assert_eq!(session["n_readings"], 0);
+        } else {
+            assert_eq!(session["n_readings"], 24);
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn events_tell_beliefs_and_the_end() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    let other = it.session(json!({})).await;
+    let follow = async |path: String| it.client.get(it.url(&path)).send().await.unwrap();
+    let one = follow(format!("/v1/sessions/{session}/events")).await;
+    let mut both = follow(format!("/v1/events?sessions={session},{other}")).await;
+    assert_eq!(one.headers()["content-type"], "text/event-stream");
+    let readings = json!({"readings": [quiet_reading()]});
+    let path = format!("/v1/sessions/{session}/readings?belief=none");
+    it.post(&path, &readings).await.expect(200);
+    it.post(&format!("/v1/sessions/{session}/close"), &json!({})).await.expect(200);
+    let text = one.text().await.unwrap();
+    let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("event: ")).collect();
+    assert_eq!(names, ["belief", "belief", "closed"]);
+    assert!(text.contains("id: 1\n"), "{text}");
+    it.send(Method::DELETE, &format!("/v1/sessions/{other}"), None).await.expect(204);
+    let mut seen = String::new();
+    while !seen.contains("event: deleted") {
+        seen += std::str::from_utf8(&both.chunk().await.unwrap().unwrap()).unwrap();
+    }
+    assert!(seen.contains("event: closed"));
+    let missing = it.get("/v1/events?sessions=").await;
+    missing.problem(422, "invalid-value", Some("?sessions"));
+    it.server.shutdown().await;
+    while both.chunk().await.unwrap().is_some() {}
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn sessions_close_expire_and_are_deleted() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({"ttl_s": 600})).await;
+    let path = format!("/v1/sessions/{session}");
+    let body = json!({"readings": [quiet_reading()]});
+    let mut reading = quiet_reading();
+    reading["robot"] = json!("arm");
+    reading["seq"] = json!(1);
+    let repeatable = json!({"readings": [reading]});
+    it.post(&format!("{path}/readings"), &repeatable).await.expect(200);
+    for _ in 0..2 {
+        let closed = it.post(&format!("{path}/close"), &json!({})).await.expect(200);
+        assert_eq!((&closed["state"], &closed["n_readings"]), (&json!("closed"), &json!(1)));
+    }
+    let refused = it.post(&format!("{path}/readings"), &body).await;
+    refused.problem(409, "wrong-state", None);
+    // A retry of what is stored is answered all the same.
+    it.post(&format!("{path}/readings"), &repeatable).await.expect(200);
+    assert_eq!(it.get(&format!("{path}/belief")).await.expect(200)["n_readings"], 1);
+    let list = it.get("/v1/sessions").await.expect(200);
+    assert_eq!(list["items"][0]["state"], "closed");
+    it.send(Method::DELETE, &path, None).await.expect(204);
+    it.get(&path).await.problem(404, "not-found", None);
+    it.get(&format!("{path}/belief")).await.problem(404, "not-found", None);
+    it.post(&format!("{path}/readings"), &body).await.problem(404, "not-found", None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn more_sessions_than_fit_in_memory_are_rebuilt_from_their_journals() {
+    let it = Harness::start_with(|config| config.beliefs_in_memory_max = 2).await;
+    it.train().await;
+    let readings = touches(CUBE, 6, 4, resting_pose());
+    let mut sessions = Vec::new();
+    for _ in 0..5 {
+        sessions.push(it.session(json!({})).await);
+    }
+    let mut beliefs: Vec<Value> = Vec::new();
+    for session in &sessions {
+        for reading in &readings {
+            let path = format!("/v1/sessions/{session}/readings");
+            it.post(&path, &json!({"readings": [reading]})).await.expect(200);
+        }
+        beliefs.push(it.get(&format!("/v1/sessions/{session}/belief")).await.expect(200));
+    }
+    for (session, belief) in sessions.iter().zip(&beliefs) {
+        let now = it.get(&format!("/v1/sessions/{session}/belief")).await.expect(200);
+        assert_eq!(&now, belief);
+        assert_eq!(now["n_readings"], 6);
+    }
+}

@@ -1,0 +1,81 @@
+//! Health, documentation, and errors that the framework would answer in plain text.
+
+use palpate_server::{Server, StartError};
+use reqwest::Method;
+use serde_json::json;
+
+use crate::harness::{Harness, config};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_documentation_and_figures_are_there() {
+    let it = Harness::start().await;
+    assert_eq!(it.get("/livez").await.expect(200)["alive"], true);
+    let ready = it.get("/readyz").await.expect(200);
+    assert_eq!(ready["ready"], true, "{ready}");
+    assert_eq!(it.get("/version").await.expect(200)["api"], "v1");
+    let described = it.get("/openapi.json").await;
+    assert_eq!(described.text, palpate_server::openapi::text());
+    let docs = it.get("/docs/").await;
+    assert_eq!(docs.status, 200);
+    assert!(docs.text.contains("swagger-ui"), "{}", docs.text);
+    for part in ["swagger-ui-bundle.js", "swagger-ui.css", "swagger-initializer.js"] {
+        let text = it.get(&format!("/docs/{part}")).await.text;
+        assert!(!text.is_empty() && !text.contains("//cdn") && !text.contains("unpkg"), "{part}");
+    }
+    assert!(it.get("/").await.text.contains("/docs/"));
+    let figures = it.get("/metrics").await.text;
+    assert!(figures.contains("palpate_http_requests_total"), "{figures}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn errors_of_the_framework_are_problems_too() {
+    let it = Harness::start().await;
+    it.get("/v1/nothing").await.problem(404, "not-found", None);
+    it.get("/docs/nothing.js").await.problem(404, "not-found", None);
+    let wrong = it.send(Method::DELETE, "/v1/sensors", None).await;
+    wrong.problem(405, "method-not-allowed", None);
+    assert!(wrong.headers["allow"].to_str().unwrap().contains("GET"));
+    let text = Some(("text/plain", b"{}".to_vec()));
+    let wrong = it.send(Method::POST, "/v1/objects", text).await;
+    wrong.problem(415, "unsupported-media-type", Some("header:content-type"));
+    let bare = it.send(Method::POST, "/v1/objects", None).await;
+    bare.problem(415, "unsupported-media-type", None);
+    let escaped = it.get("/v1/objects/%ff").await;
+    escaped.problem(400, "malformed-request", None);
+    it.get("/v1/objects?limit=0").await.problem(422, "invalid-value", Some("?limit"));
+    it.get("/v1/objects?limit=ten").await.problem(422, "invalid-value", Some("?limit"));
+    it.get("/v1/objects?limits=1").await.problem(422, "invalid-value", Some("?limits"));
+    it.get("/v1/objects?cursor=x").await.problem(422, "invalid-value", Some("?cursor"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_fit_request_id_is_kept_and_others_are_replaced() {
+    let it = Harness::start().await;
+    for (given, is_kept) in [("robot-7:41", true), ("a b", false), (&"x".repeat(65), false)] {
+        let request = it.client.get(it.url("/livez")).header("x-request-id", given);
+        let answer = request.send().await.unwrap();
+        assert_eq!(answer.headers()["x-request-id"] == given, is_kept, "{given}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn other_machines_are_not_let_in_without_keys() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let mut open = config(folder.path());
+    open.listen = "0.0.0.0:0".parse().unwrap();
+    let error = Server::start(open.clone()).await.unwrap_err();
+    assert!(matches!(error, StartError::InsecureBind { .. }), "{error}");
+    open.insecure_bind = true;
+    Server::start(open).await.unwrap().shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn more_requests_than_allowed_are_sent_away() {
+    let it = Harness::start_with(|config| config.requests_max = 0).await;
+    let refused = it.get("/v1/objects").await;
+    refused.problem(503, "overloaded", None);
+    assert_eq!(refused.headers["retry-after"], "1");
+    it.get("/livez").await.expect(200);
+    let body = json!({"name": "mug"});
+    it.post("/v1/objects", &body).await.problem(503, "overloaded", None);
+}

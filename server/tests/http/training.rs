@@ -1,0 +1,122 @@
+//! Trainings: jobs, versions, the current one, and what a restart leaves of them.
+
+use reqwest::Method;
+use serde_json::{Value, json};
+
+use crate::harness::{BAR, Harness, off_box, touches};
+use palpate_core::pose::Pose;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_training_makes_a_version_with_a_report_and_a_history() {
+    let it = Harness::start().await;
+    let job = it.train().await;
+    assert_eq!(job["version"], 1);
+    let version = it.get("/v1/catalogues/default/versions/1").await.expect(200);
+    assert_eq!(version["is_current"], true);
+    assert_eq!(version["job"], job["id"]);
+    assert_eq!(version["training"]["descriptor"], "mnti");
+    let report = it.get("/v1/catalogues/default/versions/1/report").await.expect(200);
+    assert_eq!(report, version["report"]);
+    assert_eq!(report["seed"], 3);
+    assert_eq!(report["n_classes"], 8);
+    assert_eq!(report["objects"].as_array().unwrap().len(), 2);
+    assert!(report["index_bytes"].as_u64().unwrap() > 0);
+    assert!(report["objects"][0]["n_patches"].as_u64().unwrap() > 10);
+
+    // The bar again, from a robot's readings, without making it current.
+    let readings = touches(BAR, 40, 9, Pose::IDENTITY);
+    let added = it.post("/v1/objects/bar/readings", &json!({"readings": readings})).await;
+    added.expect(200);
+    let training = json!({"objects": ["bar"], "n_classes": 4, "activate": false});
+    let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
+    let job = it.finished(job["id"].as_str().unwrap()).await;
+    assert_eq!((&job["state"], &job["version"]), (&json!("succeeded"), &json!(2)), "{job}");
+    let current = it.get("/v1/catalogues/default/current").await;
+    assert_eq!(current.expect(200)["version"], 1);
+
+    let switch = |etag: Option<&str>, version: u32| {
+        let request = it.client.put(it.url("/v1/catalogues/default/current"));
+        let request = request.json(&json!({"version": version}));
+        let request = etag
+            .map(|etag| request.try_clone().unwrap().header("if-match", etag))
+            .unwrap_or(request);
+        async move { request.send().await.unwrap() }
+    };
+    let etag = current.headers["etag"].to_str().unwrap();
+    assert_eq!(switch(None, 2).await.status(), 428);
+    assert_eq!(switch(Some("\"77\""), 2).await.status(), 412);
+    assert_eq!(switch(Some("yesterday"), 2).await.status(), 422);
+    assert_eq!(switch(Some(etag), 3).await.status(), 422);
+    assert_eq!(switch(Some(etag), 2).await.status(), 200);
+    assert_eq!(switch(Some(etag), 1).await.status(), 412);
+    let catalogue = it.get("/v1/catalogues/default").await.expect(200);
+    let history: Vec<&Value> =
+        catalogue["history"].as_array().unwrap().iter().map(|entry| &entry["version"]).collect();
+    assert_eq!(history, [2, 1]);
+    let versions = it.get("/v1/catalogues/default/versions?limit=1").await.expect(200);
+    assert_eq!(versions["next_cursor"], "1");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn jobs_can_be_cancelled_until_they_are_finished() {
+    let it = Harness::start().await;
+    for name in ["cube", "other"] {
+        it.post("/v1/objects", &json!({"name": name})).await.expect(201);
+        it.put_mesh(name, &off_box([60.0, 50.0, 40.0])).await.expect(200);
+    }
+    let path = "/v1/catalogues/default/trainings";
+    let long = json!({"objects": ["cube"], "readings_per_object": 20_000});
+    let running = it.post(path, &long).await.expect(202);
+    let queued = it.post(path, &json!({"objects": ["other"]})).await.expect(202);
+    let delete = it.send(Method::DELETE, "/v1/objects/other", None).await;
+    delete.problem(409, "wrong-state", None);
+    let cancel = |job: &Value| format!("/v1/jobs/{}/cancel", job["id"].as_str().unwrap());
+    for job in [&queued, &running] {
+        let cancelled = it.post(&cancel(job), &json!({})).await.expect(200);
+        assert_eq!(cancelled["state"], "cancelled", "{cancelled}");
+        assert!(cancelled["reason"].as_str().is_some());
+        it.post(&cancel(job), &json!({})).await.problem(409, "wrong-state", None);
+    }
+    it.send(Method::DELETE, "/v1/objects/other", None).await.expect(204);
+    let jobs = it.get("/v1/jobs").await.expect(200);
+    assert_eq!(jobs["items"].as_array().unwrap().len(), 2);
+    it.get("/v1/catalogues/default/current").await.problem(409, "wrong-state", None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn more_trainings_than_the_queue_holds_are_sent_away() {
+    let it = Harness::start_with(|config| config.training_queue_max = 1).await;
+    it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
+    it.put_mesh("cube", &off_box([60.0, 50.0, 40.0])).await.expect(200);
+    let path = "/v1/catalogues/default/trainings";
+    let long = json!({"readings_per_object": 20_000});
+    it.post(path, &long).await.expect(202);
+    let refused = it.post(path, &long).await;
+    refused.problem(503, "overloaded", None);
+    assert_eq!(refused.headers["retry-after"], "1");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_training_that_a_stop_interrupts_is_done_after_the_restart() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
+    it.put_mesh("cube", &off_box([60.0, 50.0, 40.0])).await.expect(200);
+    let training = json!({"readings_per_object": 300, "n_classes": 4});
+    let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
+    let it = it.restart().await;
+    let job = it.finished(job["id"].as_str().unwrap()).await;
+    assert_eq!((&job["state"], &job["version"]), (&json!("succeeded"), &json!(1)), "{job}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_training_that_cannot_work_fails_with_a_reason() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "speck"})).await.expect(201);
+    it.put_mesh("speck", &off_box([0.01, 0.01, 0.01])).await.expect(200);
+    let training =
+        json!({"objects": ["speck"], "readings_per_object": 20, "sensor": "tekscan-26x26"});
+    let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
+    let job = it.finished(job["id"].as_str().unwrap()).await;
+    assert_eq!(job["state"], "failed", "{job}");
+    assert!(job["reason"].as_str().unwrap().contains("speck"), "{job}");
+}
