@@ -25,7 +25,7 @@ pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             if error.downcast_ref::<Ended>().is_none() {
-                eprintln!("error: {error:#}");
+                eprintln!("error: {}", words(&error));
                 if is_unreachable(&error) {
                     eprintln!(
                         "hint: start one with `palpate serve --data DIR`, or name it: --server URL"
@@ -35,6 +35,24 @@ pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
             ExitCode::from(code(&error))
         }
     }
+}
+
+/// The error and its causes in one line. A cause that is in the words already is left out, and
+/// so are those behind a client's error, which says it all.
+fn words(error: &anyhow::Error) -> String {
+    let mut words = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string();
+        if !words.contains(&text) {
+            let separator = if words.is_empty() { "" } else { ": " };
+            words.push_str(separator);
+            words.push_str(&text);
+        }
+        if cause.is::<ClientError>() {
+            break;
+        }
+    }
+    words
 }
 
 fn code(error: &anyhow::Error) -> u8 {
@@ -53,6 +71,18 @@ fn is_unreachable(error: &anyhow::Error) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_does_not_say_the_same_twice() {
+        #[derive(Debug, Error)]
+        #[error("cannot open d: {source}")]
+        struct Open {
+            source: std::io::Error,
+        }
+        let error = anyhow::Error::from(Open { source: std::io::Error::other("disk is gone") });
+        let error = error.context("starting");
+        assert_eq!(words(&error), "starting: cannot open d: disk is gone");
+    }
 
     #[test]
     fn outcomes_have_their_codes_also_behind_a_context() {

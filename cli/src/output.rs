@@ -1,6 +1,6 @@
 //! How answers look: tables and sentences for people, one line of JSON for programs.
 
-use comfy_table::Table;
+use comfy_table::{Table, presets};
 use serde::Serialize;
 
 /// Where answers go. With JSON, the standard output holds nothing else.
@@ -41,7 +41,7 @@ pub(crate) fn table<const N: usize>(
     rows: impl IntoIterator<Item = [String; N]>,
 ) -> String {
     let mut table = Table::new();
-    table.load_preset("                   ").set_header(header);
+    table.load_style(presets::NOTHING).set_header(header);
     for row in rows {
         table.add_row(row);
     }

@@ -13,6 +13,17 @@ pub(crate) fn is_watched() -> bool {
     std::io::stderr().is_terminal()
 }
 
+/// A stage that says how much there is to do, and one that does not.
+const COUNTED: &str = "{msg:<34} {bar:32} {pos}/{len} {eta}";
+const STEPS: &str = "{msg:<24} {bar:32} {pos}/{len} {elapsed}";
+const UNCOUNTED: &str = "{msg:<34} {spinner} {elapsed}";
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template)
+        .expect("the templates are well formed")
+        .progress_chars("█▉▊▋▌▍▎▏░")
+}
+
 /// How far an experiment is: what it does, steps done and in all.
 pub(crate) struct StepProgress(Option<ProgressBar>);
 
@@ -20,10 +31,7 @@ impl StepProgress {
     /// A bar, or nothing when nobody watches.
     pub(crate) fn new() -> Self {
         Self(is_watched().then(|| {
-            let style = ProgressStyle::with_template("{msg:<24} {bar:32} {pos}/{len} {elapsed}")
-                .expect("the template is well formed")
-                .progress_chars("█▉▊▋▌▍▎▏░");
-            let bar = ProgressBar::new(0).with_style(style);
+            let bar = ProgressBar::new(0).with_style(style(STEPS));
             bar.enable_steady_tick(Duration::from_millis(200));
             bar
         }))
@@ -57,10 +65,7 @@ impl TrainingProgress {
     /// Nothing is shown before the first report.
     pub(crate) fn new(output: Output) -> Self {
         let bar = is_watched().then(|| {
-            let style = ProgressStyle::with_template("{msg:<34} {bar:32} {pos}/{len} {eta}")
-                .expect("the template is well formed")
-                .progress_chars("█▉▊▋▌▍▎▏░");
-            let bar = ProgressBar::new(0).with_style(style);
+            let bar = ProgressBar::new(0).with_style(style(UNCOUNTED));
             bar.enable_steady_tick(Duration::from_millis(200));
             bar
         });
@@ -71,6 +76,7 @@ impl TrainingProgress {
     pub(crate) fn show(&mut self, job: &Job) {
         let stage = stage_words(job);
         if let Some(bar) = &self.bar {
+            bar.set_style(style(if job.total > 0 { COUNTED } else { UNCOUNTED }));
             bar.set_message(stage);
             bar.set_length(u64::from(job.total));
             bar.set_position(u64::from(job.done));

@@ -1,7 +1,7 @@
 //! A trial: a simulated robot touches one object again and again, the server says what it
 //! believes, and the truth is at hand to compare.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use palpate_client::TouchSession;
@@ -20,6 +20,8 @@ pub(crate) struct StopRule {
     pub(crate) in_a_row: u32,
     /// At the latest it stops after so many touches.
     pub(crate) touches_max: u32,
+    /// How long it takes between two touches.
+    pub(crate) pause: Duration,
 }
 
 /// What is true of a trial.
@@ -143,6 +145,7 @@ pub(crate) async fn run(
         if sure >= rule.in_a_row || step.touches >= rule.touches_max {
             return Ok(TrialResult { truth: truth.object.clone(), steps, last: step });
         }
+        tokio::time::sleep(rule.pause).await;
     }
 }
 

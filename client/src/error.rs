@@ -132,10 +132,13 @@ impl Error {
 fn words(problem: &Problem) -> String {
     let mut words = problem.detail.clone();
     for field in &problem.errors {
-        words.push_str("; ");
-        words.push_str(&field.pointer);
-        words.push_str(": ");
-        words.push_str(&field.detail);
+        let said = problem.detail.contains(&field.detail);
+        let field = if said {
+            format!(" ({})", field.pointer)
+        } else {
+            format!("; {}: {}", field.pointer, field.detail)
+        };
+        words.push_str(&field);
     }
     words
 }
@@ -157,11 +160,11 @@ mod tests {
 
     #[test]
     fn a_problem_reads_as_one_line_that_names_the_fields() {
-        let problem = Problem {
+        let problem = |detail: &str| Problem {
             kind: ProblemType::InvalidValue,
             title: "A value is wrong".to_owned(),
             status: 422,
-            detail: "one reading is wrong".to_owned(),
+            detail: detail.to_owned(),
             instance: "/v1/sessions".to_owned(),
             request_id: "r".to_owned(),
             errors: vec![FieldError {
@@ -169,9 +172,12 @@ mod tests {
                 detail: "quaternion has norm 0, expected 1".to_owned(),
             }],
         };
-        let error = Error::Problem { problem: Box::new(problem), retry_after: None };
+        let error =
+            |detail| Error::Problem { problem: Box::new(problem(detail)), retry_after: None };
         let expected = "one reading is wrong; /readings/0/pose: quaternion has norm 0, expected 1";
-        assert_eq!(error.to_string(), expected);
-        assert_eq!(error.status(), Some(422));
+        assert_eq!(error("one reading is wrong").to_string(), expected);
+        let expected = "quaternion has norm 0, expected 1 (/readings/0/pose)";
+        assert_eq!(error("quaternion has norm 0, expected 1").to_string(), expected);
+        assert_eq!(error("").status(), Some(422));
     }
 }

@@ -1,8 +1,8 @@
 //! Calls about catalogues, their versions, and the jobs that train them.
 
 use palpate_schemas::{
-    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, Job, JobPage, PageQuery,
-    SetCurrent, StartTraining,
+    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Job, JobPage,
+    PageQuery, SetCurrent, StartTraining,
 };
 use uuid::Uuid;
 
@@ -53,6 +53,14 @@ impl Client {
         self.send(Request::get(["v1", "catalogues", name, "versions", &version])).await
     }
 
+    /// Which version of a catalogue new sessions use.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 while there is none.
+    pub async fn current_version(&self, name: &str) -> Result<CurrentVersion, Error> {
+        self.send(Request::get(["v1", "catalogues", name, "current"])).await
+    }
+
     /// Makes a version the one that new sessions use, if the current one is still of
     /// `revision`.
     ///
@@ -63,7 +71,7 @@ impl Client {
         name: &str,
         version: u32,
         revision: u32,
-    ) -> Result<Catalogue, Error> {
+    ) -> Result<CurrentVersion, Error> {
         let request = Request::put(["v1", "catalogues", name, "current"])
             .header("if-match", format!("\"{revision}\""))
             .json(&SetCurrent { version })

@@ -12,6 +12,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::Args;
@@ -31,6 +32,7 @@ use super::{serve, touch, train};
 use crate::args::DEFAULT_LISTEN;
 use crate::exit::Ended;
 use crate::output::Output;
+use crate::progress::is_watched;
 use crate::robot::Robot;
 use crate::trial::{self, StopRule, TrialResult, Truth};
 
@@ -41,7 +43,10 @@ const CATALOGUE: &str = "default";
 /// What the robots feel with.
 const SENSOR: SensorPreset = SensorPreset::Digitacts6x6;
 /// When a robot is sure, or gives up.
-const RULE: StopRule = StopRule { probability: 0.95, in_a_row: 2, touches_max: 20 };
+const RULE: StopRule =
+    StopRule { probability: 0.95, in_a_row: 2, touches_max: 20, pause: Duration::ZERO };
+/// How long a robot takes between two touches when somebody watches.
+const WATCHED_PAUSE: Duration = Duration::from_millis(300);
 
 /// Arguments of `palpate demo`.
 #[derive(Debug, Args)]
@@ -61,6 +66,10 @@ pub(crate) struct DemoArgs {
     /// Simulated readings for the training of each object.
     #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(20..=20_000))]
     readings_per_object: u32,
+    /// How long a robot takes between two touches, in milliseconds; by default as fast as it
+    /// can, and 300 when somebody watches.
+    #[arg(long, value_name = "MS")]
+    pace: Option<u64>,
     /// Keep the database in this folder; a temporary one otherwise.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -208,6 +217,7 @@ struct Floor {
     next_trial: AtomicUsize,
     n_trials: usize,
     seed: u64,
+    rule: StopRule,
     screen: Screen,
     results: Mutex<Vec<TrialResult>>,
 }
@@ -235,6 +245,7 @@ async fn touch_all(
         next_trial: AtomicUsize::new(0),
         n_trials,
         seed: args.seed,
+        rule: StopRule { pause: pause(args), ..RULE },
         screen: Screen::new(N_ROBOTS, n_trials, output),
         results: Mutex::default(),
     });
@@ -247,6 +258,14 @@ async fn touch_all(
     }
     floor.screen.clear();
     Ok(std::mem::take(&mut *floor.results.lock().expect("no robot panicked")))
+}
+
+fn pause(args: &DemoArgs) -> Duration {
+    match args.pace {
+        Some(pace) => Duration::from_millis(pace),
+        None if !args.once && is_watched() => WATCHED_PAUSE,
+        None => Duration::ZERO,
+    }
 }
 
 /// One robot: the next trial, and the next, until there is none.
@@ -270,7 +289,8 @@ async fn work(floor: Arc<Floor>, robot: usize) -> anyhow::Result<()> {
         let mut session = floor.client.touch_session(&wanted, &name).await?;
         floor.screen.begins(robot, &truth.object);
         let show = |step: &trial::Step| floor.screen.touched(robot, &truth.object, step);
-        let result = trial::run(simulated, &mut session, SENSOR.name(), &truth, RULE, show).await?;
+        let result =
+            trial::run(simulated, &mut session, SENSOR.name(), &truth, floor.rule, show).await?;
         floor.client.close_session(session.id()).await?;
         floor.screen.ends(robot, &result);
         floor.results.lock().expect("no robot panicked").push(result);

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use clap::Args;
 use palpate_client::schemas::{CreateSensor, CreateSession, ProblemType, SensorPreset};
@@ -72,7 +73,12 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     let version = client.catalogue_version(&pinned.catalogue, pinned.version).await?;
     let truth = Truth::new(&robot, &args.object, &version.report)?;
     // All readings are wanted: no probability is reached.
-    let rule = StopRule { probability: f64::INFINITY, in_a_row: 1, touches_max: args.readings };
+    let rule = StopRule {
+        probability: f64::INFINITY,
+        in_a_row: 1,
+        touches_max: args.readings,
+        pause: Duration::ZERO,
+    };
     let show = |step: &Step| output.say(step_words(step));
     let trial = trial::run(robot, &mut session, args.sensor.name(), &truth, rule, show);
     let result = tokio::select! {

@@ -17,6 +17,8 @@ pub(super) struct Screen {
 
 struct Live {
     all: MultiProgress,
+    // A line whose bar is dropped stays on the terminal for ever.
+    _header: ProgressBar,
     robots: Vec<ProgressBar>,
     trials: ProgressBar,
 }
@@ -38,11 +40,12 @@ impl Screen {
             bar.set_message(text);
             bar
         };
-        line("{msg}", header()).tick();
+        let header = line("{msg}", header());
+        header.tick();
         let robots = (1..=n_robots).map(|robot| line("{msg}", format!("robot-{robot}"))).collect();
         let trials = line("{msg} {bar:32} {pos}/{len}", "objects touched".to_owned());
         trials.enable_steady_tick(Duration::from_millis(200));
-        Self { output, live: Some(Live { all, robots, trials }) }
+        Self { output, live: Some(Live { all, _header: header, robots, trials }) }
     }
 
     /// A robot turns to the next object.
@@ -70,7 +73,7 @@ impl Screen {
     /// A robot has nothing more to do.
     pub(super) fn rests(&self, robot: usize) {
         if let Some(live) = &self.live {
-            live.robots[robot].finish();
+            live.robots[robot].finish_with_message(format!("robot-{:<3} rests", robot + 1));
         }
     }
 
