@@ -17,7 +17,7 @@ pub mod training;
 pub use health::{Check, Liveness, Readiness, Version};
 pub use object::{
     AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshReport, MeshUnit,
-    Object, ObjectPage, StoredReading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
+    ObjectInfo, ObjectPage, StoredReading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 pub use page::PageQuery;
 pub use pose::Pose;

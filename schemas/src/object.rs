@@ -9,7 +9,7 @@ use crate::reading::{Reading, Stamp};
 
 /// A thing that robots are to recognise.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct Object {
+pub struct ObjectInfo {
     /// The object's id.
     pub id: Uuid,
     /// Its unique name.
@@ -32,7 +32,7 @@ pub struct Object {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ObjectPage {
     /// The objects, oldest first.
-    pub items: Vec<Object>,
+    pub items: Vec<ObjectInfo>,
     /// The cursor of the next page; null on the last.
     pub next_cursor: Option<String>,
 }

@@ -29,7 +29,7 @@ pub struct Problem {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct FieldError {
     /// Where in the request: a JSON pointer into the body (`/readings/3/pose/orientation`), or
-    /// `?name` for a parameter of the query, or `header:name`.
+    /// `?name` for a parameter of the query, or `header:name`; for `/readyz` a check's name.
     pub pointer: String,
     /// What came there, and what was expected.
     pub detail: String,

@@ -52,7 +52,7 @@ impl Objects {
     }
 
     /// The object as the wire shows it.
-    pub(crate) fn show(&self, object: &Object) -> Result<wire::Object, Refusal> {
+    pub(crate) fn show(&self, object: &Object) -> Result<wire::ObjectInfo, Refusal> {
         let mesh = self.store.meshes().info(object.id)?;
         let n_readings = self.store.training().len(object.id)?;
         Ok(convert::object::object(object, mesh.as_ref(), n_readings))

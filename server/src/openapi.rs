@@ -156,7 +156,8 @@ mod tests {
                     let RefOr::T(response) = response else { panic!("{id}: {status} is a ref") };
                     assert!(!response.description.is_empty(), "{id}: {status} description");
                     let is_problem = response.content.contains_key(CONTENT_TYPE);
-                    assert_eq!(is_problem, !status.starts_with('2'), "{id}: {status} content");
+                    let is_error = status.starts_with(['4', '5']);
+                    assert_eq!(is_problem, is_error, "{id}: {status} content");
                 }
             }
         }

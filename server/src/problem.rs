@@ -120,6 +120,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::RequestsFull { .. }
         | Refusal::TooSlow { .. }
         | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
+        Refusal::NotReady(_) => ProblemType::Unavailable,
         Refusal::Store(error) => store_kind(error),
         Refusal::Compute(ComputeError::Panicked) | Refusal::Unusable { .. } | Refusal::Panicked => {
             ProblemType::Internal
@@ -156,6 +157,10 @@ fn errors(refusal: Refusal) -> Vec<FieldError> {
         }
         Refusal::RevisionChanged { .. } | Refusal::RevisionMissing => {
             vec![FieldError { pointer: "header:if-match".to_owned(), detail }]
+        }
+        Refusal::NotReady(readiness) => {
+            let failed = readiness.checks.into_iter().filter(|check| !check.passed);
+            failed.map(|check| FieldError { pointer: check.name, detail: check.detail }).collect()
         }
         _ => Vec::new(),
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use palpate_schemas::{FieldError, JobState};
+use palpate_schemas::{FieldError, JobState, Readiness};
 use palpate_store::error::StoreError;
 use palpate_store::journal::AppendError;
 use thiserror::Error;
@@ -62,6 +62,8 @@ pub(crate) enum Refusal {
     Store(#[from] StoreError),
     #[error("what is stored of {what} {id} cannot be used: {reason}")]
     Unusable { what: &'static str, id: String, reason: String },
+    #[error("the server is not ready")]
+    NotReady(Readiness),
     #[error("a task of the server panicked")]
     Panicked,
 }

@@ -9,10 +9,10 @@ use crate::refusal::Refusal;
 use crate::wire::reading::Incoming;
 
 /// The readings that are new. `stored` looks up what is stored under a robot's number.
-pub(crate) fn new_readings<'a>(
-    readings: &'a [Incoming],
+pub(crate) fn new_readings(
+    readings: &[Incoming],
     stored: impl Fn(&ReadingId) -> Result<Option<StoredReading>, Refusal>,
-) -> Result<Vec<&'a Incoming>, Refusal> {
+) -> Result<Vec<&Incoming>, Refusal> {
     let mut new: Vec<&Incoming> = Vec::with_capacity(readings.len());
     let mut ids: std::collections::HashMap<&ReadingId, &StoredReading> =
         std::collections::HashMap::new();

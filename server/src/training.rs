@@ -137,11 +137,14 @@ fn gather(
     plan.objects.par_iter().enumerate().map(gather_one).collect()
 }
 
+/// Readings that robots took, and their sensor.
+type OwnReadings = (Vec<Reading>, Arc<Sensor>);
+
 /// The readings that robots took of an object, and their sensor; `None` without any.
 fn own_readings(
     object: &VersionObject,
     sources: &Sources<'_>,
-) -> Result<Option<(Vec<Reading>, Arc<Sensor>)>, TrainingFailure> {
+) -> Result<Option<OwnReadings>, TrainingFailure> {
     let entries = sources.store.training().entries(object.id, 0, usize::MAX)?;
     let mut readings = Vec::with_capacity(entries.len());
     let mut sensor: Option<Arc<Sensor>> = None;

@@ -5,7 +5,7 @@ use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
-    AddTrainingReadings, CreateObject, MeshQuery, MeshReport, Object, ObjectPage, PageQuery,
+    AddTrainingReadings, CreateObject, MeshQuery, MeshReport, ObjectInfo, ObjectPage, PageQuery,
     StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 
@@ -28,11 +28,11 @@ pub(crate) async fn list_objects(
 /// Add an object
 #[utoipa::path(post, path = "/v1/objects", operation_id = "create_object", tag = "objects",
     request_body = CreateObject,
-    responses((status = 201, description = "The new object", body = Object), Conflict))]
+    responses((status = 201, description = "The new object", body = ObjectInfo), Conflict))]
 pub(crate) async fn create_object(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateObject>,
-) -> Result<(StatusCode, Json<Object>), Refusal> {
+) -> Result<(StatusCode, Json<ObjectInfo>), Refusal> {
     let object = app.objects().create(request).await?;
     Ok((StatusCode::CREATED, Json(app.objects().show(&object)?)))
 }
@@ -40,11 +40,11 @@ pub(crate) async fn create_object(
 /// Get an object
 #[utoipa::path(get, path = "/v1/objects/{object}", operation_id = "get_object", tag = "objects",
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 200, description = "The object", body = Object)))]
+    responses((status = 200, description = "The object", body = ObjectInfo)))]
 pub(crate) async fn get_object(
     State(app): State<App>,
     Segment1(object): Segment1,
-) -> Result<Json<Object>, Refusal> {
+) -> Result<Json<ObjectInfo>, Refusal> {
     let object = app.objects().find(&object)?;
     Ok(Json(app.objects().show(&object)?))
 }
@@ -53,12 +53,12 @@ pub(crate) async fn get_object(
 #[utoipa::path(patch, path = "/v1/objects/{object}", operation_id = "update_object",
     tag = "objects", request_body = UpdateObject,
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 200, description = "The object as it is now", body = Object), Conflict))]
+    responses((status = 200, description = "The object as it is now", body = ObjectInfo), Conflict))]
 pub(crate) async fn update_object(
     State(app): State<App>,
     Segment1(object): Segment1,
     JsonBody(request): JsonBody<UpdateObject>,
-) -> Result<Json<Object>, Refusal> {
+) -> Result<Json<ObjectInfo>, Refusal> {
     let object = app.objects().update(&object, request).await?;
     Ok(Json(app.objects().show(&object)?))
 }

@@ -7,6 +7,7 @@ use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, Se
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
+use crate::openapi::Conflict;
 use crate::refusal::Refusal;
 use crate::wire;
 
@@ -27,7 +28,7 @@ pub(crate) async fn list_sensors(
 /// name. A sensor does not change: readings rely on its geometry; add another one instead.
 #[utoipa::path(post, path = "/v1/sensors", operation_id = "create_sensor", tag = "sensors",
     request_body = CreateSensor,
-    responses((status = 201, description = "The new sensor", body = Sensor)))]
+    responses((status = 201, description = "The new sensor", body = Sensor), Conflict))]
 pub(crate) async fn create_sensor(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateSensor>,

@@ -105,7 +105,8 @@ pub(crate) async fn add_readings(
     tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), BeliefQuery),
     responses((status = 200, description = "The belief", body = Belief,
-        headers(("etag" = String, description = "The revision")))))]
+            headers(("etag" = String, description = "The revision"))),
+        (status = 304, description = "The belief is still the one of `If-None-Match`")))]
 pub(crate) async fn get_belief(
     State(app): State<App>,
     Segment1(session): Segment1,

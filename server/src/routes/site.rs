@@ -1,13 +1,14 @@
 //! What is not about robots: health, metrics, version, documentation, the first page.
 
 use axum::extract::State;
-use axum::http::{StatusCode, header};
+use axum::http::header;
 use axum::response::{Html, IntoResponse, Response};
 use axum::{Json, Router};
 use palpate_schemas::{Liveness, Readiness, Version};
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
+use crate::refusal::Refusal;
 use crate::{openapi, telemetry};
 
 /// Pages for people, and the API's description.
@@ -28,13 +29,12 @@ pub(crate) async fn livez() -> Json<Liveness> {
 
 /// Whether the server does its work
 ///
-/// The body is the same when a check fails, with status 503 for load balancers.
+/// 503 tells a load balancer to look elsewhere; its problem names the checks that failed.
 #[utoipa::path(get, path = "/readyz", operation_id = "readyz", tag = "site",
     responses((status = 200, description = "All checks passed", body = Readiness)))]
-pub(crate) async fn readyz(State(app): State<App>) -> Response {
+pub(crate) async fn readyz(State(app): State<App>) -> Result<Json<Readiness>, Refusal> {
     let readiness = app.readiness();
-    let status = if readiness.ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
-    (status, Json(readiness)).into_response()
+    if readiness.ready { Ok(Json(readiness)) } else { Err(Refusal::NotReady(readiness)) }
 }
 
 /// Figures for Prometheus

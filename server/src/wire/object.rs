@@ -18,8 +18,8 @@ pub(crate) fn object(
     object: &Object,
     mesh: Option<&store::MeshInfo>,
     n_readings: u64,
-) -> wire::Object {
-    wire::Object {
+) -> wire::ObjectInfo {
+    wire::ObjectInfo {
         id: object.id,
         name: object.name.clone(),
         description: object.description.clone(),
