@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 use palpate_schemas::{
-    AddTrainingReadings, CreateObject, MeshFormat, MeshReport, MeshUnit, Object, ObjectPage,
+    AddTrainingReadings, CreateObject, MeshFormat, MeshReport, MeshUnit, ObjectInfo, ObjectPage,
     PageQuery, Reading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 
@@ -16,7 +16,7 @@ impl Client {
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn create_object(&self, object: &CreateObject) -> Result<Object, Error> {
+    pub async fn create_object(&self, object: &CreateObject) -> Result<ObjectInfo, Error> {
         self.send(Request::post(["v1", "objects"]).json(object)).await
     }
 
@@ -32,7 +32,7 @@ impl Client {
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn all_objects(&self) -> Result<Vec<Object>, Error> {
+    pub async fn all_objects(&self) -> Result<Vec<ObjectInfo>, Error> {
         let (mut all, mut query) = (Vec::new(), PageQuery { limit: Some(1000), cursor: None });
         loop {
             let page = self.objects(&query).await?;
@@ -48,7 +48,7 @@ impl Client {
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn object(&self, object: &str) -> Result<Object, Error> {
+    pub async fn object(&self, object: &str) -> Result<ObjectInfo, Error> {
         self.send(Request::get(["v1", "objects", object])).await
     }
 
@@ -60,7 +60,7 @@ impl Client {
         &self,
         object: &str,
         changes: &UpdateObject,
-    ) -> Result<Object, Error> {
+    ) -> Result<ObjectInfo, Error> {
         self.send(Request::patch(["v1", "objects", object]).json(changes)).await
     }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::{Args, Subcommand, ValueEnum};
 use palpate_client::schemas::{
-    AddTrainingReadings, CreateObject, MeshReport, MeshUnit, Object, PageQuery, Reading,
+    AddTrainingReadings, CreateObject, MeshReport, MeshUnit, ObjectInfo, PageQuery, Reading,
 };
 use palpate_core::units::MM;
 use palpate_sim::shapes;
@@ -242,7 +242,7 @@ fn mesh_words(report: &MeshReport) -> String {
     words
 }
 
-fn table(objects: &[Object]) -> String {
+fn table(objects: &[ObjectInfo]) -> String {
     output::table(
         ["name", "id", "mesh", "readings", "created"],
         objects.iter().map(|object| {
