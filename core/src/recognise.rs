@@ -38,11 +38,22 @@ pub enum PairWeight {
     },
 }
 
+/// Which pose stands for a histogram bin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BinPose {
+    /// The centre of the bin, as printed (section 5.5.1.2).
+    Center,
+    /// The mean of the poses that evidence named within it.
+    Mean,
+}
+
 /// How the filter works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SvaOptions {
     /// The histogram's bins.
     pub bins: PoseBins,
+    /// Where in a bin its pose is.
+    pub bin_pose: BinPose,
     /// How pairs are multiplied.
     pub rule: ProductRule,
     /// How often a pair counts.
@@ -69,13 +80,14 @@ impl Default for SvaOptions {
                 rotations: RotationGrid::CubedHypersphere { n: 6 },
                 workspace: 400.0 * MM,
             },
+            bin_pose: BinPose::Mean,
             rule: ProductRule::Floored { floor: 0.05 },
             pair_weight: PairWeight::Once,
-            normal_tolerance: Some(0.3),
+            normal_tolerance: Some(0.25),
             sigma_init: 0.1,
             turn_step: 0.25,
             partners_max: 24,
-            bins_max: 50_000,
+            bins_max: 4_000,
         }
     }
 }
@@ -90,6 +102,7 @@ impl SvaOptions {
                 rotations: RotationGrid::Rodrigues { n: 9 },
                 workspace: 400.0 * MM,
             },
+            bin_pose: BinPose::Center,
             rule: ProductRule::Strict,
             pair_weight: PairWeight::BothOrders,
             normal_tolerance: None,
@@ -261,17 +274,25 @@ impl SvaBelief {
         for (object, (histogram, prior)) in self.histograms.iter().zip(&self.log_prior).enumerate()
         {
             let best = histogram.best(BINS_FOR_MODES, log_count);
-            poses.extend(best.into_iter().map(|(log, _, session_from_object)| WeightedPose {
+            poses.extend(best.into_iter().map(|(log, bin, mean)| WeightedPose {
                 object: ObjectIdx(object as u32),
-                session_from_object,
+                session_from_object: match self.options.bin_pose {
+                    BinPose::Center => self.options.bins.center(bin),
+                    BinPose::Mean => mean,
+                },
                 log_weight: log + prior,
             }));
         }
         let edge = self.options.bins.edge;
         let width = rotation_width(self.options.bins.rotations);
+        // As printed, the answer is the best bin alone; otherwise neighbours share a mode.
+        let reach = match self.options.bin_pose {
+            BinPose::Center => 0.0,
+            BinPose::Mean => 1.0,
+        };
         let scale = ModeScale {
-            distance: 1.5 * edge,
-            angle: 1.2 * width,
+            distance: 1.5 * edge * reach,
+            angle: 1.2 * width * reach,
             position_deviation: edge / 12.0_f64.sqrt(),
             rotation_deviation: width / 12.0_f64.sqrt(),
         };

@@ -4,8 +4,11 @@
 //! as JSON, CSV and SVG and one line of `docs/results.md`. Poses, noise and readings of a
 //! trial come from streams that training never uses.
 
+pub mod contact_rates;
+pub mod coverage;
 pub mod objects;
 pub mod plot;
 pub mod report;
+pub mod server_throughput;
 pub mod statistics;
 pub mod sva_objects;

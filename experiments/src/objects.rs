@@ -78,8 +78,9 @@ pub fn touch(
     n: usize,
     seed: u64,
 ) -> anyhow::Result<Vec<Reading>> {
-    let simulator = PressSimulator::new(&object.mesh, sensor);
+    let simulator = PressSimulator::new(object.mesh.clone(), sensor.clone());
+    let config = SamplerConfig::for_simulator(&simulator);
     let mut go_on = |_done: usize, _total: usize| ControlFlow::Continue(());
-    sample(&simulator, SensorId(0), n, seed, &SamplerConfig::default(), &mut go_on)
+    sample(&simulator, SensorId(0), n, seed, &config, &mut go_on)
         .with_context(|| format!("cannot touch {} {n} times", object.name))
 }

@@ -49,7 +49,11 @@ pub fn svg(panels: &[Panel]) -> String {
 fn draw(panel: &Panel) -> String {
     let (plot_width, plot_height) = (WIDTH - LEFT - 16.0, HEIGHT - TOP - 46.0);
     let finite = || {
-        panel.lines.iter().flat_map(|line| &line.points).filter(|p| p.0.is_finite() && p.1.is_finite())
+        panel
+            .lines
+            .iter()
+            .flat_map(|line| &line.points)
+            .filter(|p| p.0.is_finite() && p.1.is_finite())
     };
     let x_max = finite().map(|p| p.0).fold(f64::MIN_POSITIVE, f64::max);
     let y_max = nice(finite().map(|p| p.1).fold(f64::MIN_POSITIVE, f64::max));
@@ -140,8 +144,7 @@ mod tests {
     #[test]
     fn a_point_at_the_maximum_is_at_the_top_right() {
         let line = Line { name: "a<b".to_owned(), points: vec![(0.0, 0.0), (20.0, 1.0)] };
-        let panel =
-            Panel { title: "t".into(), x: "x".into(), y: "y".into(), lines: vec![line] };
+        let panel = Panel { title: "t".into(), x: "x".into(), y: "y".into(), lines: vec![line] };
         let drawn = svg(&[panel]);
         assert!(drawn.contains(&format!("{:.1},{TOP:.1}", WIDTH - 16.0)), "{drawn}");
         assert!(drawn.contains("a&lt;b"));

@@ -11,7 +11,37 @@ use serde_json::{Map, Value};
 /// One row of a report: column names to numbers, strings or null.
 pub type Row = Map<String, Value>;
 
-/// The result of an experiment.
+/// Hears how far an experiment is: what it does, steps done, steps in all.
+pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
+
+/// A report with what is drawn of it.
+pub struct Outcome {
+    /// The figures.
+    pub report: Report,
+    /// The plot, SVG.
+    pub plot: String,
+    /// Further pictures: file name and PNG.
+    pub pictures: Vec<(String, Vec<u8>)>,
+}
+
+impl Outcome {
+    /// Writes `<out>/<experiment>.json`, `.csv`, `.svg` and the pictures; returns the JSON's
+    /// path.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write(&self, out: &Path) -> anyhow::Result<PathBuf> {
+        let path = self.report.write(out, &self.plot)?;
+        for (name, png) in &self.pictures {
+            let picture = out.join(name);
+            std::fs::write(&picture, png)
+                .with_context(|| format!("cannot write {}", picture.display()))?;
+        }
+        Ok(path)
+    }
+}
+
+/// The figures of an experiment.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Its name, also of the files.
@@ -55,11 +85,7 @@ impl Report {
         self.summary.insert(key.to_owned(), value);
     }
 
-    /// Writes `<out>/<experiment>.json`, `.csv` and `.svg`; returns the JSON's path.
-    ///
-    /// # Errors
-    /// When a file cannot be written.
-    pub fn write(&self, out: &Path, svg: &str) -> anyhow::Result<PathBuf> {
+    fn write(&self, out: &Path, svg: &str) -> anyhow::Result<PathBuf> {
         std::fs::create_dir_all(out)
             .with_context(|| format!("cannot create folder {}", out.display()))?;
         let path = |extension| out.join(format!("{}.{extension}", self.experiment));
@@ -148,8 +174,7 @@ fn figure(value: f64) -> String {
 }
 
 fn commit() -> String {
-    let output =
-        std::process::Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
+    let output = std::process::Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
     match output {
         Ok(output) if output.status.success() => {
             String::from_utf8_lossy(&output.stdout).trim().to_owned()

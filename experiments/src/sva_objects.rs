@@ -1,5 +1,7 @@
 //! Section 5.5.1 again: ten objects by spatially varying appearance, literal and default.
 //!
+//! Three methods see the same readings: the service's default, the same with the printed
+//! distance range of 30–160 mm, and the printed method as a whole (`literal`).
 //! Each object is touched 1,000 times for training and 100 times for testing. A trial draws a
 //! pose (any rotation, ±200 mm along each axis) and presents test readings in random order;
 //! after each one both methods answer. Errors of pose count only when the identity is right,
@@ -7,6 +9,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use palpate_core::model::{Catalogue, ObjectIdx};
@@ -20,9 +23,10 @@ use palpate_core::units::{DEG, MM};
 use rayon::prelude::*;
 use serde_json::json;
 
+use crate::coverage;
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
-use crate::report::Report;
+use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median, quantile};
 
 /// What to run.
@@ -92,22 +96,29 @@ struct PoseError {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(config: &SvaObjects, command: String) -> anyhow::Result<(Report, String)> {
+pub fn run(
+    config: &SvaObjects,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
     let mut report = Report::new("sva-objects", command, config.seed);
     let objects = objects::load(config.meshes.as_deref(), config.size)?;
     let started = Instant::now();
-    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed)?;
+    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed, progress)?;
     let touch_seconds = started.elapsed().as_secs_f64();
-    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1)?;
+    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
+    let (ours, printed) = (TrainingConfig::default(), TrainingConfig::literal());
     let methods = [
-        train_method("default", &train, config, TrainingConfig::default(), SvaOptions::default())?,
-        train_method("literal", &train, config, TrainingConfig::literal(), SvaOptions::literal())?,
+        train_method("default", &train, config, ours, SvaOptions::default())?,
+        train_method("printed_range", &train, config, printed, SvaOptions::default())?,
+        train_method("literal", &train, config, printed, SvaOptions::literal())?,
     ];
-    let steps = run_trials(config, &objects, &test, &methods)?;
+    let steps = run_trials(config, &objects, &test, &methods, progress)?;
     for (index, method) in methods.iter().enumerate() {
         report_method(&mut report, config, index, method, &steps);
     }
     report_confusions(&mut report, config, &objects, &methods, &steps);
+    let coverage = coverage::pictures(&mut report, &objects, &train);
 
     let n_readings: usize = train.iter().map(Vec::len).sum();
     let threads = rayon::current_num_threads() as f64;
@@ -125,7 +136,7 @@ pub fn run(config: &SvaObjects, command: String) -> anyhow::Result<(Report, Stri
             mean(&errors.iter().map(|e| e.angle / DEG).collect::<Vec<_>>())
         }),
     ];
-    Ok((report, svg(&panels)))
+    Ok(Outcome { report, plot: svg(&panels), pictures: coverage })
 }
 
 fn touch_all(
@@ -133,8 +144,13 @@ fn touch_all(
     config: &SvaObjects,
     n: usize,
     seed: u64,
+    progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Vec<Reading>>> {
-    objects.iter().map(|object| objects::touch(object, &config.sensor, n, seed)).collect()
+    let touch = |(done, object)| {
+        progress("touching objects", done, objects.len());
+        objects::touch(object, &config.sensor, n, seed)
+    };
+    objects.iter().enumerate().map(touch).collect()
 }
 
 fn train_method(
@@ -145,10 +161,8 @@ fn train_method(
     options: SvaOptions,
 ) -> anyhow::Result<Method> {
     let started = Instant::now();
-    let sets: Vec<TrainingSet<'_>> = readings
-        .iter()
-        .map(|readings| TrainingSet { readings, sensor: &config.sensor })
-        .collect();
+    let sets: Vec<TrainingSet<'_>> =
+        readings.iter().map(|readings| TrainingSet { readings, sensor: &config.sensor }).collect();
     let vocabulary = learn_vocabulary(&sets, &training, config.seed)?;
     // The meshes' centroids are their origins already.
     let origin = Some(glam::DVec3::ZERO);
@@ -166,13 +180,18 @@ fn run_trials(
     objects: &[TestObject],
     test: &[Vec<Reading>],
     methods: &[Method],
+    progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Step>> {
+    let done = AtomicUsize::new(0);
     let trials: Vec<(usize, usize)> = (0..objects.len())
         .flat_map(|object| (0..config.trials).map(move |trial| (object, trial)))
         .collect();
     let per_trial: anyhow::Result<Vec<Vec<Step>>> = trials
         .par_iter()
-        .map(|(object, trial)| run_trial(config, *object, *trial, &test[*object], methods))
+        .map(|(object, trial)| {
+            progress("trials", done.fetch_add(1, Ordering::Relaxed), trials.len());
+            run_trial(config, *object, *trial, &test[*object], methods)
+        })
         .collect();
     Ok(per_trial?.into_iter().flatten().collect())
 }
@@ -215,7 +234,16 @@ fn run_trial(
             let probability = answer.probabilities[named];
             let readings = n + 1;
             let method = method_index;
-            steps.push(Step { method, object, trial, readings, named, probability, error, seconds });
+            steps.push(Step {
+                method,
+                object,
+                trial,
+                readings,
+                named,
+                probability,
+                error,
+                seconds,
+            });
         }
     }
     Ok(steps)

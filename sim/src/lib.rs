@@ -15,3 +15,7 @@ pub mod press;
 pub mod controller;
 
 pub mod sampler;
+
+pub mod shapes;
+
+pub mod render;

@@ -1,0 +1,139 @@
+//! What can be typed: the subcommands and the options that all of them share.
+
+use clap::{Parser, Subcommand};
+
+use crate::commands::{
+    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, objects::ObjectsArgs,
+    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
+    train::TrainArgs,
+};
+
+/// Where a server listens when nobody says otherwise.
+pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate demo                                see the whole of it, with simulated robots
+  palpate serve --data ./palpate-data         run the service
+  palpate objects example mug --out .         write an example mesh, mug.stl
+  palpate objects add mug --mesh mug.stl      tell the service about it
+  palpate train                               train all objects
+  palpate touch --object mug --mesh mug.stl --readings 15 --seed 7
+
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 server unreachable, 4 object not recognised,
+130 interrupted.";
+
+/// Recognises objects by touch, for fleets of robots.
+#[derive(Debug, Parser)]
+#[command(name = "palpate", version, after_help = EXAMPLES, max_term_width = 100)]
+pub(crate) struct Cli {
+    /// The server's address.
+    #[arg(
+        long,
+        global = true,
+        env = "PALPATE_SERVER",
+        default_value = "http://127.0.0.1:7411",
+        value_name = "URL"
+    )]
+    pub(crate) server: String,
+    /// Print JSON to the standard output, everything else to the standard error.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Log what happens, not only what goes wrong.
+    #[arg(long, short, global = true)]
+    pub(crate) verbose: bool,
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run the service.
+    Serve(ServeArgs),
+    /// Show the whole of it: a server, ten objects, four simulated robots.
+    Demo(DemoArgs),
+    /// Sensors that robots send readings of.
+    Sensors(SensorsArgs),
+    /// Objects to recognise: their meshes and training readings.
+    Objects(ObjectsArgs),
+    /// Train a catalogue of objects.
+    Train(TrainArgs),
+    /// Trainings: list, follow, cancel.
+    Jobs(JobsArgs),
+    /// Let a simulated robot touch a mesh and see whether it is recognised.
+    Touch(TouchArgs),
+    /// Sessions: objects being touched, and what is known of them.
+    Sessions(SessionsArgs),
+    /// Rerun the tables and figures of docs/results.md.
+    Experiment(ExperimentArgs),
+    /// Print the description of the HTTP API (OpenAPI 3.1).
+    Openapi,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+    use clap::error::ErrorKind;
+
+    use super::*;
+
+    fn parse(line: &str) -> Result<Cli, clap::Error> {
+        Cli::try_parse_from(line.split_whitespace())
+    }
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_lines_of_the_documentation_are_understood() {
+        for line in [
+            "palpate serve --data ./d --listen 0.0.0.0:7411",
+            "palpate demo",
+            "palpate demo --once --json --trials 40",
+            "palpate objects add mug --mesh mug.stl",
+            "palpate objects add mug --mesh mug.stl --unit m",
+            "palpate objects example --all --out meshes",
+            "palpate objects readings add mug --file readings.json",
+            "palpate sensors add finger --preset digitacts-6x6",
+            "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
+            "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
+            "palpate sessions list --json",
+            "palpate jobs cancel 0198a0d0-0000-7000-8000-000000000000",
+            "palpate openapi",
+            "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
+            "palpate experiment server-throughput --json",
+            "palpate --server http://host:1 objects list",
+        ] {
+            assert!(parse(line).is_ok(), "{line}: {}", parse(line).unwrap_err());
+        }
+    }
+
+    #[test]
+    fn what_is_not_meant_is_refused() {
+        for line in [
+            "palpate",
+            "palpate touch --mesh mug.stl",
+            "palpate objects add mug --mesh mug.stl --unit inch",
+            "palpate objects example --out meshes",
+            "palpate objects example mug --all --out meshes",
+            "palpate jobs cancel not-an-id",
+            "palpate demo --trials 0",
+            "palpate experiment sva-objects --size-mm 0.08",
+        ] {
+            let error = parse(line).expect_err(line);
+            assert_eq!(error.exit_code(), 2, "{line}");
+        }
+    }
+
+    #[test]
+    fn help_shows_examples_and_exit_codes() {
+        let error = parse("palpate --help").unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::DisplayHelp);
+        let help = error.to_string();
+        assert!(help.contains("palpate demo") && help.contains("Exit codes"), "{help}");
+    }
+}

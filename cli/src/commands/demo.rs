@@ -1,0 +1,298 @@
+//! `palpate demo`: the whole of it at once, over real HTTP.
+//!
+//! An embedded server on a temporary folder, ten example objects as meshes, a training, then
+//! four simulated robots that touch objects in poses they do not know. Every step goes through
+//! the SDK, as it would for a robot elsewhere.
+
+mod screen;
+mod summary;
+
+use std::io::ErrorKind;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use clap::Args;
+use palpate_client::Client;
+use palpate_client::schemas::{
+    CatalogueVersion, CreateObject, CreateSession, JobState, MeshFormat, MeshUnit, PageQuery,
+    ProblemType, SensorPreset, StartTraining,
+};
+use palpate_server::{Config, Server, StartError};
+use palpate_sim::press::PressSimulator;
+use palpate_sim::shapes;
+use tokio::task::JoinSet;
+
+use self::screen::Screen;
+use self::summary::Summary;
+use super::{serve, touch, train};
+use crate::args::DEFAULT_LISTEN;
+use crate::exit::Ended;
+use crate::output::Output;
+use crate::progress::is_watched;
+use crate::robot::Robot;
+use crate::trial::{self, StopRule, TrialResult, Truth};
+
+/// How many robots touch at once.
+const N_ROBOTS: usize = 4;
+/// The catalogue that is trained.
+const CATALOGUE: &str = "default";
+/// What the robots feel with.
+const SENSOR: SensorPreset = SensorPreset::Digitacts6x6;
+/// When a robot is sure, or gives up.
+const RULE: StopRule =
+    StopRule { probability: 0.95, in_a_row: 2, touches_max: 20, pause: Duration::ZERO };
+/// How long a robot takes between two touches when somebody watches.
+const WATCHED_PAUSE: Duration = Duration::from_millis(300);
+
+/// Arguments of `palpate demo`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  palpate demo\n  palpate demo --once --json\n\n\
+    A robot stops when one object has had a probability of at least 95 % twice in a row, or \
+    after 20 touches.")]
+pub(crate) struct DemoArgs {
+    /// Leave when the robots are done, instead of staying up until Ctrl-C.
+    #[arg(long)]
+    once: bool,
+    /// How many objects are touched in all.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    trials: u32,
+    /// Decides where the objects lie and how they are touched.
+    #[arg(long, default_value_t = 2026)]
+    seed: u64,
+    /// Simulated readings for the training of each object.
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(20..=20_000))]
+    readings_per_object: u32,
+    /// How long a robot takes between two touches, in milliseconds; by default as fast as it
+    /// can, and 300 when somebody watches.
+    #[arg(long, value_name = "MS")]
+    pace: Option<u64>,
+    /// Keep the database in this folder; a temporary one otherwise.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Where to listen [default: 127.0.0.1:7411, or any free port when that is taken].
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<SocketAddr>,
+}
+
+/// Shows the whole of it.
+pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
+    if output.json && !args.once {
+        usage("--json needs --once: its one line comes at the end");
+    }
+    // Kept until the server is down; the folder goes with it.
+    let temporary = tempfile::Builder::new().prefix("palpate-demo-").tempdir()?;
+    let data = args.data.clone().unwrap_or_else(|| temporary.path().join("data"));
+    let server = start(data, args.listen).await?;
+    let outcome = tokio::select! {
+        outcome = show(&args, &server, output) => outcome,
+        stopped = serve::until_told_to_stop() => stopped.and(Err(Ended::Interrupted.into())),
+    };
+    if outcome.is_ok() && !args.once {
+        let address = server.local_addr();
+        output.say(format!("\nAPI documentation: http://{address}/docs"));
+        output.say("The server stays up; Ctrl-C stops it.");
+        serve::until_told_to_stop().await?;
+    }
+    tokio::select! {
+        () = server.shutdown() => {}
+        _ = tokio::signal::ctrl_c() => {}
+    }
+    outcome
+}
+
+/// Ends with clap's words and exit code for what clap cannot check itself.
+fn usage(words: &str) -> ! {
+    use clap::CommandFactory;
+    let mut command = crate::args::Cli::command();
+    command.error(clap::error::ErrorKind::ArgumentConflict, words).exit()
+}
+
+async fn start(data: PathBuf, listen: Option<SocketAddr>) -> anyhow::Result<Server> {
+    let default: SocketAddr = DEFAULT_LISTEN.parse().context("the default address is valid")?;
+    let config = Config { listen: listen.unwrap_or(default), ..Config::new(data) };
+    match Server::start(config.clone()).await {
+        Err(StartError::Listen { source, .. })
+            if listen.is_none() && source.kind() == ErrorKind::AddrInUse =>
+        {
+            let any = SocketAddr::new(default.ip(), 0);
+            Ok(Server::start(Config { listen: any, ..config }).await?)
+        }
+        started => Ok(started?),
+    }
+}
+
+async fn show(args: &DemoArgs, server: &Server, output: Output) -> anyhow::Result<()> {
+    let address = format!("http://{}", server.local_addr());
+    let client = Client::new(&address)?;
+    output.say(format!("Palpate serves {address}, documentation at {address}/docs"));
+    add_objects(&client, output).await?;
+    let version = train_objects(&client, args, output).await?;
+    let report = &version.report;
+    output.say(format!(
+        "Trained {} objects in {:.1} s, {:.1} MB of pairs of touches\n",
+        report.objects.len(),
+        report.seconds,
+        report.index_bytes as f64 / 1e6
+    ));
+    touch::ensure_sensor(&client, SENSOR).await?;
+    let results = touch_all(client, Arc::new(version), args, output).await?;
+    let summary = Summary::of(&results);
+    output.say(format!("\n{}\n", summary::table(&results)));
+    output.answer(&summary, Summary::words)
+}
+
+/// Adds the example objects that the server does not have.
+async fn add_objects(client: &Client, output: Output) -> anyhow::Result<()> {
+    let mut added = 0;
+    for name in shapes::NAMES {
+        let new = CreateObject {
+            name: name.to_owned(),
+            description: "an example that comes with Palpate".to_owned(),
+        };
+        match client.create_object(&new).await {
+            Ok(_) => {}
+            Err(error) if error.kind() == Some(ProblemType::Conflict) => {
+                if client.object(name).await?.mesh.is_some() {
+                    continue;
+                }
+            }
+            Err(error) => return Err(error.into()),
+        }
+        let file = tokio::task::spawn_blocking(move || {
+            shapes::example(name).map(|mesh| mesh.to_stl_bytes())
+        });
+        let file = file.await?.with_context(|| format!("there is no example {name}"))?;
+        client.put_mesh(name, MeshFormat::Stl, MeshUnit::M, file.into()).await?;
+        added += 1;
+    }
+    output.say(format!("Added {added} objects as meshes: {}", shapes::NAMES.join(", ")));
+    Ok(())
+}
+
+/// Trains the examples, unless the current version knows them all.
+async fn train_objects(
+    client: &Client,
+    args: &DemoArgs,
+    output: Output,
+) -> anyhow::Result<CatalogueVersion> {
+    if let Some(version) = current_version(client).await? {
+        return Ok(version);
+    }
+    let training = StartTraining {
+        objects: Some(shapes::NAMES.map(str::to_owned).to_vec()),
+        readings_per_object: Some(args.readings_per_object),
+        ..StartTraining::default()
+    };
+    let job = client.start_training(CATALOGUE, &training).await?;
+    let job = train::follow(client, &job, output).await?;
+    match (job.state, job.version) {
+        (JobState::Succeeded, Some(version)) => {
+            Ok(client.catalogue_version(CATALOGUE, version).await?)
+        }
+        (JobState::Cancelled, _) => Err(Ended::Interrupted.into()),
+        _ => anyhow::bail!("the training failed: {}", job.reason.unwrap_or_default()),
+    }
+}
+
+async fn current_version(client: &Client) -> anyhow::Result<Option<CatalogueVersion>> {
+    let page = client.catalogues(&PageQuery::default()).await?;
+    let catalogue = page.items.into_iter().find(|catalogue| catalogue.name == CATALOGUE);
+    let Some(current) = catalogue.and_then(|catalogue| catalogue.current) else {
+        return Ok(None);
+    };
+    let version = client.catalogue_version(CATALOGUE, current.version).await?;
+    let knows = |name: &&str| version.report.objects.iter().any(|object| object.name == **name);
+    Ok(shapes::NAMES.iter().all(|name| knows(&name)).then_some(version))
+}
+
+/// What all robots share.
+struct Floor {
+    client: Client,
+    version: Arc<CatalogueVersion>,
+    simulators: Vec<Arc<PressSimulator>>,
+    next_trial: AtomicUsize,
+    n_trials: usize,
+    seed: u64,
+    rule: StopRule,
+    screen: Screen,
+    results: Mutex<Vec<TrialResult>>,
+}
+
+/// Lets the robots touch objects until all trials are done; results in the order of trials'
+/// ends.
+async fn touch_all(
+    client: Client,
+    version: Arc<CatalogueVersion>,
+    args: &DemoArgs,
+    output: Output,
+) -> anyhow::Result<Vec<TrialResult>> {
+    let simulators = tokio::task::spawn_blocking(|| {
+        let simulator = |name| {
+            let mesh = shapes::example(name).expect("every name has its example");
+            Arc::new(PressSimulator::new(mesh, touch::described(SENSOR)))
+        };
+        shapes::NAMES.map(simulator).to_vec()
+    });
+    let n_trials = args.trials as usize;
+    let floor = Arc::new(Floor {
+        client,
+        version,
+        simulators: simulators.await?,
+        next_trial: AtomicUsize::new(0),
+        n_trials,
+        seed: args.seed,
+        rule: StopRule { pause: pause(args), ..RULE },
+        screen: Screen::new(N_ROBOTS, n_trials, output),
+        results: Mutex::default(),
+    });
+    let mut robots = JoinSet::new();
+    for robot in 0..N_ROBOTS {
+        robots.spawn(work(Arc::clone(&floor), robot));
+    }
+    while let Some(ended) = robots.join_next().await {
+        ended??;
+    }
+    floor.screen.clear();
+    Ok(std::mem::take(&mut *floor.results.lock().expect("no robot panicked")))
+}
+
+fn pause(args: &DemoArgs) -> Duration {
+    match args.pace {
+        Some(pace) => Duration::from_millis(pace),
+        None if !args.once && is_watched() => WATCHED_PAUSE,
+        None => Duration::ZERO,
+    }
+}
+
+/// One robot: the next trial, and the next, until there is none.
+async fn work(floor: Arc<Floor>, robot: usize) -> anyhow::Result<()> {
+    loop {
+        let trial = floor.next_trial.fetch_add(1, Ordering::Relaxed);
+        if trial >= floor.n_trials {
+            floor.screen.rests(robot);
+            return Ok(());
+        }
+        let object = trial % shapes::NAMES.len();
+        let simulator = Arc::clone(&floor.simulators[object]);
+        let simulated = Robot::new(simulator, floor.seed, trial as u64);
+        let truth = Truth::new(&simulated, shapes::NAMES[object], &floor.version.report)?;
+        let wanted = CreateSession {
+            catalogue: Some(CATALOGUE.to_owned()),
+            version: Some(floor.version.version),
+            ..CreateSession::default()
+        };
+        let name = format!("robot-{}", robot + 1);
+        let mut session = floor.client.touch_session(&wanted, &name).await?;
+        floor.screen.begins(robot, &truth.object);
+        let show = |step: &trial::Step| floor.screen.touched(robot, &truth.object, step);
+        let result =
+            trial::run(simulated, &mut session, SENSOR.name(), &truth, floor.rule, show).await?;
+        floor.client.close_session(session.id()).await?;
+        floor.screen.ends(robot, &result);
+        floor.results.lock().expect("no robot panicked").push(result);
+    }
+}

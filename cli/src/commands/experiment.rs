@@ -1,0 +1,171 @@
+//! `palpate experiment`: reruns the tables and figures that `docs/results.md` states.
+//!
+//! Each writes JSON, CSV, SVG and pictures to a folder, and its line into `docs/results.md`
+//! when it is run where that file is.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use clap::{Args, Subcommand};
+use palpate_client::{Client, ClientOptions};
+use palpate_core::units::MM;
+use palpate_experiments::contact_rates::{self, ContactRates};
+use palpate_experiments::report::{Outcome, Progress};
+use palpate_experiments::server_throughput::{self, ServerThroughput};
+use palpate_experiments::sva_objects::{self, SvaObjects};
+use palpate_server::{Config, Server};
+
+use crate::output::{Output, table};
+use crate::progress::StepProgress;
+
+/// The page that states every figure.
+const RESULTS: &str = "docs/results.md";
+
+/// Arguments of `palpate experiment`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  palpate experiment sva-objects --trials 50 --seed 1\n  \
+    palpate experiment sva-objects --meshes meshes --size-mm 80 --out results/mine")]
+pub(crate) struct ExperimentArgs {
+    #[command(subcommand)]
+    experiment: Experiment,
+    /// The folder for what it writes.
+    #[arg(long, global = true, default_value = "results", value_name = "DIR")]
+    out: PathBuf,
+    /// The seed of everything random.
+    #[arg(long, global = true, default_value_t = 1)]
+    seed: u64,
+    /// Do not put its line into docs/results.md.
+    #[arg(long, global = true)]
+    no_record: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Experiment {
+    /// Section 5.5.1: accuracy and errors of pose against readings, literal and default.
+    SvaObjects {
+        /// A folder of meshes; the built-in objects when not given.
+        #[arg(long, value_name = "DIR")]
+        meshes: Option<PathBuf>,
+        /// Largest dimension to which every object is scaled.
+        #[arg(long, default_value_t = 80.0, value_parser = millimetres)]
+        size_mm: f64,
+        /// Trials an object.
+        #[arg(long, default_value_t = 10, value_parser = count)]
+        trials: usize,
+    },
+    /// Presses and converged readings per second on one core.
+    ContactRates {
+        /// A folder of meshes; the built-in objects when not given.
+        #[arg(long, value_name = "DIR")]
+        meshes: Option<PathBuf>,
+        /// Touches an object.
+        #[arg(long, default_value_t = 300, value_parser = count)]
+        touches: usize,
+    },
+    /// Readings per second through a whole server, at 1, 8 and 64 sessions.
+    ServerThroughput {
+        /// Readings that are posted in each setting.
+        #[arg(long, default_value_t = 1280, value_parser = count)]
+        readings: usize,
+    },
+}
+
+fn millimetres(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(size) if (5.0..=2_000.0).contains(&size) => Ok(size),
+        _ => Err("expected millimetres from 5 to 2000".to_owned()),
+    }
+}
+
+fn count(text: &str) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Ok(n) if (1..=1_000_000).contains(&n) => Ok(n),
+        _ => Err("expected a number from 1 to 1000000".to_owned()),
+    }
+}
+
+/// Runs an experiment and shows its summary.
+pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<()> {
+    let ExperimentArgs { experiment, out, seed, no_record } = args;
+    let command = command_line(&experiment, seed);
+    output.say(format!("running {command}"));
+    let progress = Arc::new(StepProgress::new());
+    let shown = progress.clone();
+    let show = move |stage: &str, done, total| shown.show(stage, done, total);
+    let outcome = match experiment {
+        Experiment::SvaObjects { meshes, size_mm, trials } => {
+            let config =
+                SvaObjects { meshes, size: size_mm * MM, seed, trials, ..SvaObjects::default() };
+            on_a_thread(move || sva_objects::run(&config, command, &show)).await?
+        }
+        Experiment::ContactRates { meshes, touches } => {
+            let config = ContactRates { meshes, seed, touches };
+            on_a_thread(move || contact_rates::run(&config, command, &show)).await?
+        }
+        Experiment::ServerThroughput { readings } => {
+            let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
+            with_a_server(&config, command, &show).await?
+        }
+    };
+    progress.clear();
+    let written = outcome.write(&out)?;
+    let record = Path::new(RESULTS);
+    if !no_record && record.exists() {
+        outcome.report.record(record)?;
+    }
+    output.answer(&outcome.report, |report| {
+        let rows = report.summary.iter().map(|(key, value)| [key.clone(), format!("{value:.4}")]);
+        format!("{}\n\nwritten to {}", table(["figure", "value"], rows), written.display())
+    })
+}
+
+/// The command line that gives the same figures again.
+fn command_line(experiment: &Experiment, seed: u64) -> String {
+    let folder = |meshes: &Option<PathBuf>| {
+        meshes.as_ref().map(|folder| format!(" --meshes {}", folder.display())).unwrap_or_default()
+    };
+    let rest = match experiment {
+        Experiment::SvaObjects { meshes, size_mm, trials } => {
+            format!("sva-objects{} --size-mm {size_mm} --trials {trials}", folder(meshes))
+        }
+        Experiment::ContactRates { meshes, touches } => {
+            format!("contact-rates{} --touches {touches}", folder(meshes))
+        }
+        Experiment::ServerThroughput { readings } => {
+            format!("server-throughput --readings {readings}")
+        }
+    };
+    format!("palpate experiment {rest} --seed {seed}")
+}
+
+async fn on_a_thread(
+    work: impl FnOnce() -> anyhow::Result<Outcome> + Send + 'static,
+) -> anyhow::Result<Outcome> {
+    let interrupted = tokio::signal::ctrl_c();
+    tokio::select! {
+        outcome = tokio::task::spawn_blocking(work) => outcome.context("the experiment broke off")?,
+        _ = interrupted => Err(crate::exit::Ended::Interrupted.into()),
+    }
+}
+
+/// Measures a server of its own, on a temporary folder and a free port.
+async fn with_a_server(
+    config: &ServerThroughput,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let folder = tempfile::Builder::new().prefix("palpate-throughput-").tempdir()?;
+    let any_port = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
+    let server =
+        Server::start(Config { listen: any_port, ..Config::new(folder.path().join("data")) })
+            .await?;
+    let address = format!("http://{}", server.local_addr());
+    let client = Client::with_options(&address, ClientOptions::default())?;
+    let outcome = tokio::select! {
+        outcome = server_throughput::run(config, &client, command, progress) => outcome,
+        _ = tokio::signal::ctrl_c() => Err(crate::exit::Ended::Interrupted.into()),
+    };
+    server.shutdown().await;
+    outcome
+}

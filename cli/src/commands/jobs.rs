@@ -1,0 +1,73 @@
+//! `palpate jobs`: trainings that were asked for, here or elsewhere.
+
+use clap::{Args, Subcommand};
+use palpate_client::schemas::{Job, PageQuery};
+use uuid::Uuid;
+
+use super::{Context, train};
+use crate::output;
+
+/// Arguments of `palpate jobs`.
+#[derive(Debug, Args)]
+pub(crate) struct JobsArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// List the jobs.
+    List,
+    /// Show one job.
+    Show {
+        /// Its id.
+        job: Uuid,
+    },
+    /// Wait for a job with a progress bar.
+    Follow {
+        /// Its id.
+        job: Uuid,
+    },
+    /// Ask a job to stop.
+    Cancel {
+        /// Its id.
+        job: Uuid,
+    },
+}
+
+/// Does what was asked.
+pub(crate) async fn run(args: JobsArgs, context: &Context) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    match args.action {
+        Action::List => {
+            let page = client.jobs(&PageQuery { limit: Some(1000), cursor: None }).await?;
+            output.answer(&page, |page| table(&page.items))
+        }
+        Action::Show { job } => {
+            let job = client.job(job).await?;
+            output.answer(&job, |job| table(std::slice::from_ref(job)))
+        }
+        Action::Follow { job } => train::wait(&client.job(job).await?, context).await,
+        Action::Cancel { job } => {
+            let job = client.cancel_job(job).await?;
+            output.answer(&job, |job| table(std::slice::from_ref(job)))
+        }
+    }
+}
+
+fn table(jobs: &[Job]) -> String {
+    output::table(
+        ["id", "catalogue", "state", "progress", "version", "created", "reason"],
+        jobs.iter().map(|job| {
+            [
+                job.id.to_string(),
+                job.catalogue.clone(),
+                format!("{:?}", job.state).to_lowercase(),
+                if job.total > 0 { format!("{}/{}", job.done, job.total) } else { String::new() },
+                job.version.map(|version| version.to_string()).unwrap_or_default(),
+                job.created_at.clone(),
+                job.reason.clone().unwrap_or_default(),
+            ]
+        }),
+    )
+}

@@ -1,0 +1,258 @@
+//! `palpate objects`: what is to be recognised, with its meshes and training readings.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use clap::{Args, Subcommand, ValueEnum};
+use palpate_client::schemas::{
+    AddTrainingReadings, CreateObject, MeshReport, MeshUnit, ObjectInfo, PageQuery, Reading,
+};
+use palpate_core::units::MM;
+use palpate_sim::shapes;
+
+use super::Context;
+use super::sensors::read_json;
+use crate::output::{self, Output};
+use crate::robot;
+
+/// How many readings go into one request.
+const READINGS_PER_REQUEST: usize = 1000;
+
+/// Arguments of `palpate objects`.
+#[derive(Debug, Args)]
+pub(crate) struct ObjectsArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+/// The unit of a mesh file's coordinates, which the file does not say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Unit {
+    /// Metres.
+    M,
+    /// Millimetres.
+    Mm,
+}
+
+impl Unit {
+    /// The unit's name on the wire.
+    pub(crate) fn wire(self) -> MeshUnit {
+        match self {
+            Self::M => MeshUnit::M,
+            Self::Mm => MeshUnit::Mm,
+        }
+    }
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// List the objects.
+    List,
+    /// Show one object.
+    Show {
+        /// Its id or name.
+        object: String,
+    },
+    /// Add an object, with a mesh if there is one.
+    #[command(after_help = "Examples:\n  palpate objects add mug --mesh mug.stl\n  \
+        palpate objects add mug --mesh mug.obj --unit m --description \"the blue one\"")]
+    Add {
+        /// Its unique name.
+        name: String,
+        /// A mesh file: .stl, .obj, .ply or .off.
+        #[arg(long, value_name = "FILE")]
+        mesh: Option<PathBuf>,
+        /// The unit of the file's coordinates.
+        #[arg(long, value_enum, default_value = "mm")]
+        unit: Unit,
+        /// What people say about it.
+        #[arg(long, default_value = "")]
+        description: String,
+    },
+    /// Give an object a mesh, or another one.
+    Mesh {
+        /// The object's id or name.
+        object: String,
+        /// A mesh file: .stl, .obj, .ply or .off.
+        file: PathBuf,
+        /// The unit of the file's coordinates.
+        #[arg(long, value_enum, default_value = "mm")]
+        unit: Unit,
+    },
+    /// Remove an object with its mesh and readings; trained versions keep what they know.
+    Remove {
+        /// Its id or name.
+        object: String,
+    },
+    /// An object's training readings.
+    Readings {
+        #[command(subcommand)]
+        action: ReadingsAction,
+    },
+    /// Write built-in example meshes as STL files in millimetres.
+    #[command(after_help = "Examples:\n  palpate objects example mug --out .\n  \
+        palpate objects example --all --out meshes")]
+    Example {
+        /// Which one.
+        #[arg(value_parser = clap::builder::PossibleValuesParser::new(shapes::NAMES),
+              required_unless_present = "all", conflicts_with = "all")]
+        name: Option<String>,
+        /// All of them.
+        #[arg(long)]
+        all: bool,
+        /// The folder to write to; made if it does not exist.
+        #[arg(long, value_name = "DIR", default_value = ".")]
+        out: PathBuf,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+enum ReadingsAction {
+    /// Add training readings, all in one frame in which the object is at rest.
+    Add {
+        /// The object's id or name.
+        object: String,
+        /// A JSON file with a list of the API's `Reading`; `-` is the standard input.
+        #[arg(long, value_name = "FILE")]
+        file: PathBuf,
+    },
+    /// List the first training readings.
+    List {
+        /// The object's id or name.
+        object: String,
+        /// How many at most.
+        #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
+        limit: u32,
+    },
+}
+
+/// Does what was asked.
+pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    match args.action {
+        Action::List => {
+            let objects = client.all_objects().await?;
+            output.answer(&objects, |objects| table(objects))
+        }
+        Action::Show { object } => {
+            let object = client.object(&object).await?;
+            output.answer(&object, |object| table(std::slice::from_ref(object)))
+        }
+        Action::Add { name, mesh, unit, description } => {
+            // A file that cannot be read is noticed before the object is there.
+            let file = mesh.as_deref().map(robot::read_mesh_file).transpose()?;
+            let object = client.create_object(&CreateObject { name, description }).await?;
+            output.say(format!("added object {} ({})", object.name, object.id));
+            if let Some((format, bytes)) = file {
+                let format = robot::wire_format(format);
+                let id = object.id.to_string();
+                let report = client.put_mesh(&id, format, unit.wire(), bytes.into()).await;
+                say_mesh(output, &report.context("the object is there, its mesh is not")?);
+            }
+            let object = client.object(&object.id.to_string()).await?;
+            if output.json { output.answer(&object, |_| String::new()) } else { Ok(()) }
+        }
+        Action::Mesh { object, file, unit } => {
+            let (format, bytes) = robot::read_mesh_file(&file)?;
+            let format = robot::wire_format(format);
+            let report = client.put_mesh(&object, format, unit.wire(), bytes.into()).await?;
+            output.answer(&report, mesh_words)
+        }
+        Action::Remove { object } => {
+            client.delete_object(&object).await?;
+            output.say(format!("removed object {object}"));
+            Ok(())
+        }
+        Action::Readings { action } => readings(action, context).await,
+        Action::Example { name, out, .. } => example(name.as_deref(), &out, output),
+    }
+}
+
+async fn readings(action: ReadingsAction, context: &Context) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    match action {
+        ReadingsAction::Add { object, file } => {
+            let readings: Vec<Reading> = read_json(file)?;
+            anyhow::ensure!(!readings.is_empty(), "the file holds no readings");
+            let mut n_new = 0;
+            for part in readings.chunks(READINGS_PER_REQUEST) {
+                let part = AddTrainingReadings { readings: part.to_vec() };
+                let added = client.add_training_readings(&object, &part).await?;
+                n_new += added.n_new;
+                output.say(format!("{object} has {} readings", added.n_readings));
+            }
+            let answer = serde_json::json!({ "sent": readings.len(), "new": n_new });
+            output.answer(&answer, |_| format!("{n_new} of {} were new", readings.len()))
+        }
+        ReadingsAction::List { object, limit } => {
+            let query = PageQuery { limit: Some(limit), cursor: None };
+            let page = client.training_readings(&object, &query).await?;
+            output.answer(&page, |page| {
+                output::table(
+                    ["index", "robot", "seq", "position (m)", "largest"],
+                    page.items.iter().map(|reading| {
+                        let [x, y, z] = reading.pose.position;
+                        let largest = reading.image.iter().flatten().fold(0.0, |a, b| b.max(a));
+                        [
+                            reading.index.to_string(),
+                            reading.robot.clone().unwrap_or_default(),
+                            reading.seq.map(|seq| seq.to_string()).unwrap_or_default(),
+                            format!("{x:.3} {y:.3} {z:.3}"),
+                            format!("{largest:.0} Pa"),
+                        ]
+                    }),
+                )
+            })
+        }
+    }
+}
+
+fn example(name: Option<&str>, out: &Path, output: Output) -> anyhow::Result<()> {
+    let names = match name {
+        Some(name) => vec![name],
+        None => shapes::NAMES.to_vec(),
+    };
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+    let mut written = Vec::new();
+    for name in names {
+        let mesh = shapes::example(name).with_context(|| format!("there is no example {name}"))?;
+        // Files of meshes are in millimetres by custom; the mesh is in metres.
+        let in_mm = mesh.scaled_to_largest_dimension(mesh.largest_dimension() / MM);
+        let path = out.join(format!("{name}.stl"));
+        std::fs::write(&path, in_mm.to_stl_bytes())
+            .with_context(|| format!("cannot write {}", path.display()))?;
+        output.say(format!("wrote {}", path.display()));
+        written.push(path);
+    }
+    if output.json { output.answer(&written, |_| String::new()) } else { Ok(()) }
+}
+
+fn say_mesh(output: Output, report: &MeshReport) {
+    output.say(mesh_words(report));
+}
+
+fn mesh_words(report: &MeshReport) -> String {
+    let [x, y, z] = report.size.map(|metres| metres / MM);
+    let mut words =
+        format!("mesh of {} triangles, {x:.1} × {y:.1} × {z:.1} mm", report.n_triangles);
+    for warning in &report.warnings {
+        words.push_str("\nwarning: ");
+        words.push_str(warning);
+    }
+    words
+}
+
+fn table(objects: &[ObjectInfo]) -> String {
+    output::table(
+        ["name", "id", "mesh", "readings", "created"],
+        objects.iter().map(|object| {
+            [
+                object.name.clone(),
+                object.id.to_string(),
+                object.mesh.as_ref().map_or("no", |_| "yes").to_owned(),
+                object.n_readings.to_string(),
+                object.created_at.clone(),
+            ]
+        }),
+    )
+}

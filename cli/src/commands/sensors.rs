@@ -1,0 +1,128 @@
+//! `palpate sensors`: what robots feel with.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use clap::{Args, Subcommand};
+use palpate_client::schemas::{
+    CreateSensor, PageQuery, Reading, Sensor, SensorDescription, SensorPreset,
+};
+
+use super::Context;
+use crate::output;
+
+/// Arguments of `palpate sensors`.
+#[derive(Debug, Args)]
+pub(crate) struct SensorsArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// List the sensors.
+    List,
+    /// Show one sensor.
+    Show {
+        /// Its id or name.
+        sensor: String,
+    },
+    /// Add a sensor, from a preset or a JSON file with its description.
+    #[command(
+        after_help = "Examples:\n  palpate sensors add left-finger --preset digitacts-6x6\n  \
+        palpate sensors add palm --description palm.json"
+    )]
+    Add {
+        /// Its unique name.
+        name: String,
+        /// A known sensor.
+        #[arg(long, value_parser = parse_preset, required_unless_present = "description")]
+        preset: Option<SensorPreset>,
+        /// A JSON file as the API's `SensorDescription`.
+        #[arg(long, value_name = "FILE", conflicts_with = "preset")]
+        description: Option<PathBuf>,
+    },
+    /// Ask how the server understands a reading: its orientation, dead taxels, contact.
+    Check {
+        /// The sensor's id or name.
+        sensor: String,
+        /// A JSON file as the API's `Reading`.
+        #[arg(long, value_name = "FILE")]
+        reading: PathBuf,
+    },
+}
+
+/// Does what was asked.
+pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    match args.action {
+        Action::List => {
+            let page = client.sensors(&PageQuery { limit: Some(1000), cursor: None }).await?;
+            output.answer(&page, |page| table(&page.items))
+        }
+        Action::Show { sensor } => {
+            let sensor = client.sensor(&sensor).await?;
+            output.answer(&sensor, |sensor| table(std::slice::from_ref(sensor)))
+        }
+        Action::Add { name, preset, description } => {
+            let description = description.map(read_json::<SensorDescription>).transpose()?;
+            let new = CreateSensor { name, preset, description, image_order: None };
+            let sensor = client.create_sensor(&new).await?;
+            output.answer(&sensor, |sensor| format!("added sensor {} ({})", sensor.name, sensor.id))
+        }
+        Action::Check { sensor, reading } => {
+            let reading: Reading = read_json(reading)?;
+            let check = client.check_reading(&sensor, &reading).await?;
+            output.answer(&check, |check| {
+                let mut lines = Vec::new();
+                for row in check.image.chunks(check.cols.max(1) as usize) {
+                    let taxels: Vec<_> = row.iter().map(|value| format!("{value:8.0}")).collect();
+                    lines.push(taxels.join(" "));
+                }
+                lines.push(format!(
+                    "{} taxels touch, {} are saturated, {} have no value; largest {:.0} Pa",
+                    check.contact.len(),
+                    check.saturated.len(),
+                    check.missing.len(),
+                    check.max_pressure
+                ));
+                lines.extend(check.hints.iter().map(|hint| format!("note: {hint}")));
+                lines.join("\n")
+            })
+        }
+    }
+}
+
+/// Reads a file of JSON; `-` is the standard input.
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: PathBuf) -> anyhow::Result<T> {
+    let text = if path.as_os_str() == "-" {
+        std::io::read_to_string(std::io::stdin())?
+    } else {
+        std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?
+    };
+    serde_json::from_str(&text)
+        .with_context(|| format!("{} does not hold what is expected", path.display()))
+}
+
+pub(crate) fn parse_preset(name: &str) -> Result<SensorPreset, String> {
+    let names = || SensorPreset::ALL.map(SensorPreset::name).join(", ");
+    let known = SensorPreset::ALL.into_iter().find(|preset| preset.name() == name);
+    known.ok_or_else(|| format!("expected one of {}", names()))
+}
+
+fn table(sensors: &[Sensor]) -> String {
+    output::table(
+        ["name", "id", "taxels", "pitch", "covering", "up to"],
+        sensors.iter().map(|sensor| {
+            let description = &sensor.description;
+            [
+                sensor.name.clone(),
+                sensor.id.to_string(),
+                format!("{} × {}", description.grid.rows, description.grid.cols),
+                output::mm(description.grid.pitch),
+                output::mm(description.covering_thickness),
+                format!("{:.0} kPa", description.saturation / 1e3),
+            ]
+        }),
+    )
+}

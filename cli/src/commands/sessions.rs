@@ -1,0 +1,152 @@
+//! `palpate sessions`: objects being touched, and what is known of them.
+
+use clap::{Args, Subcommand};
+use futures::StreamExt;
+use palpate_client::schemas::{Belief, BeliefQuery, PageQuery, Session, SessionEvent};
+use serde::Serialize;
+use uuid::Uuid;
+
+use super::Context;
+use crate::exit::Ended;
+use crate::output;
+
+/// Arguments of `palpate sessions`.
+#[derive(Debug, Args)]
+pub(crate) struct SessionsArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// List the sessions.
+    List,
+    /// Show a session and its belief.
+    Show {
+        /// Its id.
+        session: Uuid,
+        /// How many pose hypotheses at most.
+        #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=100))]
+        poses: u32,
+    },
+    /// Watch a session's belief until it is closed or Ctrl-C.
+    Watch {
+        /// Its id.
+        session: Uuid,
+    },
+    /// Remove a session with its readings.
+    Remove {
+        /// Its id.
+        session: Uuid,
+    },
+}
+
+/// A session and what is known of its object.
+#[derive(Debug, Serialize)]
+struct Shown {
+    session: Session,
+    belief: Belief,
+}
+
+/// Does what was asked.
+pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    match args.action {
+        Action::List => {
+            let page = client.sessions(&PageQuery { limit: Some(1000), cursor: None }).await?;
+            output.answer(&page, |page| table(&page.items))
+        }
+        Action::Show { session, poses } => {
+            let belief = client.belief(session, BeliefQuery { poses: Some(poses) }).await?;
+            let session = client.session(session).await?;
+            output.answer(&Shown { session, belief }, |shown| {
+                let session = table(std::slice::from_ref(&shown.session));
+                format!("{session}\n\n{}", belief_words(&shown.belief))
+            })
+        }
+        Action::Watch { session } => watch(session, context).await,
+        Action::Remove { session } => {
+            client.delete_session(session).await?;
+            output.say(format!("removed session {session}"));
+            Ok(())
+        }
+    }
+}
+
+async fn watch(session: Uuid, context: &Context) -> anyhow::Result<()> {
+    let mut events = context.client.session_events(session, None).await?;
+    loop {
+        let event = tokio::select! {
+            event = events.next() => event,
+            interrupted = tokio::signal::ctrl_c() => {
+                interrupted?;
+                return Err(Ended::Interrupted.into());
+            }
+        };
+        let Some(event) = event.transpose()? else { return Ok(()) };
+        context.output.answer(&event, |event| match event {
+            SessionEvent::Belief { belief } => one_line(belief),
+            SessionEvent::Closed { .. } => "closed".to_owned(),
+            SessionEvent::Deleted { .. } => "removed".to_owned(),
+        })?;
+        if !matches!(event, SessionEvent::Belief { .. }) {
+            return Ok(());
+        }
+    }
+}
+
+fn one_line(belief: &Belief) -> String {
+    let best = belief.objects.first();
+    let (name, probability) = best.map_or(("–", 0.0), |best| (&best.name, best.probability));
+    format!(
+        "{:4} readings  {name:<16} {} {:5.1} %  {:.2} bits",
+        belief.n_readings,
+        output::bar(probability),
+        probability * 100.0,
+        belief.entropy_bits
+    )
+}
+
+/// Objects and poses, likeliest first.
+fn belief_words(belief: &Belief) -> String {
+    let objects = output::table(
+        ["object", "probability", ""],
+        belief.objects.iter().take(10).map(|object| {
+            let percent = format!("{:.1} %", object.probability * 100.0);
+            [object.name.clone(), percent, output::bar(object.probability)]
+        }),
+    );
+    let poses = output::table(
+        ["pose of", "share", "position (m)", "orientation x y z w"],
+        belief.poses.iter().map(|mode| {
+            let [x, y, z] = mode.pose.position;
+            let orientation: Vec<_> =
+                mode.pose.orientation.iter().map(|part| format!("{part:.3}")).collect();
+            [
+                mode.name.clone(),
+                format!("{:.1} %", mode.weight * 100.0),
+                format!("{x:.4} {y:.4} {z:.4}"),
+                orientation.join(" "),
+            ]
+        }),
+    );
+    let entropy = belief.entropy_bits;
+    format!("{objects}\n\n{poses}\n\n{} readings, {entropy:.2} bits", belief.n_readings)
+}
+
+fn table(sessions: &[Session]) -> String {
+    output::table(
+        ["id", "catalogue", "version", "state", "readings", "frame", "created"],
+        sessions.iter().map(|session| {
+            [
+                session.id.to_string(),
+                session.catalogue.clone(),
+                session.version.to_string(),
+                format!("{:?}", session.state).to_lowercase(),
+                session.n_readings.to_string(),
+                session.frame_id.clone().unwrap_or_default(),
+                session.created_at.clone(),
+            ]
+        }),
+    )
+}

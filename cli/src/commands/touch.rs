@@ -1,0 +1,162 @@
+//! `palpate touch`: a simulated robot touches a mesh in an unknown pose, through the server.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Args;
+use palpate_client::schemas::{CreateSensor, CreateSession, ProblemType, SensorPreset};
+use palpate_client::{Client, Error as ClientError};
+use palpate_core::sensor::SensorDescription;
+use palpate_sim::press::PressSimulator;
+use serde::Serialize;
+
+use super::Context;
+use super::objects::Unit;
+use super::sensors::parse_preset;
+use crate::exit::Ended;
+use crate::output;
+use crate::robot::{self, Robot};
+use crate::trial::{self, Step, StopRule, Truth};
+
+/// Arguments of `palpate touch`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  palpate touch --object mug --mesh mug.stl --readings 15 --seed 7\n\n\
+    Exits with 4 when the likeliest object at the end is not the one that was touched."
+)]
+pub(crate) struct TouchArgs {
+    /// Which object the mesh is: its name when it was trained.
+    #[arg(long)]
+    object: String,
+    /// The mesh to touch: .stl, .obj, .ply or .off.
+    #[arg(long, value_name = "FILE")]
+    mesh: PathBuf,
+    /// The unit of the file's coordinates.
+    #[arg(long, value_enum, default_value = "mm")]
+    unit: Unit,
+    /// How often to touch it.
+    #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    readings: u32,
+    /// Decides where the object lies and how it is touched.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// The catalogue to recognise with.
+    #[arg(long, default_value = "default")]
+    catalogue: String,
+    /// The robot's sensor.
+    #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
+    sensor: SensorPreset,
+}
+
+/// The answer.
+#[derive(Debug, Serialize)]
+struct Touched {
+    session: uuid::Uuid,
+    truth: String,
+    right: bool,
+    position_error_mm: Option<f64>,
+    angle_error_deg: Option<f64>,
+    steps: Vec<Step>,
+}
+
+/// Does what was asked.
+pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    let mesh = robot::read_mesh(&args.mesh, args.unit.wire())?;
+    ensure_sensor(client, args.sensor).await?;
+    let robot =
+        Robot::new(Arc::new(PressSimulator::new(mesh, described(args.sensor))), args.seed, 0);
+    let session = CreateSession { catalogue: Some(args.catalogue), ..CreateSession::default() };
+    let mut session = client.touch_session(&session, "simulated").await?;
+    let pinned = session.session();
+    let version = client.catalogue_version(&pinned.catalogue, pinned.version).await?;
+    let truth = Truth::new(&robot, &args.object, &version.report)?;
+    // All readings are wanted: no probability is reached.
+    let rule = StopRule {
+        probability: f64::INFINITY,
+        in_a_row: 1,
+        touches_max: args.readings,
+        pause: Duration::ZERO,
+    };
+    let show = |step: &Step| output.say(step_words(step));
+    let trial = trial::run(robot, &mut session, args.sensor.name(), &truth, rule, show);
+    let result = tokio::select! {
+        result = trial => result?,
+        interrupted = tokio::signal::ctrl_c() => {
+            interrupted?;
+            return Err(Ended::Interrupted.into());
+        }
+    };
+    let touched = Touched {
+        session: session.id(),
+        truth: result.truth,
+        right: result.last.right,
+        position_error_mm: result.last.position_error_mm(),
+        angle_error_deg: result.last.angle_error_deg(),
+        steps: result.steps,
+    };
+    output.answer(&touched, |touched| {
+        let last = &result.last;
+        let verdict = if touched.right { "right" } else { "wrong" };
+        let answer = last.object.as_deref().unwrap_or("nothing");
+        format!(
+            "\n{verdict}: {answer} with {:.1} %; it was {}; off by {} and {}",
+            last.probability * 100.0,
+            touched.truth,
+            last.position_error.map_or("–".to_owned(), output::mm),
+            last.angle_error.map_or("–".to_owned(), output::degrees),
+        )
+    })?;
+    if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }
+}
+
+fn step_words(step: &Step) -> String {
+    format!(
+        "touch {:3}  {:<16} {} {:5.1} %  {:.2} bits  {:>10} {:>8}",
+        step.touches,
+        step.object.as_deref().unwrap_or("–"),
+        output::bar(step.probability),
+        step.probability * 100.0,
+        step.entropy_bits,
+        step.position_error.map_or("–".to_owned(), output::mm),
+        step.angle_error.map_or("–".to_owned(), output::degrees),
+    )
+}
+
+/// The preset's description, for the simulation.
+pub(crate) fn described(preset: SensorPreset) -> SensorDescription {
+    SensorDescription::preset_named(preset.name()).expect("the wire's presets are core's")
+}
+
+/// Makes sure that the server knows a sensor by its preset's name.
+pub(crate) async fn ensure_sensor(
+    client: &Client,
+    preset: SensorPreset,
+) -> Result<(), ClientError> {
+    match client.sensor(preset.name()).await {
+        Err(error) if error.kind() == Some(ProblemType::NotFound) => {
+            let name = preset.name().to_owned();
+            let new =
+                CreateSensor { name, preset: Some(preset), description: None, image_order: None };
+            match client.create_sensor(&new).await {
+                // Another robot was faster.
+                Err(error) if error.kind() == Some(ProblemType::Conflict) => Ok(()),
+                other => other.map(|_| ()),
+            }
+        }
+        other => other.map(|_| ()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_of_the_wire_can_be_simulated() {
+        for preset in SensorPreset::ALL {
+            assert!(described(preset).grid().n_taxels() >= 36);
+        }
+    }
+}

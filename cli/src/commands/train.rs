@@ -1,0 +1,147 @@
+//! `palpate train`: asks for a training, shows how far it is, and what came out.
+
+use std::io::{IsTerminal, Write};
+
+use clap::Args;
+use palpate_client::Client;
+use palpate_client::schemas::{CatalogueVersion, Job, JobState, StartTraining};
+use serde::Serialize;
+
+use super::Context;
+use crate::exit::Ended;
+use crate::output::{self, Output};
+use crate::progress::TrainingProgress;
+
+/// Arguments of `palpate train`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  palpate train\n  \
+    palpate train mug hammer --readings-per-object 500 --seed 3\n\n\
+    Ctrl-C asks whether to cancel the training; without a terminal it goes on in the server.")]
+pub(crate) struct TrainArgs {
+    /// Ids or names of the objects; all that have a mesh or readings when none is given.
+    objects: Vec<String>,
+    /// The catalogue to train.
+    #[arg(long, default_value = "default")]
+    catalogue: String,
+    /// Simulated readings for an object with a mesh only [default: 1000].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(20..=20_000))]
+    readings_per_object: Option<u32>,
+    /// The seed of all random choices [default: 1].
+    #[arg(long)]
+    seed: Option<u64>,
+    /// The sensor that touches meshes in simulation [default: digitacts-6x6].
+    #[arg(long)]
+    sensor: Option<String>,
+    /// Number of appearance classes [default: 25].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=255))]
+    classes: Option<u32>,
+    /// Do not wait: print the job and leave.
+    #[arg(long)]
+    detach: bool,
+}
+
+/// The answer: the job, and the version it made.
+#[derive(Debug, Serialize)]
+struct Trained {
+    job: Job,
+    version: Option<CatalogueVersion>,
+}
+
+/// Does what was asked.
+pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
+    let training = StartTraining {
+        objects: (!args.objects.is_empty()).then_some(args.objects),
+        sensor: args.sensor,
+        readings_per_object: args.readings_per_object,
+        seed: args.seed,
+        n_classes: args.classes,
+        ..StartTraining::default()
+    };
+    let job = context.client.start_training(&args.catalogue, &training).await?;
+    if args.detach {
+        return context
+            .output
+            .answer(&job, |job| format!("training {} is {:?}", job.id, job.state));
+    }
+    wait(&job, context).await
+}
+
+/// Waits for a job and prints what it made.
+pub(crate) async fn wait(job: &Job, context: &Context) -> anyhow::Result<()> {
+    let (client, output) = (&context.client, context.output);
+    let job = follow(client, job, output).await?;
+    let version = match job.version {
+        Some(version) => Some(client.catalogue_version(&job.catalogue, version).await?),
+        None => None,
+    };
+    output.answer(&Trained { job: job.clone(), version }, trained_words)?;
+    match job.state {
+        JobState::Succeeded => Ok(()),
+        JobState::Cancelled => Err(Ended::Interrupted.into()),
+        _ => anyhow::bail!("the training failed: {}", job.reason.unwrap_or_default()),
+    }
+}
+
+/// Follows a job to its end with a progress bar; Ctrl-C offers to cancel it.
+pub(crate) async fn follow(client: &Client, job: &Job, output: Output) -> anyhow::Result<Job> {
+    let shown = std::cell::RefCell::new(TrainingProgress::new(output));
+    shown.borrow_mut().show(job);
+    let mut ended = std::pin::pin!(client.follow_job(job.id, |job| shown.borrow_mut().show(job)));
+    let outcome = loop {
+        tokio::select! {
+            outcome = &mut ended => break outcome,
+            interrupted = tokio::signal::ctrl_c() => {
+                interrupted?;
+                if shown.borrow().suspended(|| wants_to_cancel(job)) {
+                    client.cancel_job(job.id).await?;
+                } else {
+                    shown.borrow().clear();
+                    output.say(format!("the training goes on: `palpate jobs follow {}`", job.id));
+                    return Err(Ended::Interrupted.into());
+                }
+            }
+        }
+    };
+    shown.borrow().clear();
+    Ok(outcome?)
+}
+
+/// Asks, if there is somebody to ask.
+fn wants_to_cancel(job: &Job) -> bool {
+    if !std::io::stdin().is_terminal() || !std::io::stderr().is_terminal() {
+        return false;
+    }
+    eprint!("\nCancel training {}? Otherwise it goes on in the server. [y/N] ", job.id);
+    let _ = std::io::stderr().flush();
+    let mut answer = String::new();
+    let read = std::io::stdin().read_line(&mut answer);
+    read.is_ok() && matches!(answer.trim(), "y" | "Y" | "yes")
+}
+
+fn trained_words(trained: &Trained) -> String {
+    let Some(version) = &trained.version else {
+        return format!("training {} is {:?}", trained.job.id, trained.job.state);
+    };
+    let report = &version.report;
+    let objects = output::table(
+        ["object", "readings", "patches", "index"],
+        report.objects.iter().map(|object| {
+            [
+                object.name.clone(),
+                object.n_readings.to_string(),
+                object.n_patches.to_string(),
+                format!("{:.1} MB", object.index_bytes as f64 / 1e6),
+            ]
+        }),
+    );
+    format!(
+        "{objects}\n\ntrained version {} of {} in {:.1} s: {} objects, {} classes, {:.1} MB{}",
+        version.version,
+        version.catalogue,
+        report.seconds,
+        report.objects.len(),
+        report.n_classes,
+        report.index_bytes as f64 / 1e6,
+        if version.is_current { ", current" } else { "" }
+    )
+}

@@ -1,0 +1,97 @@
+//! Exit codes, so that scripts can tell what happened.
+//!
+//! 0 done · 1 failed · 2 wrong usage (clap's) · 3 server unreachable · 4 object not
+//! recognised · 130 interrupted (128 + SIGINT, as shells have it).
+
+use std::process::ExitCode;
+
+use palpate_client::Error as ClientError;
+use thiserror::Error;
+
+/// Outcomes with an exit code of their own.
+#[derive(Debug, Error)]
+pub(crate) enum Ended {
+    /// The robot touched one thing and the server said another, or nothing certain.
+    #[error("not recognised")]
+    NotRecognised,
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Says what went wrong, if anything, and gives the exit code.
+pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            if error.downcast_ref::<Ended>().is_none() {
+                eprintln!("error: {}", words(&error));
+                if is_unreachable(&error) {
+                    eprintln!(
+                        "hint: start one with `palpate serve --data DIR`, or name it: --server URL"
+                    );
+                }
+            }
+            ExitCode::from(code(&error))
+        }
+    }
+}
+
+/// The error and its causes in one line. A cause that is in the words already is left out, and
+/// so are those behind a client's error, which says it all.
+fn words(error: &anyhow::Error) -> String {
+    let mut words = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string();
+        if !words.contains(&text) {
+            let separator = if words.is_empty() { "" } else { ": " };
+            words.push_str(separator);
+            words.push_str(&text);
+        }
+        if cause.is::<ClientError>() {
+            break;
+        }
+    }
+    words
+}
+
+fn code(error: &anyhow::Error) -> u8 {
+    match error.downcast_ref::<Ended>() {
+        Some(Ended::NotRecognised) => 4,
+        Some(Ended::Interrupted) => 130,
+        None if is_unreachable(error) => 3,
+        None => 1,
+    }
+}
+
+fn is_unreachable(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<ClientError>().is_some_and(ClientError::is_unreachable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_does_not_say_the_same_twice() {
+        #[derive(Debug, Error)]
+        #[error("cannot open d: {source}")]
+        struct Open {
+            source: std::io::Error,
+        }
+        let error = anyhow::Error::from(Open { source: std::io::Error::other("disk is gone") });
+        let error = error.context("starting");
+        assert_eq!(words(&error), "starting: cannot open d: disk is gone");
+    }
+
+    #[test]
+    fn outcomes_have_their_codes_also_behind_a_context() {
+        let unreachable = ClientError::TimedOut { url: "u".to_owned() };
+        let other = ClientError::EventsEnded { url: "u".to_owned() };
+        assert_eq!(code(&anyhow::Error::from(unreachable).context("adding the mug")), 3);
+        assert_eq!(code(&other.into()), 1);
+        assert_eq!(code(&Ended::NotRecognised.into()), 4);
+        assert_eq!(code(&Ended::Interrupted.into()), 130);
+        assert_eq!(code(&anyhow::anyhow!("a broken file")), 1);
+    }
+}

@@ -1,0 +1,94 @@
+//! How answers look: tables and sentences for people, one line of JSON for programs.
+
+use comfy_table::{Table, presets};
+use serde::Serialize;
+
+/// Where answers go. With JSON, the standard output holds nothing else.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Output {
+    /// Whether a program reads it.
+    pub(crate) json: bool,
+}
+
+impl Output {
+    /// Says something to a person.
+    pub(crate) fn say(self, text: impl AsRef<str>) {
+        if self.json {
+            eprintln!("{}", text.as_ref());
+        } else {
+            println!("{}", text.as_ref());
+        }
+    }
+
+    /// The answer: one line of JSON, or what `text` makes of it.
+    pub(crate) fn answer<T: Serialize>(
+        self,
+        answer: &T,
+        text: impl FnOnce(&T) -> String,
+    ) -> anyhow::Result<()> {
+        if self.json {
+            println!("{}", serde_json::to_string(answer)?);
+        } else {
+            println!("{}", text(answer));
+        }
+        Ok(())
+    }
+}
+
+/// A table with a header, without lines around it.
+pub(crate) fn table<const N: usize>(
+    header: [&str; N],
+    rows: impl IntoIterator<Item = [String; N]>,
+) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_header(header);
+    for row in rows {
+        table.add_row(row);
+    }
+    table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
+}
+
+/// Metres as millimetres.
+pub(crate) fn mm(metres: f64) -> String {
+    format!("{:.1} mm", metres * 1e3)
+}
+
+/// Radians as degrees.
+pub(crate) fn degrees(radians: f64) -> String {
+    format!("{:.1}°", radians.to_degrees())
+}
+
+/// A share as a bar of ten characters.
+pub(crate) fn bar(share: f64) -> String {
+    let filled = (share.clamp(0.0, 1.0) * 10.0).round() as usize;
+    format!("{}{}", "█".repeat(filled), "░".repeat(10 - filled))
+}
+
+/// The middle of some numbers; of an even number of them, the mean of the two in the middle.
+pub(crate) fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let upper = *sorted.get(sorted.len() / 2)?;
+    let lower = sorted[(sorted.len() - 1) / 2];
+    Some(f64::midpoint(lower, upper))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_of_even_and_odd_many() {
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), Some(2.5));
+    }
+
+    #[test]
+    fn a_bar_is_always_as_long() {
+        for share in [-1.0, 0.0, 0.44, 1.0, 7.0] {
+            assert_eq!(bar(share).chars().count(), 10);
+        }
+        assert_eq!(bar(0.44), "████░░░░░░");
+    }
+}

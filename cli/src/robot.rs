@@ -1,0 +1,139 @@
+//! A simulated robot: it touches a mesh that lies somewhere in its session frame, guided to
+//! the surface as by a camera, and knows only its own poses and pressures.
+//!
+//! Where the object lies and how it is touched comes from a seed and the number of the trial,
+//! from streams that training never draws from.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+use glam::DVec3;
+use palpate_client::schemas::{self, MeshUnit};
+use palpate_core::pose::Pose;
+use palpate_core::reading::SensorId;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::units::MM;
+use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::{SampleError, SamplerConfig, touch_anywhere};
+
+/// How far from the session frame's origin the object may lie, along each axis.
+const PLACE_MAX: f64 = 200.0 * MM;
+
+/// A press as it is sent to the server.
+pub(crate) struct Press {
+    /// `session_from_sensor`.
+    pub(crate) pose: schemas::Pose,
+    /// Pressures, Pa.
+    pub(crate) image: Vec<Option<f64>>,
+}
+
+/// A robot in front of one object.
+pub(crate) struct Robot {
+    simulator: Arc<PressSimulator>,
+    config: SamplerConfig,
+    session_from_mesh: Pose,
+    touches: Stream,
+}
+
+impl Robot {
+    /// A robot whose object lies where `seed` and `trial` say.
+    pub(crate) fn new(simulator: Arc<PressSimulator>, seed: u64, trial: u64) -> Self {
+        let mut place = Stream::new(seed, Purpose::ObjectPose, trial);
+        let rotation = place.rotation();
+        let mut along = || place.uniform(-PLACE_MAX, PLACE_MAX);
+        let translation = DVec3::new(along(), along(), along());
+        Self {
+            config: SamplerConfig::for_simulator(&simulator),
+            simulator,
+            session_from_mesh: Pose::from_parts(rotation, translation),
+            touches: Stream::new(seed, Purpose::SensorNoise, trial),
+        }
+    }
+
+    /// Touches the object once, somewhere.
+    pub(crate) fn touch(&mut self) -> Result<Press, SampleError> {
+        let reading =
+            touch_anywhere(&self.simulator, SensorId(0), &self.config, &mut self.touches)?;
+        // The simulator's session frame is the mesh's.
+        let mesh_from_sensor = reading.session_from_sensor();
+        let session_from_sensor = self.session_from_mesh * mesh_from_sensor;
+        let image = reading.image().pressures.iter().copied().map(Some).collect();
+        Ok(Press { pose: to_wire(session_from_sensor), image })
+    }
+
+    /// Where the object's frame is; its origin lies at `origin_in_mesh`, metres.
+    pub(crate) fn session_from_object(&self, origin_in_mesh: [f64; 3]) -> Pose {
+        let mesh_from_object = Pose { translation: origin_in_mesh.into(), ..Pose::IDENTITY };
+        self.session_from_mesh * mesh_from_object
+    }
+}
+
+/// Reads a mesh file; its extension names the format.
+pub(crate) fn read_mesh(path: &Path, unit: MeshUnit) -> anyhow::Result<Mesh> {
+    let (format, bytes) = read_mesh_file(path)?;
+    let metres = match unit {
+        MeshUnit::M => 1.0,
+        MeshUnit::Mm => MM,
+    };
+    Mesh::from_bytes(format, &bytes, metres)
+        .with_context(|| format!("{} is not a mesh that can be touched", path.display()))
+}
+
+/// The bytes of a mesh file and its format, by its extension.
+pub(crate) fn read_mesh_file(path: &Path) -> anyhow::Result<(MeshFormat, Vec<u8>)> {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let format = MeshFormat::from_extension(extension)
+        .with_context(|| format!("{} is not named .stl, .obj, .ply or .off", path.display()))?;
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok((format, bytes))
+}
+
+/// A format's name on the wire.
+pub(crate) fn wire_format(format: MeshFormat) -> schemas::MeshFormat {
+    match format {
+        MeshFormat::Stl => schemas::MeshFormat::Stl,
+        MeshFormat::Obj => schemas::MeshFormat::Obj,
+        MeshFormat::Ply => schemas::MeshFormat::Ply,
+        MeshFormat::Off => schemas::MeshFormat::Off,
+    }
+}
+
+fn to_wire(pose: Pose) -> schemas::Pose {
+    schemas::Pose { position: pose.translation.to_array(), orientation: pose.rotation.to_array() }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_core::sensor::SensorDescription;
+    use palpate_sim::shapes;
+
+    use super::*;
+
+    fn robot(trial: u64) -> Robot {
+        let mesh = shapes::example("hammer").unwrap();
+        let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
+        Robot::new(Arc::new(simulator), 7, trial)
+    }
+
+    #[test]
+    fn a_trial_is_always_the_same_and_another_one_is_not() {
+        let first = |trial| robot(trial).touch().unwrap();
+        assert_eq!(first(1).pose, first(1).pose);
+        assert_eq!(first(1).image, first(1).image);
+        assert_ne!(first(1).pose, first(2).pose);
+    }
+
+    #[test]
+    fn touches_lie_on_the_object_where_it_was_put() {
+        let mut robot = robot(3);
+        let centre = robot.session_from_object([0.0; 3]).translation;
+        for _ in 0..5 {
+            let press = robot.touch().unwrap();
+            let distance = centre.distance(press.pose.position.into());
+            assert!(distance < 80.0 * MM, "{distance}");
+            assert!(press.image.iter().flatten().any(|pressure| *pressure > 0.0));
+        }
+    }
+}

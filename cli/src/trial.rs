@@ -1,0 +1,203 @@
+//! A trial: a simulated robot touches one object again and again, the server says what it
+//! believes, and the truth is at hand to compare.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use palpate_client::TouchSession;
+use palpate_client::schemas::{Belief, TrainingReport};
+use palpate_core::pose::Pose;
+use serde::Serialize;
+
+use crate::robot::Robot;
+
+/// When a robot has touched enough.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StopRule {
+    /// It stops when the likeliest object has had this probability …
+    pub(crate) probability: f64,
+    /// … for this many touches in a row.
+    pub(crate) in_a_row: u32,
+    /// At the latest it stops after so many touches.
+    pub(crate) touches_max: u32,
+    /// How long it takes between two touches.
+    pub(crate) pause: Duration,
+}
+
+/// What is true of a trial.
+#[derive(Clone, Debug)]
+pub(crate) struct Truth {
+    /// The object's name when it was trained.
+    pub(crate) object: String,
+    /// Where its frame is.
+    pub(crate) session_from_object: Pose,
+}
+
+impl Truth {
+    /// The truth of a robot's object, by the report of the version that is asked.
+    pub(crate) fn new(
+        robot: &Robot,
+        object: &str,
+        report: &TrainingReport,
+    ) -> anyhow::Result<Self> {
+        let trained = report
+            .objects
+            .iter()
+            .find(|trained| trained.name == object || trained.id.to_string() == object)
+            .with_context(|| format!("object {object} is not in the trained version"))?;
+        Ok(Self {
+            object: trained.name.clone(),
+            session_from_object: robot.session_from_object(trained.origin_in_mesh),
+        })
+    }
+}
+
+/// What is believed after one more touch, beside the truth.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Step {
+    /// How many touches so far.
+    pub(crate) touches: u32,
+    /// The likeliest object.
+    pub(crate) object: Option<String>,
+    /// Its probability.
+    pub(crate) probability: f64,
+    /// Uncertainty about the identity, bits.
+    pub(crate) entropy_bits: f64,
+    /// Whether the likeliest object is the true one.
+    pub(crate) right: bool,
+    /// How far the true object's likeliest position is off, metres.
+    #[serde(skip)]
+    pub(crate) position_error: Option<f64>,
+    /// How far its orientation is off, radians; symmetry is not considered.
+    #[serde(skip)]
+    pub(crate) angle_error: Option<f64>,
+    /// How long the server took for the reading, milliseconds, there and back.
+    pub(crate) reading_ms: f64,
+}
+
+impl Step {
+    /// Compares a belief with the truth.
+    fn new(touches: u32, belief: &Belief, truth: &Truth, reading_ms: f64) -> Self {
+        let best = belief.objects.first();
+        let right = best.is_some_and(|best| best.name == truth.object);
+        let mode = belief.poses.iter().find(|mode| mode.name == truth.object);
+        let pose = mode.and_then(|mode| Pose::new(mode.pose.position, mode.pose.orientation).ok());
+        Self {
+            touches,
+            object: best.map(|best| best.name.clone()),
+            probability: best.map_or(0.0, |best| best.probability),
+            entropy_bits: belief.entropy_bits,
+            right,
+            position_error: pose.map(|pose| pose.distance_to(&truth.session_from_object)),
+            angle_error: pose.map(|pose| pose.angle_to(&truth.session_from_object)),
+            reading_ms,
+        }
+    }
+
+    /// The position error in millimetres, for output.
+    pub(crate) fn position_error_mm(&self) -> Option<f64> {
+        self.position_error.map(|metres| metres * 1e3)
+    }
+
+    /// The angle error in degrees, for output.
+    pub(crate) fn angle_error_deg(&self) -> Option<f64> {
+        self.angle_error.map(f64::to_degrees)
+    }
+}
+
+/// How a trial went.
+#[derive(Clone, Debug)]
+pub(crate) struct TrialResult {
+    /// The object that was touched.
+    pub(crate) truth: String,
+    /// All steps; never empty.
+    pub(crate) steps: Vec<Step>,
+    /// The last step.
+    pub(crate) last: Step,
+}
+
+/// Touches until the rule says stop; `show` hears every step.
+pub(crate) async fn run(
+    mut robot: Robot,
+    session: &mut TouchSession,
+    sensor: &str,
+    truth: &Truth,
+    rule: StopRule,
+    mut show: impl FnMut(&Step),
+) -> anyhow::Result<TrialResult> {
+    let (mut steps, mut sure) = (Vec::new(), 0);
+    loop {
+        // The simulation is work for a processor, not for the threads that talk to the server.
+        let (touched, press) = tokio::task::spawn_blocking(move || {
+            let press = robot.touch();
+            (robot, press)
+        })
+        .await?;
+        robot = touched;
+        let press = press?;
+        let begun = Instant::now();
+        let belief = session.touch(sensor, press.pose, press.image).await?;
+        let reading_ms = begun.elapsed().as_secs_f64() * 1e3;
+        let step = Step::new(steps.len() as u32 + 1, &belief, truth, reading_ms);
+        show(&step);
+        sure = if step.probability >= rule.probability { sure + 1 } else { 0 };
+        steps.push(step.clone());
+        if sure >= rule.in_a_row || step.touches >= rule.touches_max {
+            return Ok(TrialResult { truth: truth.object.clone(), steps, last: step });
+        }
+        tokio::time::sleep(rule.pause).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_client::schemas::{self, ObjectProbability, PoseHypothesis};
+
+    use super::*;
+
+    fn belief(names: [&str; 2]) -> Belief {
+        let id = uuid::Uuid::from_u128(1);
+        let half = std::f64::consts::FRAC_PI_8;
+        let probability = |(name, probability): (&str, f64)| ObjectProbability {
+            object: id,
+            name: name.to_owned(),
+            probability,
+        };
+        Belief {
+            session: id,
+            revision: 1,
+            n_readings: 1,
+            objects: [(names[0], 0.9), (names[1], 0.1)].map(probability).to_vec(),
+            entropy_bits: 0.47,
+            poses: vec![PoseHypothesis {
+                object: id,
+                name: "mug".to_owned(),
+                weight: 0.9,
+                pose: schemas::Pose {
+                    position: [0.003, 0.004, 0.0],
+                    orientation: [0.0, half.sin(), 0.0, half.cos()],
+                },
+                covariance: vec![0.0; 36],
+            }],
+        }
+    }
+
+    #[test]
+    fn a_step_compares_identity_and_pose_with_the_truth() {
+        let truth = Truth { object: "mug".to_owned(), session_from_object: Pose::IDENTITY };
+        let step = Step::new(3, &belief(["mug", "cup"]), &truth, 1.0);
+        assert!(step.right);
+        // 3 mm and 4 mm make 5 mm; a turn by π/4 about y.
+        assert!((step.position_error_mm().unwrap() - 5.0).abs() < 1e-9);
+        assert!((step.angle_error_deg().unwrap() - 45.0).abs() < 1e-9);
+        let wrong = Step::new(3, &belief(["cup", "mug"]), &truth, 1.0);
+        assert!(!wrong.right);
+    }
+
+    #[test]
+    fn an_object_without_a_pose_has_no_errors() {
+        let truth = Truth { object: "cup".to_owned(), session_from_object: Pose::IDENTITY };
+        let step = Step::new(1, &belief(["cup", "mug"]), &truth, 1.0);
+        assert_eq!((step.right, step.position_error, step.angle_error), (true, None, None));
+    }
+}

@@ -1,0 +1,135 @@
+//! Calls about objects, their meshes and their training readings.
+
+use bytes::Bytes;
+use palpate_schemas::{
+    AddTrainingReadings, CreateObject, MeshFormat, MeshReport, MeshUnit, ObjectInfo, ObjectPage,
+    PageQuery, Reading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,
+};
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::request::Request;
+use crate::retry::Repeat;
+
+impl Client {
+    /// Adds an object.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn create_object(&self, object: &CreateObject) -> Result<ObjectInfo, Error> {
+        self.send(Request::post(["v1", "objects"]).json(object)).await
+    }
+
+    /// A page of the objects.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn objects(&self, page: &PageQuery) -> Result<ObjectPage, Error> {
+        self.send(Request::get(["v1", "objects"]).page(page)).await
+    }
+
+    /// All objects, page after page.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn all_objects(&self) -> Result<Vec<ObjectInfo>, Error> {
+        let (mut all, mut query) = (Vec::new(), PageQuery { limit: Some(1000), cursor: None });
+        loop {
+            let page = self.objects(&query).await?;
+            all.extend(page.items);
+            query.cursor = page.next_cursor;
+            if query.cursor.is_none() {
+                return Ok(all);
+            }
+        }
+    }
+
+    /// An object by its id or name.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn object(&self, object: &str) -> Result<ObjectInfo, Error> {
+        self.send(Request::get(["v1", "objects", object])).await
+    }
+
+    /// Changes an object's name or description.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn update_object(
+        &self,
+        object: &str,
+        changes: &UpdateObject,
+    ) -> Result<ObjectInfo, Error> {
+        self.send(Request::patch(["v1", "objects", object]).json(changes)).await
+    }
+
+    /// Removes an object with its mesh and readings; trained versions keep what they know.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn delete_object(&self, object: &str) -> Result<(), Error> {
+        self.send_for_nothing(Request::delete(["v1", "objects", object])).await
+    }
+
+    /// Makes a file the mesh of an object.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn put_mesh(
+        &self,
+        object: &str,
+        format: MeshFormat,
+        unit: MeshUnit,
+        file: Bytes,
+    ) -> Result<MeshReport, Error> {
+        let unit = match unit {
+            MeshUnit::M => "m",
+            MeshUnit::Mm => "mm",
+        };
+        let media_type = match format {
+            MeshFormat::Stl => "model/stl",
+            MeshFormat::Obj => "model/obj",
+            MeshFormat::Ply => "model/ply",
+            MeshFormat::Off => "model/off",
+        };
+        let request = Request::put(["v1", "objects", object, "mesh"])
+            .query("unit", Some(unit))
+            .raw(media_type, file);
+        self.send(request).await
+    }
+
+    /// Adds 1 to 1000 training readings of an object. Repeated after a lost connection only
+    /// if every reading has its robot's number.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn add_training_readings(
+        &self,
+        object: &str,
+        readings: &AddTrainingReadings,
+    ) -> Result<TrainingReadingsAdded, Error> {
+        let request = Request::post(["v1", "objects", object, "readings"])
+            .json(readings)
+            .repeat(repeat_of(&readings.readings));
+        self.send(request).await
+    }
+
+    /// A page of an object's training readings.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn training_readings(
+        &self,
+        object: &str,
+        page: &PageQuery,
+    ) -> Result<StoredReadingPage, Error> {
+        self.send(Request::get(["v1", "objects", object, "readings"]).page(page)).await
+    }
+}
+
+/// Readings may be sent twice if each can be told from every other.
+pub(crate) fn repeat_of(readings: &[Reading]) -> Repeat {
+    let numbered = |reading: &Reading| reading.robot.is_some() && reading.seq.is_some();
+    if readings.iter().all(numbered) { Repeat::Harmless } else { Repeat::Harmful }
+}

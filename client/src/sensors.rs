@@ -1,0 +1,53 @@
+//! Calls about sensors.
+
+use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, SensorPage};
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::request::Request;
+use crate::retry::Repeat;
+
+impl Client {
+    /// Adds a sensor.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn create_sensor(&self, sensor: &CreateSensor) -> Result<Sensor, Error> {
+        self.send(Request::post(["v1", "sensors"]).json(sensor)).await
+    }
+
+    /// A page of the sensors.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn sensors(&self, page: &PageQuery) -> Result<SensorPage, Error> {
+        self.send(Request::get(["v1", "sensors"]).page(page)).await
+    }
+
+    /// A sensor by its id or name.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn sensor(&self, sensor: &str) -> Result<Sensor, Error> {
+        self.send(Request::get(["v1", "sensors", sensor])).await
+    }
+
+    /// Asks how the server understands a reading; nothing is stored.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn check_reading(
+        &self,
+        sensor: &str,
+        reading: &Reading,
+    ) -> Result<ReadingCheck, Error> {
+        let request = Request::post(["v1", "sensors", sensor, "check"]).json(reading);
+        self.send(request.repeat(Repeat::Harmless)).await
+    }
+}
+
+impl Request {
+    pub(crate) fn page(self, page: &PageQuery) -> Self {
+        self.query("limit", page.limit).query("cursor", page.cursor.as_deref())
+    }
+}

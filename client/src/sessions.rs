@@ -1,0 +1,86 @@
+//! Calls about sessions: readings in, beliefs out.
+
+use palpate_schemas::{
+    AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, PageQuery, ReadingsAdded,
+    ReadingsQuery, Session, SessionPage,
+};
+use uuid::Uuid;
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::objects::repeat_of;
+use crate::request::Request;
+
+impl Client {
+    /// Begins a session.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn create_session(&self, session: &CreateSession) -> Result<Session, Error> {
+        self.send(Request::post(["v1", "sessions"]).json(session)).await
+    }
+
+    /// A page of the sessions.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn sessions(&self, page: &PageQuery) -> Result<SessionPage, Error> {
+        self.send(Request::get(["v1", "sessions"]).page(page)).await
+    }
+
+    /// A session.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn session(&self, id: Uuid) -> Result<Session, Error> {
+        self.send(Request::get(["v1", "sessions", &id.to_string()])).await
+    }
+
+    /// Closes a session; its belief can still be read.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn close_session(&self, id: Uuid) -> Result<Session, Error> {
+        self.send(Request::post(["v1", "sessions", &id.to_string(), "close"])).await
+    }
+
+    /// Removes a session with its readings.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn delete_session(&self, id: Uuid) -> Result<(), Error> {
+        self.send_for_nothing(Request::delete(["v1", "sessions", &id.to_string()])).await
+    }
+
+    /// Adds 1 to 1000 readings and answers the belief after them. Repeated after a lost
+    /// connection only if every reading has its robot's number.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn add_readings(
+        &self,
+        session: Uuid,
+        readings: &AddReadings,
+        query: ReadingsQuery,
+    ) -> Result<ReadingsAdded, Error> {
+        let detail = query.belief.map(|detail| match detail {
+            BeliefDetail::Full => "full",
+            BeliefDetail::Top => "top",
+            BeliefDetail::None => "none",
+        });
+        let request = Request::post(["v1", "sessions", &session.to_string(), "readings"])
+            .query("belief", detail)
+            .json(readings)
+            .repeat(repeat_of(&readings.readings));
+        self.send(request).await
+    }
+
+    /// What is known of a session's object.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn belief(&self, session: Uuid, query: BeliefQuery) -> Result<Belief, Error> {
+        let path = ["v1", "sessions", &session.to_string(), "belief"];
+        self.send(Request::get(path).query("poses", query.poses)).await
+    }
+}

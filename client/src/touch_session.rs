@@ -1,0 +1,94 @@
+//! A robot's part in a session: it numbers the robot's readings, so that a reading that is
+//! sent again after a lost connection is not counted twice.
+
+use palpate_schemas::{
+    AddReadings, Belief, BeliefDetail, CreateSession, Pose, Reading, ReadingsQuery, Session,
+};
+use uuid::Uuid;
+
+use crate::client::Client;
+use crate::error::Error;
+
+/// One robot's readings of one session.
+#[derive(Clone, Debug)]
+pub struct TouchSession {
+    client: Client,
+    session: Session,
+    robot: String,
+    next_seq: u64,
+}
+
+impl Client {
+    /// Begins a session for one robot. `robot` is its name, at most 64 bytes.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn touch_session(
+        &self,
+        session: &CreateSession,
+        robot: &str,
+    ) -> Result<TouchSession, Error> {
+        let session = self.create_session(session).await?;
+        Ok(TouchSession::join(self.clone(), session, robot, 0))
+    }
+}
+
+impl TouchSession {
+    /// Joins a session that exists; `next_seq` is the robot's next number in it.
+    #[must_use]
+    pub fn join(client: Client, session: Session, robot: &str, next_seq: u64) -> Self {
+        Self { client, session, robot: robot.to_owned(), next_seq }
+    }
+
+    /// The session as it was when it began or was joined.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// The session's id.
+    #[must_use]
+    pub fn id(&self) -> Uuid {
+        self.session.id
+    }
+
+    /// Sends one press and answers the belief after it. `sensor` is an id or a name, `pose`
+    /// is `session_from_sensor`, `image` in pascal as the driver sends it.
+    ///
+    /// A call that fails may be made again with the same arguments: it has the same number.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn touch(
+        &mut self,
+        sensor: &str,
+        pose: Pose,
+        image: Vec<Option<f64>>,
+    ) -> Result<Belief, Error> {
+        let reading = Reading {
+            robot: Some(self.robot.clone()),
+            seq: Some(self.next_seq),
+            sensor: sensor.to_owned(),
+            frame_id: self.session.frame_id.clone(),
+            stamp: None,
+            pose,
+            image,
+        };
+        let readings = AddReadings { readings: vec![reading] };
+        let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };
+        let added = self.client.add_readings(self.id(), &readings, query).await?;
+        self.next_seq += 1;
+        match added.belief {
+            Some(belief) => Ok(belief),
+            None => self.belief().await,
+        }
+    }
+
+    /// What is known of the object now.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn belief(&self) -> Result<Belief, Error> {
+        self.client.belief(self.id(), palpate_schemas::BeliefQuery::default()).await
+    }
+}

@@ -1,0 +1,119 @@
+//! Calls about catalogues, their versions, and the jobs that train them.
+
+use palpate_schemas::{
+    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Job, JobPage,
+    PageQuery, SetCurrent, StartTraining,
+};
+use uuid::Uuid;
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::request::Request;
+use crate::retry::Repeat;
+
+impl Client {
+    /// A page of the catalogues.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn catalogues(&self, page: &PageQuery) -> Result<CataloguePage, Error> {
+        self.send(Request::get(["v1", "catalogues"]).page(page)).await
+    }
+
+    /// A catalogue.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn catalogue(&self, name: &str) -> Result<Catalogue, Error> {
+        self.send(Request::get(["v1", "catalogues", name])).await
+    }
+
+    /// A page of a catalogue's versions.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn catalogue_versions(
+        &self,
+        name: &str,
+        page: &PageQuery,
+    ) -> Result<CatalogueVersionPage, Error> {
+        self.send(Request::get(["v1", "catalogues", name, "versions"]).page(page)).await
+    }
+
+    /// A version of a catalogue, with its report.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn catalogue_version(
+        &self,
+        name: &str,
+        version: u32,
+    ) -> Result<CatalogueVersion, Error> {
+        let version = version.to_string();
+        self.send(Request::get(["v1", "catalogues", name, "versions", &version])).await
+    }
+
+    /// Which version of a catalogue new sessions use.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 while there is none.
+    pub async fn current_version(&self, name: &str) -> Result<CurrentVersion, Error> {
+        self.send(Request::get(["v1", "catalogues", name, "current"])).await
+    }
+
+    /// Makes a version the one that new sessions use, if the current one is still of
+    /// `revision`.
+    ///
+    /// # Errors
+    /// [`Error`]; status 412 when somebody has switched in between.
+    pub async fn set_current_version(
+        &self,
+        name: &str,
+        version: u32,
+        revision: u32,
+    ) -> Result<CurrentVersion, Error> {
+        let request = Request::put(["v1", "catalogues", name, "current"])
+            .header("if-match", format!("\"{revision}\""))
+            .json(&SetCurrent { version })
+            // A second attempt after a success would find another revision.
+            .repeat(Repeat::Harmful);
+        self.send(request).await
+    }
+
+    /// Asks for a training; the answer is the job that does it.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn start_training(
+        &self,
+        catalogue: &str,
+        training: &StartTraining,
+    ) -> Result<Job, Error> {
+        let request = Request::post(["v1", "catalogues", catalogue, "trainings"]).json(training);
+        self.send(request).await
+    }
+
+    /// A page of the jobs.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn jobs(&self, page: &PageQuery) -> Result<JobPage, Error> {
+        self.send(Request::get(["v1", "jobs"]).page(page)).await
+    }
+
+    /// A job.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn job(&self, id: Uuid) -> Result<Job, Error> {
+        self.send(Request::get(["v1", "jobs", &id.to_string()])).await
+    }
+
+    /// Asks a job to stop; it does so shortly.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when it has ended.
+    pub async fn cancel_job(&self, id: Uuid) -> Result<Job, Error> {
+        self.send(Request::post(["v1", "jobs", &id.to_string(), "cancel"])).await
+    }
+}

@@ -1,0 +1,143 @@
+//! Pictures to judge by eye: a mesh with the touches on it, sheets of meshes, tactile images.
+//!
+//! Orthographic and shaded, no graphics card needed. Output is PNG, 8-bit RGB.
+
+mod canvas;
+
+use glam::{DQuat, DVec3};
+use palpate_core::reading::TactileImage;
+use palpate_core::units::DEG;
+
+use crate::mesh::Mesh;
+use canvas::Canvas;
+
+const BACKGROUND: [u8; 3] = [250, 250, 248];
+const SURFACE: [f64; 3] = [176.0, 184.0, 196.0];
+const TOUCH: [u8; 3] = [214, 62, 42];
+/// Touches lie inside the surface by the covering's indentation; draw them through as much of
+/// the object, as a part of its largest dimension.
+const TOUCH_DEPTH: f64 = 0.05;
+
+/// From where a mesh is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// `camera_from_object`: the camera looks along its −z, y is up in the picture.
+    pub rotation: DQuat,
+}
+
+impl View {
+    /// From `elevation` above the x-y plane, the object turned by `azimuth` about z (radians).
+    #[must_use]
+    pub fn from_angles(azimuth: f64, elevation: f64) -> Self {
+        let upright = DQuat::from_rotation_x(elevation - 90.0 * DEG);
+        Self { rotation: upright * DQuat::from_rotation_z(azimuth) }
+    }
+}
+
+impl Default for View {
+    fn default() -> Self {
+        Self::from_angles(-35.0 * DEG, 25.0 * DEG)
+    }
+}
+
+/// A picture of `size` × `size` pixels of a mesh, with `points` (metres, in the mesh's frame)
+/// marked where they are not hidden.
+#[must_use]
+pub fn mesh_png(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Vec<u8> {
+    drawn(mesh, view, size, points).to_png()
+}
+
+/// Pictures of several meshes side by side, `columns` in a row, each `size` pixels wide.
+#[must_use]
+pub fn contact_sheet(meshes: &[&Mesh], view: View, size: usize, columns: usize) -> Vec<u8> {
+    let columns = columns.clamp(1, meshes.len().max(1));
+    let rows = meshes.len().div_ceil(columns).max(1);
+    let mut sheet = Canvas::new(columns * size, rows * size, BACKGROUND);
+    for (idx, mesh) in meshes.iter().enumerate() {
+        let tile = drawn(mesh, view, size, &[]);
+        sheet.paste(&tile, idx % columns * size, idx / columns * size);
+    }
+    sheet.to_png()
+}
+
+/// Tactile images side by side, each taxel a square of `taxel_size` pixels; black is 0 and
+/// white is `full` pascal.
+#[must_use]
+pub fn images_png(images: &[&TactileImage], full: f64, taxel_size: usize) -> Vec<u8> {
+    let gap = taxel_size;
+    let width = images.iter().map(|image| image.cols * taxel_size + gap).sum::<usize>() + gap;
+    let height = images.iter().map(|image| image.rows).max().unwrap_or(0) * taxel_size + 2 * gap;
+    let mut strip = Canvas::new(width, height, BACKGROUND);
+    let mut left = gap;
+    for image in images {
+        for (taxel, pressure) in image.pressures.iter().enumerate() {
+            let gray = (255.0 * (pressure / full).clamp(0.0, 1.0)) as u8;
+            let (x, y) =
+                (left + taxel % image.cols * taxel_size, gap + taxel / image.cols * taxel_size);
+            strip.fill(x, y, taxel_size, [gray; 3]);
+        }
+        left += image.cols * taxel_size + gap;
+    }
+    strip.to_png()
+}
+
+fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
+    let mut canvas = Canvas::new(size, size, BACKGROUND);
+    let (low, high) = mesh.bounds();
+    let center = 0.5 * (low + high);
+    let scale = 0.92 * size as f64 / (high - low).length();
+    // Pixels: x to the right, y down, z towards the viewer.
+    let in_picture = |point: DVec3| {
+        let seen = view.rotation * (point - center) * scale;
+        DVec3::new(0.5 * size as f64 + seen.x, 0.5 * size as f64 - seen.y, seen.z)
+    };
+    for triangle in 0..mesh.triangles().len() {
+        let normal = view.rotation * mesh.normal(triangle);
+        canvas.add_triangle(&mesh.corners(triangle).map(in_picture), shade(normal));
+    }
+    let through = TOUCH_DEPTH * mesh.largest_dimension() * scale;
+    for point in points {
+        canvas.add_dot(in_picture(*point), through, (size as f64 / 220.0).max(1.0), TOUCH);
+    }
+    canvas
+}
+
+/// Light from above the viewer's left shoulder; what faces away is as bright as what faces.
+fn shade(normal: DVec3) -> [u8; 3] {
+    let facing = if normal.z < 0.0 { -normal } else { normal };
+    let key = facing.dot(DVec3::new(-0.45, 0.6, 0.66)).max(0.0);
+    let fill = facing.dot(DVec3::new(0.8, -0.1, 0.6)).max(0.0);
+    let brightness = 0.22 + 0.72 * key + 0.18 * fill;
+    SURFACE.map(|channel| (channel * brightness * 1.25).clamp(0.0, 255.0) as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests_support::sphere;
+
+    fn size_of(png: &[u8]) -> (u32, u32) {
+        let reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        (reader.info().width, reader.info().height)
+    }
+
+    #[test]
+    fn pictures_have_the_size_that_was_asked_for() {
+        let ball = sphere(0.03, 24);
+        assert_eq!(size_of(&mesh_png(&ball, View::default(), 64, &[])), (64, 64));
+        assert_eq!(size_of(&contact_sheet(&[&ball; 3], View::default(), 32, 2)), (64, 64));
+        let image = TactileImage { rows: 2, cols: 3, pressures: vec![0.0; 6] };
+        assert_eq!(size_of(&images_png(&[&image, &image], 1.0, 4)), (4 + 2 * 16, 16));
+    }
+
+    #[test]
+    fn a_touch_is_marked_in_front_and_hidden_behind() {
+        let ball = sphere(0.03, 24);
+        let has_mark = |point: DVec3| {
+            let view = View { rotation: DQuat::IDENTITY };
+            drawn(&ball, view, 64, &[point]).count(TOUCH) > 0
+        };
+        assert!(has_mark(0.029 * DVec3::Z));
+        assert!(!has_mark(-0.029 * DVec3::Z));
+    }
+}

@@ -1,0 +1,102 @@
+//! Ten closed objects to touch, 80 mm in their largest dimension, made from formulas.
+//!
+//! As varied as the dissertation's ten (section 5.4): thin and thick, round and edged, smooth
+//! and rough. Each is a signed distance in millimetres, meshed on a grid; always the same.
+//! Not here: files; anything a user brings comes through `mesh`.
+
+mod creatures;
+mod field;
+mod surface_nets;
+mod tools;
+mod vessels;
+mod wheels;
+
+use glam::DVec3;
+use palpate_core::units::MM;
+
+use crate::mesh::Mesh;
+
+/// The largest dimension of every example, metres.
+pub const LARGEST_DIMENSION: f64 = 80.0 * MM;
+
+/// A body as a signed distance, and the box and grid to mesh it in; all in millimetres.
+struct Body {
+    name: &'static str,
+    field: fn(DVec3) -> f64,
+    low: DVec3,
+    high: DVec3,
+    cell: f64,
+}
+
+const BODIES: [Body; 10] = [
+    creatures::CHESS_KNIGHT,
+    creatures::DRAGON,
+    wheels::GEAR,
+    tools::HAMMER,
+    creatures::HAND,
+    vessels::MUG,
+    tools::PLIERS,
+    tools::SCREWDRIVER,
+    wheels::TYRE,
+    vessels::WINE_GLASS,
+];
+
+/// The names that [`example`] knows.
+pub const NAMES: [&str; 10] = {
+    let mut names = [""; 10];
+    let mut idx = 0;
+    while idx < names.len() {
+        names[idx] = BODIES[idx].name;
+        idx += 1;
+    }
+    names
+};
+
+/// The example object of a name: closed, outward, in metres, its surface's centroid at the
+/// origin.
+#[must_use]
+pub fn example(name: &str) -> Option<Mesh> {
+    let body = BODIES.iter().find(|body| body.name == name)?;
+    let mesh = meshed(body).scaled_to_largest_dimension(LARGEST_DIMENSION);
+    let centroid = mesh.centroid();
+    Some(mesh.translated(-centroid))
+}
+
+fn meshed(body: &Body) -> Mesh {
+    let (vertices, triangles) = surface_nets::mesh(body.field, body.low, body.high, body.cell);
+    let vertices = vertices.iter().map(|at| *at * MM).collect();
+    Mesh::new(vertices, triangles).expect("every example has a surface")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_example_is_closed_outward_and_eighty_millimetres() {
+        for name in NAMES {
+            let mesh = example(name).unwrap();
+            assert!(mesh.is_watertight(), "{name}");
+            assert!(mesh.signed_volume() > 0.0, "{name}");
+            assert!((mesh.largest_dimension() / LARGEST_DIMENSION - 1.0).abs() < 0.005, "{name}");
+            assert!(mesh.centroid().length() < 1e-9, "{name}");
+            let n = mesh.triangles().len();
+            println!("{name}: {n} triangles");
+            assert!((4_000..60_000).contains(&n), "{name} has {n} triangles");
+        }
+    }
+
+    #[test]
+    fn names_are_unique_and_others_are_unknown() {
+        let mut names = NAMES.to_vec();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), NAMES.len());
+        assert!(example("teapot").is_none());
+    }
+
+    #[test]
+    fn an_example_is_always_the_same() {
+        assert_eq!(example("hammer"), example("hammer"));
+    }
+}

@@ -1,0 +1,125 @@
+//! The order of the house: which crate may use which, which module of `core` comes first,
+//! and that every source file says why it exists.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The storeys of the house: a crate may use only crates of lower storeys.
+const STOREYS: [&[&str]; 6] = [
+    &["palpate-core", "palpate-schemas"],
+    &["palpate-sim", "palpate-store", "palpate-client"],
+    &["palpate-server"],
+    &["palpate-experiments"],
+    &["palpate"],
+    &["palpate-tests"],
+];
+
+/// What each crate may use of ours; a crate not named here may use nothing.
+const MAY_USE: &[(&str, &[&str])] = &[
+    ("palpate-sim", &["palpate-core"]),
+    ("palpate-store", &["palpate-core"]),
+    ("palpate-client", &["palpate-schemas"]),
+    ("palpate-server", &["palpate-core", "palpate-schemas", "palpate-sim", "palpate-store"]),
+    ("palpate-experiments", &["palpate-core", "palpate-schemas", "palpate-sim", "palpate-client"]),
+];
+
+/// Modules of `core` in the order in which they may use each other.
+const CORE_ORDER: &[&str] = &[
+    "units",
+    "rng",
+    "log_prob",
+    "pose",
+    "rotation_grid",
+    "sensor",
+    "reading",
+    "contact",
+    "descriptor",
+    "vocabulary",
+    "patch",
+    "patch_pair",
+    "filter",
+    "model",
+    "belief",
+    "train",
+    "recognise",
+];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}
+
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let skipped = path.file_name().is_some_and(|n| n == "target" || n == ".git");
+        if path.is_dir() && !skipped {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+    found
+}
+
+#[test]
+fn crates_use_only_lower_storeys() {
+    let metadata = cargo_metadata::MetadataCommand::new().no_deps().exec().unwrap();
+    let storey = |name: &str| STOREYS.iter().position(|crates| crates.contains(&name));
+    let allowed: BTreeMap<&str, &[&str]> = MAY_USE.iter().copied().collect();
+    for package in &metadata.packages {
+        let own = storey(&package.name).unwrap_or_else(|| panic!("{} has no storey", package.name));
+        for dependency in &package.dependencies {
+            let Some(other) = storey(&dependency.name) else { continue };
+            let (user, used) = (&package.name, &dependency.name);
+            assert!(other < own, "{user} uses {used}, which is not below it");
+            // The command and the tests stand on top and may use everything.
+            let on_top = own >= 4 || dependency.kind == cargo_metadata::DependencyKind::Development;
+            let named = allowed.get(user.as_str()).is_some_and(|a| a.contains(&used.as_str()));
+            assert!(on_top || named, "{user} may not use {used}");
+        }
+    }
+}
+
+#[test]
+fn modules_of_core_use_only_earlier_ones() {
+    let folder = root().join("core/src");
+    for path in sources(&folder) {
+        let relative = path.strip_prefix(&folder).unwrap();
+        let first = relative.components().next().unwrap().as_os_str().to_string_lossy();
+        let module = first.trim_end_matches(".rs").to_owned();
+        if module == "lib" {
+            continue;
+        }
+        let place = |name: &str| CORE_ORDER.iter().position(|module| *module == name);
+        let own = place(&module).unwrap_or_else(|| panic!("{module} has no place in the order"));
+        let text = std::fs::read_to_string(&path).unwrap();
+        // Tests may use anything: they stand below everything they test.
+        let product = text.split("#[cfg(test)]").next().unwrap();
+        for used in product.split("crate::").skip(1) {
+            let name: String =
+                used.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            let other = place(&name).unwrap_or_else(|| panic!("{name} has no place"));
+            assert!(other <= own, "{} uses {name}, which comes later", relative.display());
+        }
+    }
+}
+
+#[test]
+fn every_source_file_opens_with_what_it_is_for() {
+    for path in sources(&root()) {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let first = text.lines().next().unwrap_or("");
+        let says = first.starts_with("//! ") && first.len() > 12;
+        assert!(says, "{} does not open with a sentence of what it is for", path.display());
+    }
+}
+
+#[test]
+fn core_does_no_io_and_knows_no_time() {
+    let manifest = std::fs::read_to_string(root().join("core/Cargo.toml")).unwrap();
+    let product = manifest.split("[dev-dependencies]").next().unwrap();
+    for stranger in ["serde", "tokio", "axum", "sled", "reqwest", "jiff", "tracing"] {
+        assert!(!product.contains(stranger), "core depends on {stranger}");
+    }
+}
