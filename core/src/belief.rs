@@ -1,5 +1,6 @@
 //! What the service answers: identities, poses, and how sure it is.
 
 pub mod answer;
+pub mod refine;
 
 pub use answer::{Answer, PoseMode, WeightedPose};

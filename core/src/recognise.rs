@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
+use crate::belief::refine::{Refinement, refine};
 use crate::filter::pose_bins::PoseBins;
 use crate::filter::sparse::{PairEvidence, ProductRule, SparseHistogram};
 use crate::log_prob::normalize;
@@ -69,6 +70,8 @@ pub struct SvaOptions {
     pub partners_max: usize,
     /// At most this many bins are kept for an object.
     pub bins_max: usize,
+    /// How answered poses are refined within their bins; `None` as printed.
+    pub refinement: Option<Refinement>,
 }
 
 impl Default for SvaOptions {
@@ -88,6 +91,7 @@ impl Default for SvaOptions {
             turn_step: 0.25,
             partners_max: 24,
             bins_max: 4_000,
+            refinement: Some(Refinement::default()),
         }
     }
 }
@@ -108,6 +112,7 @@ impl SvaOptions {
             normal_tolerance: None,
             partners_max: usize::MAX,
             bins_max: usize::MAX,
+            refinement: None,
             ..Self::default()
         }
     }
@@ -296,7 +301,17 @@ impl SvaBelief {
             position_deviation: edge / 12.0_f64.sqrt(),
             rotation_deviation: width / 12.0_f64.sqrt(),
         };
-        answer(&log_objects, poses, n_modes, &scale, self.n_readings)
+        let mut answer = answer(&log_objects, poses, n_modes, &scale, self.n_readings);
+        if let Some(settings) = &self.options.refinement {
+            answer.modes.par_iter_mut().for_each(|mode| {
+                let map = self.catalogue.objects[mode.object.0 as usize].patches();
+                if let Some(better) = refine(mode.session_from_object, &self.seen, map, settings) {
+                    mode.session_from_object = better.session_from_object;
+                    mode.covariance = better.covariance;
+                }
+            });
+        }
+        answer
     }
 
     /// How many readings were added.
