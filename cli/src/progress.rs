@@ -98,11 +98,17 @@ impl TrainingProgress {
         }
     }
 
-    /// Runs something that prints or asks while the bar is out of the way.
-    pub(crate) fn suspended<R>(&self, run: impl FnOnce() -> R) -> R {
-        match &self.bar {
-            Some(bar) => bar.suspend(run),
-            None => run(),
+    /// Leaves the terminal alone while something is asked.
+    pub(crate) fn pause(&self) {
+        if let Some(bar) = &self.bar {
+            bar.disable_steady_tick();
+        }
+    }
+
+    /// Goes on after [`TrainingProgress::pause`].
+    pub(crate) fn resume(&self) {
+        if let Some(bar) = &self.bar {
+            bar.enable_steady_tick(Duration::from_millis(200));
         }
     }
 }

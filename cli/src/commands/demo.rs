@@ -205,8 +205,8 @@ async fn current_version(client: &Client) -> anyhow::Result<Option<CatalogueVers
         return Ok(None);
     };
     let version = client.catalogue_version(CATALOGUE, current.version).await?;
-    let knows = |name: &&str| version.report.objects.iter().any(|object| object.name == **name);
-    Ok(shapes::NAMES.iter().all(|name| knows(&name)).then_some(version))
+    let knows = |name: &&str| version.report.objects.iter().any(|object| object.name == *name);
+    Ok(shapes::NAMES.iter().all(knows).then_some(version))
 }
 
 /// What all robots share.

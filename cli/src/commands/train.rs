@@ -92,7 +92,9 @@ pub(crate) async fn follow(client: &Client, job: &Job, output: Output) -> anyhow
             outcome = &mut ended => break outcome,
             interrupted = tokio::signal::ctrl_c() => {
                 interrupted?;
-                if shown.borrow().suspended(|| wants_to_cancel(job)) {
+                shown.borrow().pause();
+                if wants_to_cancel(job).await? {
+                    shown.borrow().resume();
                     client.cancel_job(job.id).await?;
                 } else {
                     shown.borrow().clear();
@@ -106,16 +108,24 @@ pub(crate) async fn follow(client: &Client, job: &Job, output: Output) -> anyhow
     Ok(outcome?)
 }
 
-/// Asks, if there is somebody to ask.
-fn wants_to_cancel(job: &Job) -> bool {
+/// Asks, if there is somebody to ask. Another Ctrl-C is a no.
+async fn wants_to_cancel(job: &Job) -> anyhow::Result<bool> {
     if !std::io::stdin().is_terminal() || !std::io::stderr().is_terminal() {
-        return false;
+        return Ok(false);
     }
     eprint!("\nCancel training {}? Otherwise it goes on in the server. [y/N] ", job.id);
-    let _ = std::io::stderr().flush();
-    let mut answer = String::new();
-    let read = std::io::stdin().read_line(&mut answer);
-    read.is_ok() && matches!(answer.trim(), "y" | "Y" | "yes")
+    std::io::stderr().flush()?;
+    let answer = tokio::task::spawn_blocking(|| {
+        let mut answer = String::new();
+        std::io::stdin().read_line(&mut answer).map(|_| answer)
+    });
+    tokio::select! {
+        answer = answer => Ok(matches!(answer??.trim(), "y" | "Y" | "yes")),
+        interrupted = tokio::signal::ctrl_c() => {
+            eprintln!();
+            Ok(interrupted.map(|()| false)?)
+        }
+    }
 }
 
 fn trained_words(trained: &Trained) -> String {

@@ -1,0 +1,155 @@
+//! The command as it is used: its exit codes, what it prints where, and a whole round.
+#![allow(clippy::unwrap_used, reason = "tests may panic, helpers outside of test functions too")]
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+use tempfile::TempDir;
+
+fn palpate(arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.args(arguments.split_whitespace());
+    for name in ["PALPATE_SERVER", "PALPATE_DATA", "PALPATE_LISTEN", "RUST_LOG"] {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// Runs to the end.
+fn run(folder: &Path, arguments: &str) -> Output {
+    palpate(arguments).current_dir(folder).output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// A server that stops when it is dropped.
+struct Server {
+    child: Child,
+    address: String,
+}
+
+impl Server {
+    fn start(data: &Path) -> Self {
+        let mut command = palpate("serve --listen 127.0.0.1:0 --json");
+        let mut child = command
+            .arg("--data")
+            .arg(data)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let started: serde_json::Value = serde_json::from_str(&line).unwrap();
+        Self { child, address: started["server"].as_str().unwrap().to_owned() }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn wrong_usage_exits_with_two() {
+    let folder = TempDir::new().unwrap();
+    for arguments in ["", "objects", "touch --mesh mug.stl", "demo --json", "demo --trials 0"] {
+        let output = run(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_server_that_is_not_there_exits_with_three_and_a_hint() {
+    let folder = TempDir::new().unwrap();
+    let output = run(folder.path(), "--server http://127.0.0.1:1 objects list --json");
+    assert_eq!(output.status.code(), Some(3));
+    assert!(stderr(&output).contains("palpate serve"), "{}", stderr(&output));
+    assert_eq!(stdout(&output), "");
+}
+
+#[test]
+fn the_description_of_the_api_is_printed_without_a_server() {
+    let folder = TempDir::new().unwrap();
+    let output = run(folder.path(), "openapi");
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(document["paths"]["/v1/sessions/{session}/readings"].is_object());
+}
+
+#[test]
+fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() {
+    let folder = TempDir::new().unwrap();
+    let (at, data) = (folder.path(), folder.path().join("data"));
+    let output = run(at, "objects example --all --out meshes --json");
+    let written: Vec<String> = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(written.len(), 10);
+
+    let server = Server::start(&data);
+    let ask = |server: &Server, arguments: &str| {
+        run(at, &format!("--server {} {arguments}", server.address))
+    };
+    for object in ["hammer", "gear", "mug"] {
+        let output = ask(&server, &format!("objects add {object} --mesh meshes/{object}.stl"));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    }
+    let taken = ask(&server, "objects add mug");
+    assert_eq!(taken.status.code(), Some(1));
+    assert!(stderr(&taken).contains("taken"), "{}", stderr(&taken));
+
+    let trained = ask(&server, "train --readings-per-object 300 --json");
+    let answer: serde_json::Value = serde_json::from_slice(&trained.stdout).unwrap();
+    assert_eq!(answer["version"]["report"]["objects"].as_array().unwrap().len(), 3);
+    let touch = "touch --object hammer --mesh meshes/hammer.stl --readings 10 --seed 7 --json";
+    let touched = ask(&server, touch);
+    assert_eq!(touched.status.code(), Some(0), "{}", stderr(&touched));
+    let answer: serde_json::Value = serde_json::from_slice(&touched.stdout).unwrap();
+    assert_eq!(answer["steps"].as_array().unwrap().len(), 10);
+    // So few training readings may turn the hammer end for end, but it lies within ±200 mm of
+    // the origin: a mistake of frames or units would be off by far more than its own 80 mm.
+    assert!(answer["position_error_mm"].as_f64().unwrap() < 60.0, "{answer}");
+
+    drop(server);
+    let server = Server::start(&data);
+    let mistaken = ask(&server, "touch --object gear --mesh meshes/mug.stl --readings 10");
+    assert_eq!(mistaken.status.code(), Some(4), "{}", stdout(&mistaken));
+    let listed = ask(&server, "sessions list --json");
+    let sessions: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
+    assert_eq!(sessions["items"].as_array().unwrap().len(), 2, "the first survived the restart");
+
+    let second = palpate("serve --listen 127.0.0.1:0").arg("--data").arg(&data).output().unwrap();
+    assert_eq!(second.status.code(), Some(1));
+    assert!(stderr(&second).contains("in use by another process"), "{}", stderr(&second));
+}
+
+#[test]
+fn the_demonstration_ends_with_one_line_of_figures() {
+    let folder = TempDir::new().unwrap();
+    let output = run(
+        folder.path(),
+        "demo --once --json --listen 127.0.0.1:0 --trials 8 --readings-per-object 200",
+    );
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = stdout(&output);
+    assert_eq!(text.lines().count(), 1, "{text}");
+    let figures: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(figures["trials"], 8);
+    assert!(figures["recognised"].as_u64().unwrap() >= 4, "{figures}");
+    for key in [
+        "touches_median",
+        "position_error_mm_median",
+        "angle_error_deg_median",
+        "ms_per_reading_median",
+    ] {
+        assert!(figures[key].as_f64().unwrap() > 0.0, "{key} of {figures}");
+    }
+    assert!(stderr(&output).contains("/docs"), "{}", stderr(&output));
+}
