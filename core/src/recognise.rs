@@ -66,6 +66,8 @@ pub struct SvaOptions {
     pub sigma_init: f64,
     /// Distance between sampled turns about a pair's axis, rad.
     pub turn_step: f64,
+    /// How many deviations to each side of the mean turn are sampled.
+    pub turn_reach: f64,
     /// A new reading is paired with at most this many earlier ones.
     pub partners_max: usize,
     /// At most this many bins are kept for an object.
@@ -88,8 +90,9 @@ impl Default for SvaOptions {
             pair_weight: PairWeight::Once,
             normal_tolerance: Some(0.25),
             sigma_init: 0.1,
-            turn_step: 0.25,
-            partners_max: 24,
+            turn_step: 0.4,
+            turn_reach: 2.0,
+            partners_max: 16,
             bins_max: 4_000,
             refinement: Some(Refinement::default()),
         }
@@ -110,6 +113,9 @@ impl SvaOptions {
             rule: ProductRule::Strict,
             pair_weight: PairWeight::BothOrders,
             normal_tolerance: None,
+            // A strict product needs the tails: a turn that is not sampled is impossible.
+            turn_step: 0.25,
+            turn_reach: 5.0,
             partners_max: usize::MAX,
             bins_max: usize::MAX,
             refinement: None,
@@ -408,7 +414,7 @@ fn add_match(
     let stored = PairFrame::new(&axis, &a, &b);
     let angle = query.frame.axis_angle(&stored, options.sigma_init);
     let turns = query.frame.turns(&stored);
-    angle.for_each_sample(options.turn_step, |turn, share| {
+    angle.for_each_sample(options.turn_step, options.turn_reach, |turn, share| {
         evidence.add(&options.bins, &turns.pose(turn), weight * share);
     });
 }

@@ -148,9 +148,9 @@ impl Turns<'_> {
 
 impl AxisAngle {
     /// Calls `visit(angle, weight)` for a sampling of the distribution at steps of about
-    /// `step` rad; the weights sum to 1. A wrapped normal out to two deviations, or the
+    /// `step` rad; the weights sum to 1. A wrapped normal out to `reach` deviations, or the
     /// whole circle evenly when the spread exceeds π/2.
-    pub fn for_each_sample(&self, step: f64, mut visit: impl FnMut(f64, f64)) {
+    pub fn for_each_sample(&self, step: f64, reach: f64, mut visit: impl FnMut(f64, f64)) {
         if self.spread > FRAC_PI_2 {
             let n = (TAU / step).ceil();
             for k in 0..n as usize {
@@ -158,7 +158,7 @@ impl AxisAngle {
             }
             return;
         }
-        let reach = (2.0 * self.spread / step).round().min(PI / step) as i32;
+        let reach = (reach * self.spread / step).round().min(PI / step) as i32;
         let density = |k: i32| (-0.5 * (f64::from(k) * step / self.spread).powi(2)).exp();
         let total = 1.0 + 2.0 * (1..=reach).map(density).sum::<f64>();
         for k in -reach..=reach {
@@ -272,7 +272,7 @@ mod tests {
         for spread in [0.01, 0.1, 0.5, 1.5, f64::INFINITY] {
             let angle = AxisAngle { mean: 0.3, spread };
             let (mut total, mut n) = (0.0, 0);
-            angle.for_each_sample(0.25, |_, weight| {
+            angle.for_each_sample(0.25, 2.0, |_, weight| {
                 total += weight;
                 n += 1;
             });
