@@ -46,6 +46,10 @@ impl App {
         &self.0.config
     }
 
+    pub(crate) fn pool(&self) -> &Pool {
+        &self.0.pool
+    }
+
     pub(crate) fn admission(&self) -> &Admission {
         &self.0.admission
     }

@@ -53,7 +53,7 @@ impl Config {
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,
             body_timeout: Duration::from_secs(60),
-            answer_timeout: Duration::from_secs(60),
+            answer_timeout: Duration::from_secs(90),
             requests_max: 1024,
             streams_max: 1024,
             compute_threads: n_cores,

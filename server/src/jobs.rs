@@ -5,11 +5,12 @@
 //! streamed. A job that a stop of the server interrupted is taken up again once; its seed
 //! makes it the same training.
 
-use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+mod control;
+
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use control::{CANCEL, Control, SUSPEND};
 use dashmap::DashMap;
 use palpate_schemas as wire;
 use palpate_schemas::{JobStage, StartTraining};
@@ -32,15 +33,8 @@ use crate::wire::{self as convert, cursor, page_id, page_length};
 
 /// How long a cancel waits for the running training to notice.
 const CANCEL_PATIENCE: Duration = Duration::from_secs(5);
-/// Followers hear at most this often how far a job is.
-const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 /// Marks a job that was interrupted by a stop of the server and queued again.
 const INTERRUPTED: &str = "interrupted by a stop of the server";
-
-/// What the running training is told: go on, stop for good, or stop until the next start.
-const GO_ON: u8 = 0;
-const CANCEL: u8 = 1;
-const SUSPEND: u8 = 2;
 
 /// All jobs.
 pub(crate) struct Jobs {
@@ -53,13 +47,6 @@ pub(crate) struct Jobs {
     wake: Notify,
     starting: tokio::sync::Mutex<()>,
     queue_max: usize,
-}
-
-/// An unfinished job: what it is told, and what it tells.
-struct Control {
-    order: AtomicU8,
-    job: watch::Sender<wire::Job>,
-    told: Mutex<(JobStage, Instant, Instant)>,
 }
 
 impl Jobs {
@@ -180,7 +167,7 @@ impl Jobs {
             JobState::Succeeded | JobState::Failed | JobState::Cancelled => Err(finished(now)),
         });
         let job = cancelled.await??;
-        control.order.store(CANCEL, Ordering::Relaxed);
+        control.order(CANCEL);
         if job.state.is_final() {
             self.conclude(&job);
         } else {
@@ -223,7 +210,7 @@ impl Jobs {
             };
             if is_stopped {
                 if let Some(control) = self.control(id) {
-                    control.order.store(SUSPEND, Ordering::Relaxed);
+                    control.order(SUSPEND);
                 }
                 working.await;
                 return;
@@ -332,7 +319,7 @@ impl Jobs {
         let Some(control) = self.control(id) else { return };
         match self.train(&job, &control).await {
             Ok(version) => self.end(id, JobState::Succeeded, Some(version), None).await,
-            Err(TrainingFailure::Stopped) if control.order.load(Ordering::Relaxed) == SUSPEND => {
+            Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
                 tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
             }
             Err(TrainingFailure::Stopped) => {
@@ -424,6 +411,8 @@ impl Jobs {
                 Ok((trained, blocks))
             });
             let outcome = std::panic::catch_unwind(training);
+            // Whoever hears the answer may want to close the store.
+            drop((store, sensors));
             // Nobody waits any more when the runtime is gone.
             let _ = answer.send(outcome.unwrap_or(Err(Refusal::Panicked.into())));
         });
@@ -461,42 +450,6 @@ impl Jobs {
 }
 
 type Outcome = (crate::training::Trained, Vec<(String, Vec<u8>)>);
-
-impl Control {
-    fn new(job: wire::Job) -> Self {
-        let now = Instant::now();
-        Self {
-            order: AtomicU8::new(GO_ON),
-            job: watch::Sender::new(job),
-            told: Mutex::new((JobStage::Sampling, now, now)),
-        }
-    }
-
-    /// Tells the followers how far the job is, and the job whether to go on.
-    fn tell(&self, stage: JobStage, done: usize, total: usize) -> ControlFlow<()> {
-        if self.order.load(Ordering::Relaxed) != GO_ON {
-            return ControlFlow::Break(());
-        }
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        let now = Instant::now();
-        let is_new = told.0 != stage;
-        if is_new {
-            *told = (stage, now, now);
-        }
-        if is_new || done == total || now - told.2 >= PROGRESS_INTERVAL {
-            told.2 = now;
-            let elapsed = (now - told.1).as_secs_f64();
-            let left = total.saturating_sub(done) as f64;
-            self.job.send_modify(|job| {
-                job.stage = Some(stage);
-                job.done = convert::count(done);
-                job.total = convert::count(total);
-                job.eta_s = (done > 0).then(|| elapsed / done as f64 * left);
-            });
-        }
-        ControlFlow::Continue(())
-    }
-}
 
 fn finished(job: &Job) -> Refusal {
     Refusal::JobFinished { job: job.id, state: convert::training::state(job.state) }

@@ -164,6 +164,7 @@ impl Objects {
         let journal = self.store.training();
         for _ in 0..APPEND_ATTEMPTS {
             let before = journal.len(object.id)?;
+            self.check_sensor(&object, &readings)?;
             let entries = self.new_entries(&object, &readings)?;
             if before as usize + entries.len() > self.readings_max {
                 return Err(Refusal::ReadingsFull {
@@ -204,6 +205,25 @@ impl Objects {
             items: entries.iter().filter_map(convert::reading::stored).collect(),
             next_cursor: more.then(|| next.to_string()),
         })
+    }
+
+    /// Refuses readings of another sensor than the object's first: a map is of one.
+    fn check_sensor(&self, object: &Object, readings: &[Incoming]) -> Result<(), Refusal> {
+        let first = self.store.training().entry(object.id, 0)?;
+        let expected = match first.map(|entry| entry.event) {
+            Some(Event::Reading(reading)) => reading.sensor,
+            _ => readings[0].sensor.id,
+        };
+        let Some(index) = readings.iter().position(|r| r.sensor.id != expected) else {
+            return Ok(());
+        };
+        let found = &readings[index].sensor.name;
+        let expected = self.sensors.get(&expected.to_string())?;
+        let detail = format!(
+            "came {found:?}, expected {:?} as in the object's first reading",
+            expected.name
+        );
+        Err(Refusal::field(format!("/readings/{index}/sensor"), detail))
     }
 
     /// The readings that are not stored yet, as entries.

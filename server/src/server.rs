@@ -10,7 +10,7 @@ use std::time::Duration;
 use axum::serve::ListenerExt;
 use palpate_store::database::{Database, DatabaseError};
 use palpate_store::error::StoreError;
-use palpate_store::sled::SledOptions;
+use palpate_store::sled::{SledEngine, SledOptions};
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -38,6 +38,7 @@ pub struct Server {
     stop: watch::Sender<bool>,
     serving: JoinHandle<std::io::Result<()>>,
     working: JoinHandle<()>,
+    engine: Arc<SledEngine>,
 }
 
 /// Why a server does not start.
@@ -96,7 +97,11 @@ impl Server {
             .map_err(|source| StartError::Listen { address, source })?;
         let local_addr = listener.local_addr()?;
         let (stop, stopping) = watch::channel(false);
-        let (app, jobs) = assemble(config, stopping.clone()).await?;
+        let engine = open(&config).await?;
+        let store = Arc::clone(&engine);
+        let store = tokio::task::spawn_blocking(move || Database::with_engine(store));
+        let store = store.await.map_err(std::io::Error::other)??;
+        let (app, jobs) = assemble(config, store, stopping.clone()).await?;
         let working = tokio::spawn(jobs.work(stopping.clone()));
         let listener = listener.tap_io(|connection| {
             // Answers are small: waiting to fill a packet costs 40 ms each.
@@ -108,7 +113,7 @@ impl Server {
         });
         let serving = tokio::spawn(serving.into_future());
         tracing::info!("Listening at http://{local_addr}");
-        Ok(Self { local_addr, stop, serving, working })
+        Ok(Self { local_addr, stop, serving, working, engine })
     }
 
     /// The address it listens at, with the port that was taken.
@@ -129,19 +134,40 @@ impl Server {
         if (&mut self.working).await.is_err() {
             tracing::error!("The worker of training jobs panicked");
         }
+        close(self.engine).await;
         tracing::info!("Stopped");
+    }
+}
+
+async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError> {
+    let folder = config.data.clone();
+    let opening =
+        tokio::task::spawn_blocking(move || SledEngine::open(&folder, &SledOptions::default()));
+    let opened = opening.await.map_err(std::io::Error::other)?;
+    Ok(Arc::new(opened.map_err(DatabaseError::from)?))
+}
+
+/// Closes the engine when nobody else has it any more: the last tasks of the runtime let go
+/// of it a moment after they have answered, and the next server wants the folder's lock.
+async fn close(engine: Arc<SledEngine>) {
+    let waiting = async {
+        while Arc::strong_count(&engine) > 1 {
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+    };
+    if tokio::time::timeout(SHUTDOWN_PATIENCE, waiting).await.is_err() {
+        tracing::warn!("The database is still in use after {SHUTDOWN_PATIENCE:?}");
+    }
+    if tokio::task::spawn_blocking(move || drop(engine)).await.is_err() {
+        tracing::error!("The database panicked when it was closed");
     }
 }
 
 async fn assemble(
     config: Config,
+    store: Database,
     stopping: watch::Receiver<bool>,
 ) -> Result<(App, Arc<Jobs>), StartError> {
-    let folder = config.data.clone();
-    let opening = tokio::task::spawn_blocking(move || {
-        Database::open_folder(&folder, &SledOptions::default())
-    });
-    let store = opening.await.map_err(std::io::Error::other)??;
     let pool = Pool::start(config.compute_threads, config.compute_queue_max)?;
     let sensors = Arc::new(Sensors::new(store.clone()));
     sensors.add_presets().await?;

@@ -281,3 +281,43 @@ pub(crate) fn is_last(event: &SessionEvent) -> bool {
         SessionEvent::Deleted { .. } => true,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_core::pose::Pose;
+    use palpate_store::entity::{Method, StoredReading};
+    use palpate_store::journal::NewEntry;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_session_closes_when_nothing_new_comes_for_its_time_to_live() {
+        let store = Database::in_memory();
+        let session = Session {
+            id: Uuid::from_u128(1),
+            catalogue: Uuid::nil(),
+            version: 1,
+            method: Method::Sva,
+            sensors: Vec::new(),
+            frame_id: String::new(),
+            prior: Vec::new(),
+            object_may_move: false,
+            seed: 0,
+            time_to_live_ms: 1000,
+            options: String::new(),
+            created_at_ms: 5000,
+            closed_at_ms: None,
+        };
+        let closed_at = |now| status(&store, &session, now).unwrap().closed_at_ms;
+        assert_eq!((closed_at(5999), closed_at(6000)), (None, Some(6000)));
+        let reading = Event::Reading(StoredReading {
+            sensor: Uuid::nil(),
+            session_from_sensor: Pose::IDENTITY,
+            pressures: vec![None],
+            stamp_ns: None,
+        });
+        let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
+        store.journal().append(session.id, 0, &[entry]).await.unwrap();
+        assert_eq!((closed_at(6899), closed_at(9000)), (None, Some(6900)));
+    }
+}

@@ -1,6 +1,8 @@
 //! The service over real HTTP: each test starts a server on a free port with a folder of
 //! its own.
 
+#![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
+
 mod bad_input;
 mod harness;
 mod objects;

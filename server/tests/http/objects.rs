@@ -134,6 +134,11 @@ async fn training_readings_are_stored_once_and_listed() {
     let cursor = page["next_cursor"].as_str().unwrap();
     let rest = it.get(&format!("{path}?cursor={cursor}")).await.expect(200);
     assert_eq!((&rest["items"][0]["index"], &rest["next_cursor"]), (&json!(2), &json!(null)));
+    let mut wide = quiet_reading();
+    wide["sensor"] = json!("fingertip-14x14");
+    wide["image"] = json!(vec![0.0; 196]);
+    let other_sensor = it.post(path, &json!({"readings": [wide]})).await;
+    other_sensor.problem(422, "invalid-value", Some("/readings/0/sensor"));
     readings[0]["frame_id"] = json!("table");
     let mixed = it.post(path, &json!({"readings": readings})).await;
     mixed.problem(422, "invalid-value", Some("/readings/1/frame_id"));

@@ -171,7 +171,7 @@ async fn events_tell_beliefs_and_the_end() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn sessions_close_expire_and_are_deleted() {
+async fn sessions_are_closed_and_deleted() {
     let it = Harness::start().await;
     it.train().await;
     let session = it.session(json!({"ttl_s": 600})).await;

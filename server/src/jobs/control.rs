@@ -1,0 +1,71 @@
+//! An unfinished job between those who follow or cancel it and the threads that train.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use palpate_schemas as wire;
+use palpate_schemas::JobStage;
+use tokio::sync::watch;
+
+use crate::wire::count;
+
+/// Followers hear at most this often how far a job is.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
+/// What the running training is told: go on, stop for good, or stop until the next start.
+const GO_ON: u8 = 0;
+pub(super) const CANCEL: u8 = 1;
+pub(super) const SUSPEND: u8 = 2;
+
+/// An unfinished job: what it is told, and what it tells.
+pub(super) struct Control {
+    order: AtomicU8,
+    pub(super) job: watch::Sender<wire::Job>,
+    told: Mutex<(JobStage, Instant, Instant)>,
+}
+
+impl Control {
+    pub(super) fn new(job: wire::Job) -> Self {
+        let now = Instant::now();
+        Self {
+            order: AtomicU8::new(GO_ON),
+            job: watch::Sender::new(job),
+            told: Mutex::new((JobStage::Sampling, now, now)),
+        }
+    }
+
+    /// Tells the training what to do at its next step.
+    pub(super) fn order(&self, order: u8) {
+        self.order.store(order, Ordering::Relaxed);
+    }
+
+    pub(super) fn is_ordered(&self, order: u8) -> bool {
+        self.order.load(Ordering::Relaxed) == order
+    }
+
+    /// Tells the followers how far the job is, and the job whether to go on.
+    pub(super) fn tell(&self, stage: JobStage, done: usize, total: usize) -> ControlFlow<()> {
+        if self.order.load(Ordering::Relaxed) != GO_ON {
+            return ControlFlow::Break(());
+        }
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        let is_new = told.0 != stage;
+        if is_new {
+            *told = (stage, now, now);
+        }
+        if is_new || done == total || now - told.2 >= PROGRESS_INTERVAL {
+            told.2 = now;
+            let elapsed = (now - told.1).as_secs_f64();
+            let left = total.saturating_sub(done) as f64;
+            self.job.send_modify(|job| {
+                job.stage = Some(stage);
+                job.done = count(done);
+                job.total = count(total);
+                job.eta_s = (done > 0).then(|| elapsed / done as f64 * left);
+            });
+        }
+        ControlFlow::Continue(())
+    }
+}
