@@ -1,19 +1,20 @@
 //! Catalogues: trained models as immutable versions, and the one that is current.
 //!
 //! A version is a manifest that names blocks by the hash of their content; versions share
-//! blocks. Publishing writes the blocks, then the manifest; switching then makes a version
+//! blocks. Publishing writes the blocks, then the manifest with its number; switching then makes a version
 //! current in one commit and keeps the history. Each step is durable before the next begins,
 //! so a crash leaves the old state or the new one, at worst with blocks nobody names.
 //! Not here: what is in the blocks (`model_codec`).
 
+use std::convert::Infallible;
 use std::sync::Arc;
 
 use palpate_core::model::Catalogue as Model;
 use uuid::Uuid;
 
-use crate::engine::{Commit, Engine, Expected};
+use crate::engine::{Commit, Engine};
 use crate::envelope::{self, Kind};
-use crate::error::{RecordError, StoreError, conflict};
+use crate::error::{RecordError, StoreError};
 use crate::key::{self, Space};
 use crate::mesh::open_raw;
 use crate::model_codec;
@@ -25,8 +26,6 @@ use crate::table::{Entity, Page, Table};
 pub const HISTORY_MAX: usize = 1000;
 /// A manifest's key: space, catalogue, version.
 const MANIFEST_KEY_BYTES: usize = 25;
-/// How often a version number is drawn anew when others publish at the same time.
-const PUBLISH_ATTEMPTS: usize = 16;
 
 /// A catalogue: its versions are 1 ..= `latest`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -181,21 +180,16 @@ impl Catalogues {
             blocks,
             created_at_ms: draft.created_at_ms,
         };
-        // The manifest is written before its number is taken: a number that is taken has one.
-        for _ in 0..PUBLISH_ATTEMPTS {
-            manifest.version = self.get(catalogue)?.latest + 1;
-            if self.write_manifest(&manifest).await? {
-                self.table
-                    .update(catalogue, |now| {
-                        now.latest = now.latest.max(manifest.version);
-                        Ok::<(), std::convert::Infallible>(())
-                    })
-                    .await?
-                    .unwrap_or_else(|never| match never {});
-                return Ok(manifest);
-            }
-        }
-        Err(StoreError::Changed { what: Catalogue::WHAT, id: catalogue })
+        // The number is taken and the manifest written in one commit: no crash and no other
+        // publisher leaves one without the other.
+        let published = self.table.update_with(catalogue, |now| {
+            now.latest += 1;
+            manifest.version = now.latest;
+            let head = key::numbered(Space::Version, catalogue, u64::from(now.latest));
+            Ok::<_, Infallible>(pieces::put(Commit::new(), &head, &record::encode(&manifest), None))
+        });
+        published.await?.unwrap_or_else(|never| match never {});
+        Ok(manifest)
     }
 
     /// Makes a version current, for new sessions. `revision`, if given, is the one the caller
@@ -310,19 +304,6 @@ impl Catalogues {
             pieces::write_large(&*self.engine, &head, &sealed).await?;
         }
         Ok(entry)
-    }
-
-    /// Writes a manifest unless its number is taken; says whether it did.
-    async fn write_manifest(&self, manifest: &Manifest) -> Result<bool, StoreError> {
-        let number = u64::from(manifest.version);
-        let head = key::numbered(Space::Version, manifest.catalogue, number);
-        let commit = Commit::new().expect(head.clone(), Expected::Absent);
-        let commit = pieces::put(commit, &head, &record::encode(manifest), None);
-        match self.engine.commit(commit).await.map_err(conflict) {
-            Ok(()) => Ok(true),
-            Err(Ok(_)) => Ok(false),
-            Err(Err(error)) => Err(error.into()),
-        }
     }
 }
 

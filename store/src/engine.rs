@@ -14,7 +14,7 @@ use std::task::{Context, Poll};
 use futures::channel::oneshot;
 use thiserror::Error;
 
-/// No value may be larger, in bytes; larger things are split by [`crate::pieces`].
+/// No value may be larger, in bytes; larger things are split by `pieces`.
 ///
 /// sled moves values above 128 KiB to files that it never syncs and never reclaims.
 pub const VALUE_BYTES_MAX: usize = 4096;

@@ -2,7 +2,7 @@
 //!
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
-//! values are; [`pieces`] splits what is large; [`table`], [`journal`], [`mesh`] and
+//! values are; `pieces` splits what is large; [`table`], [`journal`], [`mesh`] and
 //! [`catalogue`] are the repositories that [`database::Database`] opens. `docs/formats.md`
 //! draws every byte. Times are arguments, in milliseconds since 1970.
 //! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
@@ -21,7 +21,7 @@ pub mod entity;
 
 pub mod record;
 
-pub mod pieces;
+mod pieces;
 
 pub mod error;
 

@@ -143,16 +143,28 @@ impl<T: Entity> Table<T> {
         id: Uuid,
         mut change: impl FnMut(&mut T) -> Result<(), R>,
     ) -> Result<Result<T, R>, StoreError> {
+        self.update_with(id, |item| change(item).map(|()| Commit::new())).await
+    }
+
+    /// Changes an item as [`Table::update`] does; the writes that `change` gives are applied
+    /// with the change or not at all.
+    pub(crate) async fn update_with<R>(
+        &self,
+        id: Uuid,
+        mut change: impl FnMut(&mut T) -> Result<Commit, R>,
+    ) -> Result<Result<T, R>, StoreError> {
         for _ in 0..UPDATE_ATTEMPTS {
             let found = self.read(id)?;
             let (before, bytes) = found.ok_or(StoreError::NotFound { what: T::WHAT, id })?;
             let mut after = before.clone();
-            if let Err(refusal) = change(&mut after) {
-                return Ok(Err(refusal));
-            }
+            let with = match change(&mut after) {
+                Ok(with) => with,
+                Err(refusal) => return Ok(Err(refusal)),
+            };
             let head = key::id(T::SPACE, id);
             let mut commit =
                 Commit::new().expect(head.clone(), Expected::Value(pieces::first(&bytes)));
+            commit.writes.extend(with.writes);
             if let (Some(old), Some(new)) = (before.name(), after.name())
                 && old != new
             {

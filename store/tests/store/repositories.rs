@@ -277,14 +277,14 @@ fn publishers_at_the_same_time_get_different_versions() {
         let (catalogues, id) = (database.catalogues(), Uuid::from_u128(70));
         wait(catalogues.create(&catalogue(70))).unwrap();
         std::thread::scope(|scope| {
-            for _ in 0..4 {
+            for _ in 0..12 {
                 scope.spawn(|| wait(catalogues.publish(id, draft(&[("a", 9_000)]))).unwrap());
             }
         });
         let versions: Vec<_> =
-            catalogues.manifests(id, 0, 10).unwrap().iter().map(|m| m.version).collect();
-        assert_eq!(versions, [1, 2, 3, 4]);
-        assert_eq!(catalogues.get(id).unwrap().latest, 4);
+            catalogues.manifests(id, 0, 20).unwrap().iter().map(|m| m.version).collect();
+        assert_eq!(versions, (1..=12).collect::<Vec<_>>());
+        assert_eq!(catalogues.get(id).unwrap().latest, 12);
     });
 }
 
