@@ -75,12 +75,12 @@ impl Client {
         self.send(request).await
     }
 
-    /// What is known of a session's object.
+    /// What is known of a session's object, or was after its first `query.at` readings.
     ///
     /// # Errors
     /// [`Error`].
     pub async fn belief(&self, session: Uuid, query: BeliefQuery) -> Result<Belief, Error> {
         let path = ["v1", "sessions", &session.to_string(), "belief"];
-        self.send(Request::get(path).query("poses", query.poses)).await
+        self.send(Request::get(path).query("poses", query.poses).query("at", query.at)).await
     }
 }

@@ -162,6 +162,11 @@ pub struct BeliefQuery {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 0, maximum = 100)]
     pub poses: Option<u32>,
+    /// After how many of the session's readings, in the order they came; 0 is before the
+    /// first, all of them when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[param(minimum = 0)]
+    pub at: Option<u32>,
 }
 
 /// What is known of a session's object: which one it is, where, and how certainly.

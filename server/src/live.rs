@@ -171,6 +171,33 @@ impl Live {
         self.catch_up(&mut state, tools, place, poses, length).await.map(Some)
     }
 
+    /// The belief after the session's first `at` readings, folded anew; `None` when that
+    /// revision is known. Nobody waits for it: what is folded never changes.
+    pub(crate) async fn belief_at(
+        &self,
+        tools: &Tools<'_>,
+        poses: usize,
+        at: u64,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Belief>, Refusal> {
+        let found = self.status(tools.store, now_ms())?.n_readings;
+        if at > found {
+            let detail = format!("came {at}, but the session has {found} readings");
+            return Err(Refusal::field("?at", detail));
+        }
+        if known_revision == Some(at) {
+            return Ok(None);
+        }
+        let place = tools.pool.place()?;
+        let folding = self.folding(tools, 0, at);
+        let answer =
+            place.run(move || folding.run(None, poses).map(|(_, answer)| answer)).await??;
+        if (answer.n_readings as u64) < at {
+            return Err(self.unknown());
+        }
+        Ok(Some(belief(self.session.id, at, &answer, &self.model, BeliefDetail::Full)))
+    }
+
     /// Closes the session: nothing follows in its journal. Closing it again changes nothing.
     pub(crate) async fn close(&self, store: &Database) -> Result<(), Refusal> {
         let _state = self.state.lock().await;
@@ -199,11 +226,14 @@ impl Live {
 
     /// What the session is doing; it may have been deleted while its entry was in use.
     fn status(&self, store: &Database, now: u64) -> Result<Status, Refusal> {
-        let id = self.session.id;
-        if store.sessions().find(id)?.is_none() {
-            return Err(Refusal::NotFound { what: "session", reference: id.to_string() });
+        if store.sessions().find(self.session.id)?.is_none() {
+            return Err(self.unknown());
         }
         status(store, &self.session, now)
+    }
+
+    fn unknown(&self) -> Refusal {
+        Refusal::NotFound { what: "session", reference: self.session.id.to_string() }
     }
 
     fn new_readings<'a>(
@@ -233,19 +263,23 @@ impl Live {
         poses: usize,
         length: u64,
     ) -> Result<wire::Belief, Refusal> {
-        let folding = Folding {
-            session: self.session.clone(),
-            model: Arc::clone(&self.model),
-            journal: tools.store.journal(),
-            sensors: Arc::clone(tools.sensors),
-            from: std::mem::take(&mut state.n_folded),
-            length,
-        };
+        let folding = self.folding(tools, std::mem::take(&mut state.n_folded), length);
         let before = state.belief.take();
         let (after, answer) = place.run(move || folding.run(before, poses)).await??;
         state.belief = Some(after);
         state.n_folded = length;
         Ok(belief(self.session.id, length, &answer, &self.model, BeliefDetail::Full))
+    }
+
+    fn folding(&self, tools: &Tools<'_>, from: u64, length: u64) -> Folding {
+        Folding {
+            session: self.session.clone(),
+            model: Arc::clone(&self.model),
+            journal: tools.store.journal(),
+            sensors: Arc::clone(tools.sensors),
+            from,
+            length,
+        }
     }
 }
 

@@ -139,7 +139,8 @@ impl Sessions {
         adding.await.unwrap_or(Err(Refusal::Panicked))
     }
 
-    /// The belief as it is now; `None` when it is the one of `known_revision`.
+    /// The belief as it is now or was after some readings; `None` when it is the one of
+    /// `known_revision`.
     pub(crate) async fn belief(
         self: &Arc<Self>,
         id: &str,
@@ -150,7 +151,12 @@ impl Sessions {
             convert::within("?poses", u64::from(poses), 0, POSES_MAX)
         })?;
         let live = self.live(self.parse(id)?).await?;
-        self.belief_of(live, poses as usize, known_revision).await
+        match query.at {
+            Some(at) => {
+                live.belief_at(&self.tools(), poses as usize, u64::from(at), known_revision).await
+            }
+            None => self.belief_of(live, poses as usize, known_revision).await,
+        }
     }
 
     /// What happens to a session from now on, and its belief as it is now.

@@ -57,7 +57,8 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             output.answer(&page, |page| table(&page.items))
         }
         Action::Show { session, poses } => {
-            let belief = client.belief(session, BeliefQuery { poses: Some(poses) }).await?;
+            let belief =
+                client.belief(session, BeliefQuery { poses: Some(poses), at: None }).await?;
             let session = client.session(session).await?;
             output.answer(&Shown { session, belief }, |shown| {
                 let session = table(std::slice::from_ref(&shown.session));

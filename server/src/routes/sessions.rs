@@ -100,7 +100,9 @@ pub(crate) async fn add_readings(
 
 /// Get a session's belief
 ///
-/// With `If-None-Match` and the `ETag` of a belief that is still the newest, 304.
+/// With `If-None-Match` and the `ETag` of a belief that is still the newest, 304. With `at`
+/// the belief as it was after so many readings, computed anew from the stored readings; it
+/// never changes, and its `ETag` is the one that it had then.
 #[utoipa::path(get, path = "/v1/sessions/{session}/belief", operation_id = "get_belief",
     tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), BeliefQuery),

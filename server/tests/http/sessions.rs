@@ -52,6 +52,36 @@ async fn touches_are_recognised_and_a_restart_loses_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_belief_at_a_reading_is_what_was_answered_to_it() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    let path = format!("/v1/sessions/{session}");
+    let mut answered = vec![it.get(&format!("{path}/belief")).await.expect(200)];
+    for reading in touches(BAR, 5, 21, resting_pose()) {
+        let body = json!({"readings": [reading]});
+        let added = it.post(&format!("{path}/readings"), &body).await.expect(200);
+        answered.push(added["belief"].clone());
+    }
+    it.post(&format!("{path}/close"), &json!({})).await.expect(200);
+    let it = it.restart().await;
+    for (n, belief) in answered.iter().enumerate() {
+        let then = it.get(&format!("{path}/belief?at={n}")).await;
+        assert_eq!(&then.expect(200), belief);
+        assert_eq!(then.headers["etag"], format!("\"{n}\""));
+    }
+    let one_pose = it.get(&format!("{path}/belief?at=5&poses=1")).await.expect(200);
+    assert_eq!(one_pose["poses"].as_array().unwrap().len(), 1);
+    let known = it.client.get(it.url(&format!("{path}/belief?at=3")));
+    let known = known.header("if-none-match", "\"3\"").send().await.unwrap();
+    assert_eq!(known.status(), 304);
+    for at in ["6", "-1", "last"] {
+        let refused = it.get(&format!("{path}/belief?at={at}")).await;
+        refused.problem(422, "invalid-value", Some("?at"));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_repeated_reading_counts_once_and_a_changed_one_is_refused() {
     let it = Harness::start().await;
     it.train().await;
