@@ -1,7 +1,9 @@
 //! Where an object was touched: a picture of each, and touches along each of its axes.
 //!
 //! A press controller that pushes thin parts through the sensor leaves them without a touch,
-//! and recognition then fails for no visible reason; this shows it at a glance.
+//! and recognition then fails for no visible reason; this shows it at a glance. Only axes
+//! along which the object is long count: a touch lies inside the surface by the covering's
+//! indentation, so the outer tenths of a thin rod's width stay empty however it is touched.
 
 use glam::DVec3;
 use palpate_core::reading::Reading;
@@ -15,8 +17,11 @@ use crate::report::Report;
 /// Slices of an object along each axis.
 const N_SLICES: usize = 10;
 
-/// Two pictures of each object with its touches, and a row of the fewest touches in any slice
-/// along x, y and z; the summary gets the fewest of all.
+/// An axis counts when the object's extent along it is at least this share of its largest.
+const LONG_SHARE: f64 = 0.5;
+
+/// Two pictures of each object with its touches, and a row of the fewest touches in any tenth
+/// along its long axes; the summary gets the fewest of all.
 pub fn pictures(
     report: &mut Report,
     objects: &[TestObject],
@@ -27,9 +32,12 @@ pub fn pictures(
     for (object, readings) in objects.iter().zip(readings) {
         let touches: Vec<DVec3> =
             readings.iter().map(|reading| reading.session_from_sensor().translation).collect();
-        let per_axis: Vec<usize> =
-            (0..3).map(|axis| fewest_in_a_slice(object, &touches, axis)).collect();
-        fewest = fewest.min(per_axis.iter().copied().min().unwrap_or(0));
+        let long = LONG_SHARE * object.mesh.largest_dimension();
+        let per_axis = [0, 1, 2].map(|axis| {
+            let is_long = object.mesh.extent()[axis] >= long;
+            is_long.then(|| fewest_in_a_slice(object, &touches, axis))
+        });
+        fewest = per_axis.into_iter().flatten().fold(fewest, usize::min);
         report.row(vec![
             ("object", json!(object.name)),
             ("touches", json!(touches.len())),
