@@ -351,3 +351,40 @@ fn panel(
         lines: methods.iter().enumerate().map(line).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_sim::shapes;
+
+    use super::*;
+
+    #[test]
+    fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
+        let folder = std::env::temp_dir().join(format!("palpate-sva-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        for name in ["hammer", "gear"] {
+            let mesh = shapes::example(name).unwrap();
+            std::fs::write(folder.join(format!("{name}.stl")), mesh.to_stl_bytes()).unwrap();
+        }
+        let config = SvaObjects {
+            meshes: Some(folder.clone()),
+            trials: 1,
+            train_readings: 200,
+            test_readings: 30,
+            readings: 10,
+            ..SvaObjects::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        std::fs::remove_dir_all(&folder).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["accuracy_at_10"] > 0.9, "{summary:?}");
+        assert!(summary["position_error_mm_median_at_10"] < 10.0, "{summary:?}");
+        assert!(summary["index_bytes"] < 20e6, "{summary:?}");
+        assert!(summary.contains_key("literal_accuracy_at_10"));
+        assert!(summary.contains_key("printed_range_accuracy_at_10"));
+        assert_eq!(outcome.pictures.len(), 4, "front and back of both objects");
+        assert!(outcome.plot.contains("polyline"));
+        // Ten rows a method, one of coverage an object, and the confusions.
+        assert!(outcome.report.rows.len() >= 3 * 10 + 2);
+    }
+}
