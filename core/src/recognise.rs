@@ -5,124 +5,25 @@
 //! histograms multiply what the pairs say. Objects are worked on in parallel; the answer
 //! does not depend on the number of threads.
 
+mod matching;
+mod options;
+
 use std::sync::Arc;
 
 use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
-use crate::belief::refine::{Refinement, refine};
-use crate::filter::pose_bins::PoseBins;
-use crate::filter::sparse::{PairEvidence, ProductRule, SparseHistogram};
+use crate::belief::refine::refine;
+use crate::filter::sparse::{PairEvidence, SparseHistogram};
 use crate::log_prob::normalize;
-use crate::model::{Catalogue, MapPatch, ObjectIdx, ObjectMap};
+use crate::model::{Catalogue, ObjectIdx, ObjectMap};
 use crate::patch::{Patch, observe_patch};
-use crate::patch_pair::alignment::{PairAxis, PairEnd, PairFrame};
 use crate::reading::Reading;
 use crate::rotation_grid::RotationGrid;
 use crate::sensor::SensorDescription;
-use crate::units::MM;
-use crate::vocabulary::Association;
-
-/// How often the evidence of a pair counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PairWeight {
-    /// As printed (equation 5.13): (t, i) and (i, t) both count, though they say the same.
-    BothOrders,
-    /// Every pair counts once.
-    Once,
-    /// All pairs of a new reading together count `total` times: n readings do not give
-    /// n(n − 1)/2 independent pairs.
-    Tempered {
-        /// The sum of the exponents of a reading's pairs.
-        total: f64,
-    },
-}
-
-/// Which pose stands for a histogram bin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BinPose {
-    /// The centre of the bin, as printed (section 5.5.1.2).
-    Center,
-    /// The mean of the poses that evidence named within it.
-    Mean,
-}
-
-/// How the filter works.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SvaOptions {
-    /// The histogram's bins.
-    pub bins: PoseBins,
-    /// Where in a bin its pose is.
-    pub bin_pose: BinPose,
-    /// How pairs are multiplied.
-    pub rule: ProductRule,
-    /// How often a pair counts.
-    pub pair_weight: PairWeight,
-    /// Pairs whose normals make other angles with their axis (difference of cosines) do not
-    /// match; `None` as printed.
-    pub normal_tolerance: Option<f64>,
-    /// σ_init of section 5.4.3.2, rad.
-    pub sigma_init: f64,
-    /// Distance between sampled turns about a pair's axis, rad.
-    pub turn_step: f64,
-    /// How many deviations to each side of the mean turn are sampled.
-    pub turn_reach: f64,
-    /// A new reading is paired with at most this many earlier ones.
-    pub partners_max: usize,
-    /// At most this many bins are kept for an object.
-    pub bins_max: usize,
-    /// How answered poses are refined within their bins; `None` as printed.
-    pub refinement: Option<Refinement>,
-}
-
-impl Default for SvaOptions {
-    /// The service's own resolutions (`docs/equations.md`, chapter 5).
-    fn default() -> Self {
-        Self {
-            bins: PoseBins {
-                edge: 8.0 * MM,
-                rotations: RotationGrid::CubedHypersphere { n: 6 },
-                workspace: 400.0 * MM,
-            },
-            bin_pose: BinPose::Mean,
-            rule: ProductRule::Floored { floor: 0.05 },
-            pair_weight: PairWeight::Once,
-            normal_tolerance: Some(0.25),
-            sigma_init: 0.1,
-            turn_step: 0.4,
-            turn_reach: 2.0,
-            partners_max: 16,
-            bins_max: 4_000,
-            refinement: Some(Refinement::default()),
-        }
-    }
-}
-
-impl SvaOptions {
-    /// As the dissertation prints it: 50³ × 9³ bins, strict products of both orders.
-    #[must_use]
-    pub fn literal() -> Self {
-        Self {
-            bins: PoseBins {
-                edge: 8.0 * MM,
-                rotations: RotationGrid::Rodrigues { n: 9 },
-                workspace: 400.0 * MM,
-            },
-            bin_pose: BinPose::Center,
-            rule: ProductRule::Strict,
-            pair_weight: PairWeight::BothOrders,
-            normal_tolerance: None,
-            // A strict product needs the tails: a turn that is not sampled is impossible.
-            turn_step: 0.25,
-            turn_reach: 5.0,
-            partners_max: usize::MAX,
-            bins_max: usize::MAX,
-            refinement: None,
-            ..Self::default()
-        }
-    }
-}
+use matching::{PairQuery, find_poses};
+pub use options::{BinPose, PairWeight, SvaOptions};
 
 /// Why a reading cannot be used with a catalogue.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
@@ -228,14 +129,8 @@ impl SvaBelief {
 
     /// Equation 5.12: multiplies in what one pair of readings says.
     fn multiply_pair(&mut self, a: &Patch, b: &Patch, n_pairs: usize) {
-        let Some(axis) = PairAxis::new(&end(a), &end(b)) else {
+        let Some(query) = PairQuery::new(a, b) else {
             return;
-        };
-        let query = PairQuery {
-            frame: PairFrame::new(&axis, &end(a), &end(b)),
-            axis,
-            distance: a.position.distance(b.position),
-            classes: [&a.classes, &b.classes],
         };
         let evidence: Vec<PairEvidence> = self
             .catalogue
@@ -336,30 +231,6 @@ impl SvaBelief {
 /// How many of an object's bins compete to be modes.
 const BINS_FOR_MODES: usize = 64;
 
-struct PairQuery<'a> {
-    axis: PairAxis,
-    frame: PairFrame,
-    distance: f64,
-    classes: [&'a [Association]; 2],
-}
-
-fn end(patch: &Patch) -> PairEnd {
-    PairEnd {
-        position: patch.position,
-        normal: patch.normal,
-        normal_confidence: patch.normal_confidence,
-    }
-}
-
-fn stored_end(patch: &MapPatch) -> PairEnd {
-    let double = |v: [f32; 3]| glam::DVec3::from_array(v.map(f64::from));
-    PairEnd {
-        position: double(patch.position),
-        normal: double(patch.normal),
-        normal_confidence: f64::from(patch.normal_confidence),
-    }
-}
-
 /// The edge of a rotation bin, as an angle of rotation.
 fn rotation_width(grid: RotationGrid) -> f64 {
     match grid {
@@ -376,45 +247,4 @@ fn per_training_pair(object: &ObjectMap) -> f64 {
 /// Which of `n` earlier readings a new one is paired with: all, or `max` spread evenly.
 fn partners(n: usize, max: usize) -> Vec<usize> {
     if n <= max { (0..n).collect() } else { (0..max).map(|k| k * n / max).collect() }
-}
-
-/// Equations 5.14 and 5.21–5.25 for one pair and one object: the poses of all matches.
-fn find_poses(object: &ObjectMap, query: &PairQuery<'_>, options: &SvaOptions) -> PairEvidence {
-    let mut evidence = PairEvidence::default();
-    let index = object.index();
-    for (bin, distance_share) in index.distances().covering(query.distance).into_iter().flatten() {
-        for a in query.classes[0] {
-            for b in query.classes[1] {
-                let observed = distance_share * a.weight * b.weight;
-                index.matches(a.class, b.class, bin, |first, second, stored| {
-                    let pair = [first, second].map(|patch| object.patches()[usize::from(patch)]);
-                    add_match(&mut evidence, query, &pair, observed * stored, options);
-                });
-            }
-        }
-    }
-    evidence
-}
-
-/// Adds the poses of one match (section 5.4): sampled turns about the pair's axis.
-fn add_match(
-    evidence: &mut PairEvidence,
-    query: &PairQuery<'_>,
-    pair: &[MapPatch; 2],
-    weight: f64,
-    options: &SvaOptions,
-) {
-    let [a, b] = pair.map(|patch| stored_end(&patch));
-    let Some(axis) = PairAxis::new(&a, &b) else {
-        return;
-    };
-    if options.normal_tolerance.is_some_and(|limit| !query.axis.normals_agree(&axis, limit)) {
-        return;
-    }
-    let stored = PairFrame::new(&axis, &a, &b);
-    let angle = query.frame.axis_angle(&stored, options.sigma_init);
-    let turns = query.frame.turns(&stored);
-    angle.for_each_sample(options.turn_step, options.turn_reach, |turn, share| {
-        evidence.add(&options.bins, &turns.pose(turn), weight * share);
-    });
 }
