@@ -3,6 +3,7 @@
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::patch_pair::DistanceBins;
 use palpate_core::train::{DistanceRange, TrainingConfig};
+use palpate_core::vocabulary::MAX_CLASSES;
 use palpate_schemas as wire;
 use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch};
@@ -126,7 +127,7 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
     super::within("/readings_per_object", n_readings, 20, 20_000)?;
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     let n_classes = u64::from(request.n_classes.unwrap_or(25));
-    super::within("/n_classes", n_classes, 2, 255)?;
+    super::within("/n_classes", n_classes, 2, MAX_CLASSES as u64)?;
     if let Some(range) = request.distance_range {
         distances(range)?;
     }
