@@ -39,6 +39,9 @@ pub(crate) struct Segment1(pub(crate) String);
 /// Two segments of the path.
 pub(crate) struct Segment2(pub(crate) String, pub(crate) String);
 
+/// Three segments of the path.
+pub(crate) struct Segment3(pub(crate) String, pub(crate) String, pub(crate) String);
+
 /// A mesh file: its content type and its bytes.
 pub(crate) struct MeshBody {
     pub(crate) content_type: String,
@@ -101,6 +104,17 @@ impl FromRequestParts<App> for Segment2 {
         let Path((first, second)) =
             segments.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
         Ok(Self(first, second))
+    }
+}
+
+impl FromRequestParts<App> for Segment3 {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
+        let segments = Path::<(String, String, String)>::from_request_parts(parts, app).await;
+        let Path((first, second, third)) =
+            segments.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
+        Ok(Self(first, second, third))
     }
 }
 
