@@ -13,7 +13,7 @@ pub struct Config {
     pub insecure_bind: bool,
     /// The folder of the database; made if it does not exist.
     pub data: PathBuf,
-    /// The longest JSON body, in bytes.
+    /// The longest body of JSON or MessagePack, in bytes.
     pub json_bytes_max: usize,
     /// The longest mesh file, in bytes.
     pub mesh_bytes_max: usize,

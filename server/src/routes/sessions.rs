@@ -10,7 +10,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1, revision};
+use crate::extract::{JsonBody, Params, ReadingsBody, Segment1, revision};
 use crate::openapi::Conflict;
 use crate::refusal::Refusal;
 
@@ -92,7 +92,7 @@ pub(crate) async fn add_readings(
     State(app): State<App>,
     Segment1(session): Segment1,
     Params(query): Params<ReadingsQuery>,
-    JsonBody(request): JsonBody<AddReadings>,
+    ReadingsBody(request): ReadingsBody<AddReadings>,
 ) -> Result<Json<ReadingsAdded>, Refusal> {
     let detail = query.belief.unwrap_or_default();
     Ok(Json(app.sessions().add(&session, &request, detail).await?))
