@@ -2,7 +2,7 @@
 
 use palpate_schemas::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Job, JobPage,
-    PageQuery, SetCurrent, StartTraining,
+    ObjectMap, PageQuery, SetCurrent, StartTraining,
 };
 use uuid::Uuid;
 
@@ -51,6 +51,23 @@ impl Client {
     ) -> Result<CatalogueVersion, Error> {
         let version = version.to_string();
         self.send(Request::get(["v1", "catalogues", name, "versions", &version])).await
+    }
+
+    /// The trained map of one object of a version, with a page of its patches. `object` is
+    /// its id, or its name when it was trained.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn object_map(
+        &self,
+        name: &str,
+        version: u32,
+        object: &str,
+        page: &PageQuery,
+    ) -> Result<ObjectMap, Error> {
+        let version = version.to_string();
+        let path = ["v1", "catalogues", name, "versions", &version, "objects", object, "map"];
+        self.send(Request::get(path).page(page)).await
     }
 
     /// Which version of a catalogue new sessions use.

@@ -34,8 +34,8 @@ pub use session::{
 };
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,
-    DistanceRange, Job, JobPage, JobStage, JobState, ObjectReport, SetCurrent, StartTraining,
-    TrainingReport,
+    DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,
+    ObjectReport, SetCurrent, StartTraining, TrainingReport,
 };
 
 /// The `openapi.json` that belongs to these types.

@@ -110,6 +110,56 @@ pub struct ObjectReport {
     pub origin_in_mesh: [f64; 3],
 }
 
+/// The trained map of one object, a page of its patches at a time.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct ObjectMap {
+    /// The object's id.
+    pub id: Uuid,
+    /// The object's name when it was trained.
+    pub name: String,
+    /// Where the origin of the object's frame is in its mesh (or in the frame of its training
+    /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
+    #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
+    pub origin_in_mesh: [f64; 3],
+    /// The distances between patches whose pairs are indexed.
+    pub distances: MapDistances,
+    /// How many pairs of patches the index lists.
+    pub n_postings: u64,
+    /// Memory of the index, in bytes.
+    pub index_bytes: u64,
+    /// How many patches the map has, on all pages together.
+    pub n_patches: u32,
+    /// The patches in the order of training.
+    #[schema(max_items = 1000)]
+    pub patches: Vec<MapPatch>,
+    /// The cursor of the next page; null on the last.
+    pub next_cursor: Option<String>,
+}
+
+/// A range of distances in bins of equal width.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct MapDistances {
+    /// The smallest distance in metres.
+    pub min: f64,
+    /// The end of the last bin in metres.
+    pub max: f64,
+    /// How many bins.
+    pub n_bins: u32,
+}
+
+/// A trained piece of an object's surface, in the object frame.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct MapPatch {
+    /// Its position in metres.
+    #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
+    pub position: [f64; 3],
+    /// The outward normal, of length 1.
+    #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
+    pub normal: [f64; 3],
+    /// How well the contact fixed the normal, 0 to 1.
+    pub normal_confidence: f64,
+}
+
 /// What to train.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]

@@ -119,10 +119,26 @@ impl Catalogues {
         version: &str,
     ) -> Result<wire::CatalogueVersion, Refusal> {
         let catalogue = self.find(name)?;
-        let number = version
-            .parse()
-            .map_err(|_| Refusal::NotFound { what: "version", reference: version.to_owned() })?;
-        training::version(&catalogue, &self.manifest(&catalogue, number)?)
+        training::version(&catalogue, &self.manifest(&catalogue, number(version)?)?)
+    }
+
+    /// The map of one object of a version, with a page of its patches.
+    pub(crate) async fn object_map(
+        &self,
+        name: &str,
+        version: &str,
+        object: &str,
+        query: &wire::PageQuery,
+    ) -> Result<wire::ObjectMap, Refusal> {
+        let (from, limit) = (page_number(query)?, page_length(query)?);
+        let catalogue = self.find(name)?;
+        let version = self.manifest(&catalogue, number(version)?)?.version;
+        let model = self.load(catalogue.id, version).await?;
+        let place = model
+            .find(object)
+            .ok_or_else(|| Refusal::NotFound { what: "object", reference: object.to_owned() })?;
+        let from = usize::try_from(from).unwrap_or(usize::MAX);
+        Ok(training::object_map(&model.objects[place], &model.core.objects[place], from, limit))
     }
 
     /// Makes a version current if nobody else has switched since `revision`.
@@ -225,6 +241,12 @@ impl Catalogues {
             other => other.into(),
         })
     }
+}
+
+/// The number of a version as a path has it.
+fn number(version: &str) -> Result<u32, Refusal> {
+    let unknown = || Refusal::NotFound { what: "version", reference: version.to_owned() };
+    version.parse().map_err(|_| unknown())
 }
 
 fn unknown_catalogue(name: &str) -> Refusal {

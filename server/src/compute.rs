@@ -1,5 +1,8 @@
 //! The threads that compute, behind a queue with a fixed number of places.
 //!
+//! As many threads compute as the operator allows: parts of one piece of work (`rayon` in
+//! core) are done by these threads too, never by a pool of the whole process. Each piece
+//! has a thread that waits for it, so that no more pieces are begun than threads compute.
 //! Async threads only wait for it. Whoever wants to compute takes a [`Place`] first, before
 //! anything is stored; when there is none the robot is asked to come back. A panic in one
 //! piece of work ends that piece only.
@@ -49,13 +52,21 @@ impl Pool {
     /// What the operating system says when it gives no thread.
     pub(crate) fn start(threads: usize, queue_max: usize) -> std::io::Result<Self> {
         let threads = threads.max(1);
+        let computing = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|thread| format!("compute-{thread}"))
+            .build()
+            .map_err(std::io::Error::other)?;
+        let computing = Arc::new(computing);
         let (sender, receiver) = mpsc::channel::<Work>();
         let receiver = Arc::new(Mutex::new(receiver));
         for thread in 0..threads {
-            let receiver = Arc::clone(&receiver);
-            thread::Builder::new()
-                .name(format!("compute-{thread}"))
-                .spawn(move || while take(&receiver).is_some_and(run) {})?;
+            let (receiver, computing) = (Arc::clone(&receiver), Arc::clone(&computing));
+            thread::Builder::new().name(format!("compute-wait-{thread}")).spawn(move || {
+                while let Some(work) = take(&receiver) {
+                    computing.install(work);
+                }
+            })?;
         }
         let n_places = threads + queue_max;
         Ok(Self { places: Arc::new(Semaphore::new(n_places)), queue: sender, n_places })
@@ -107,13 +118,12 @@ fn take(queue: &Mutex<mpsc::Receiver<Work>>) -> Option<Work> {
     queue.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
 }
 
-fn run(work: Work) -> bool {
-    work();
-    true
-}
-
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use rayon::prelude::*;
+
     use super::*;
 
     #[tokio::test]
@@ -124,6 +134,18 @@ mod tests {
         drop(first);
         assert_eq!(second.run(|| 6 * 7).await, Ok(42));
         assert_eq!(pool.n_free(), 2);
+    }
+
+    #[tokio::test]
+    async fn parts_of_the_work_stay_on_the_pools_threads() {
+        let pool = Pool::start(2, 0).unwrap();
+        let name = |_| thread::current().name().unwrap_or_default().to_owned();
+        let work = move || (0..1000).into_par_iter().map(name).collect::<BTreeSet<String>>();
+        let names = pool.place().unwrap().run(work).await.unwrap();
+        assert!(
+            names.iter().all(|name| ["compute-0", "compute-1"].contains(&&**name)),
+            "{names:?}"
+        );
     }
 
     #[tokio::test]

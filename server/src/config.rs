@@ -13,7 +13,7 @@ pub struct Config {
     pub insecure_bind: bool,
     /// The folder of the database; made if it does not exist.
     pub data: PathBuf,
-    /// The longest JSON body, in bytes.
+    /// The longest body of JSON or MessagePack, in bytes.
     pub json_bytes_max: usize,
     /// The longest mesh file, in bytes.
     pub mesh_bytes_max: usize,
@@ -42,12 +42,12 @@ pub struct Config {
 }
 
 impl Config {
-    /// The defaults, with the database in `data`, listening at 127.0.0.1:7600.
+    /// The defaults, with the database in `data`, listening at 127.0.0.1:7411.
     #[must_use]
     pub fn new(data: impl Into<PathBuf>) -> Self {
         let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self {
-            listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7600)),
+            listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7411)),
             insecure_bind: false,
             data: data.into(),
             json_bytes_max: 32 << 20,

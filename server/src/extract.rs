@@ -3,6 +3,8 @@
 //!
 //! The framework's own extractors answer in plain text; these answer with a [`Refusal`].
 
+mod msgpack;
+
 use std::error::Error as _;
 use std::time::Duration;
 
@@ -30,6 +32,9 @@ const PARSE_HERE_MAX: usize = 100_000;
 /// A JSON body.
 pub(crate) struct JsonBody<T>(pub(crate) T);
 
+/// Readings in JSON or MessagePack.
+pub(crate) struct ReadingsBody<T>(pub(crate) T);
+
 /// The parameters of a query.
 pub(crate) struct Params<T>(pub(crate) T);
 
@@ -38,6 +43,9 @@ pub(crate) struct Segment1(pub(crate) String);
 
 /// Two segments of the path.
 pub(crate) struct Segment2(pub(crate) String, pub(crate) String);
+
+/// Three segments of the path.
+pub(crate) struct Segment3(pub(crate) String, pub(crate) String, pub(crate) String);
 
 /// A mesh file: its content type and its bytes.
 pub(crate) struct MeshBody {
@@ -53,12 +61,23 @@ impl<T: DeserializeOwned + Send + 'static> FromRequest<App> for JsonBody<T> {
         if !is_json(&found) {
             return Err(Refusal::ContentType { found, expected: "application/json" });
         }
-        let config = app.config();
-        let bytes = read(request, config.json_bytes_max, config.body_timeout).await?;
-        if bytes.len() <= PARSE_HERE_MAX {
-            return parse(&bytes).map(Self);
+        parsed(request, app, parse).await.map(Self)
+    }
+}
+
+impl<T: DeserializeOwned + Send + 'static> FromRequest<App> for ReadingsBody<T> {
+    type Rejection = Refusal;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
+        let found = content_type(request.headers());
+        if found == msgpack::CONTENT_TYPE {
+            return parsed(request, app, msgpack::parse).await.map(Self);
         }
-        app.pool().place()?.run(move || parse(&bytes)).await?.map(Self)
+        if is_json(&found) {
+            return parsed(request, app, parse).await.map(Self);
+        }
+        let expected = "application/json or application/msgpack";
+        Err(Refusal::ContentType { found, expected })
     }
 }
 
@@ -104,6 +123,17 @@ impl FromRequestParts<App> for Segment2 {
     }
 }
 
+impl FromRequestParts<App> for Segment3 {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Refusal> {
+        let segments = Path::<(String, String, String)>::from_request_parts(parts, app).await;
+        let Path((first, second, third)) =
+            segments.map_err(|error| Refusal::Unreadable { reason: error.body_text() })?;
+        Ok(Self(first, second, third))
+    }
+}
+
 /// The revision that a request's `If-Match` expects, as written by our `ETag`s.
 ///
 /// # Errors
@@ -134,6 +164,20 @@ pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
     Ok(value)
 }
 
+/// Reads a body and parses it, a long one on the compute pool.
+async fn parsed<T: Send + 'static>(
+    request: Request,
+    app: &App,
+    parse: fn(&[u8]) -> Result<T, Refusal>,
+) -> Result<T, Refusal> {
+    let config = app.config();
+    let bytes = read(request, config.json_bytes_max, config.body_timeout).await?;
+    if bytes.len() <= PARSE_HERE_MAX {
+        return parse(&bytes);
+    }
+    app.pool().place()?.run(move || parse(&bytes)).await?
+}
+
 /// The framework says "name: what is wrong" or names the field between backticks.
 fn query_refusal(error: &QueryRejection) -> Refusal {
     let said = error.source().map_or_else(|| error.body_text(), ToString::to_string);
@@ -148,13 +192,20 @@ fn query_refusal(error: &QueryRejection) -> Refusal {
 fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
     let detail = error.to_string();
     let is_value = error.classify() == Category::Data || detail.contains("out of range");
-    if is_value {
-        let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
-        let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
-        return Refusal::Invalid(vec![FieldError { pointer, detail }]);
-    }
-    let errors = vec![FieldError { pointer, detail: detail.clone() }];
-    Refusal::NotJson { reason: detail, errors }
+    if is_value { wrong_value(pointer, detail) } else { malformed("JSON", pointer, detail) }
+}
+
+/// A body that can be read and has a wrong value at `pointer`, or misses one under it.
+fn wrong_value(pointer: String, detail: String) -> Refusal {
+    let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
+    let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
+    Refusal::Invalid(vec![FieldError { pointer, detail }])
+}
+
+/// A body that cannot be read from `pointer` on.
+fn malformed(format: &'static str, pointer: String, reason: String) -> Refusal {
+    let errors = vec![FieldError { pointer, detail: reason.clone() }];
+    Refusal::Malformed { format, reason, errors }
 }
 
 fn pointer(path: &serde_path_to_error::Path) -> String {

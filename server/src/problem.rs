@@ -102,7 +102,7 @@ fn framework_draft(found: StatusCode, path: &str) -> Draft {
 fn kind(refusal: &Refusal) -> ProblemType {
     match refusal {
         Refusal::NotFound { .. } | Refusal::NoVersion { .. } => ProblemType::NotFound,
-        Refusal::NotJson { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
+        Refusal::Malformed { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
         Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
         Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
         Refusal::ContentType { .. } => ProblemType::UnsupportedMediaType,
@@ -147,7 +147,7 @@ fn store_kind(error: &StoreError) -> ProblemType {
 fn errors(refusal: Refusal) -> Vec<FieldError> {
     let detail = refusal.to_string();
     match refusal {
-        Refusal::Invalid(errors) | Refusal::NotJson { errors, .. } => errors,
+        Refusal::Invalid(errors) | Refusal::Malformed { errors, .. } => errors,
         Refusal::Store(StoreError::NameTaken { .. }) => {
             vec![FieldError { pointer: "/name".to_owned(), detail }]
         }

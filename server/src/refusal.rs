@@ -17,8 +17,8 @@ pub(crate) enum Refusal {
     NotFound { what: &'static str, reference: String },
     #[error("catalogue {catalogue:?} has no version {version}")]
     NoVersion { catalogue: String, version: u32 },
-    #[error("the body is not JSON: {reason}")]
-    NotJson { reason: String, errors: Vec<FieldError> },
+    #[error("the body is not {format}: {reason}")]
+    Malformed { format: &'static str, reason: String, errors: Vec<FieldError> },
     #[error("the request's path or body cannot be read: {reason}")]
     Unreadable { reason: String },
     #[error("the body is longer than {max} bytes")]

@@ -34,6 +34,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(training::list_versions))
         .routes(routes!(training::get_version))
         .routes(routes!(training::get_report))
+        .routes(routes!(training::get_object_map))
         .routes(routes!(training::get_current, training::set_current))
         .routes(routes!(jobs::list_jobs))
         .routes(routes!(jobs::get_job))

@@ -10,7 +10,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, MeshBody, Params, Segment1};
+use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segment1};
 use crate::openapi::{Conflict, MeshFile};
 use crate::refusal::Refusal;
 
@@ -141,7 +141,7 @@ pub(crate) async fn list_object_readings(
 pub(crate) async fn add_object_readings(
     State(app): State<App>,
     Segment1(object): Segment1,
-    JsonBody(request): JsonBody<AddTrainingReadings>,
+    ReadingsBody(request): ReadingsBody<AddTrainingReadings>,
 ) -> Result<Json<TrainingReadingsAdded>, Refusal> {
     Ok(Json(app.objects().add_readings(&object, &request).await?))
 }

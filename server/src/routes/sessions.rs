@@ -10,7 +10,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1, revision};
+use crate::extract::{JsonBody, Params, ReadingsBody, Segment1, revision};
 use crate::openapi::Conflict;
 use crate::refusal::Refusal;
 
@@ -81,8 +81,8 @@ pub(crate) async fn close_session(
 /// 1 to 1000 readings in one list, also when it is only one; all are taken or none. Answered
 /// when they are durable, with the belief after them. `robot` and `seq` together identify a
 /// reading: sent again with the same content it is not counted twice and the answer of
-/// before comes back (the last 64 answers of a session are remembered; otherwise the belief
-/// as it is now). 409 with other content, or when the session is closed or full.
+/// before comes back (the last 64 answers of a session are remembered until the server stops;
+/// otherwise the belief as it is now). 409 with other content, or when the session is closed or full.
 #[utoipa::path(post, path = "/v1/sessions/{session}/readings", operation_id = "add_readings",
     tag = "sessions", request_body = AddReadings,
     params(("session" = String, Path, description = "The session's id"), ReadingsQuery),
@@ -92,7 +92,7 @@ pub(crate) async fn add_readings(
     State(app): State<App>,
     Segment1(session): Segment1,
     Params(query): Params<ReadingsQuery>,
-    JsonBody(request): JsonBody<AddReadings>,
+    ReadingsBody(request): ReadingsBody<AddReadings>,
 ) -> Result<Json<ReadingsAdded>, Refusal> {
     let detail = query.belief.unwrap_or_default();
     Ok(Json(app.sessions().add(&session, &request, detail).await?))

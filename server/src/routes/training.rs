@@ -6,11 +6,11 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Job,
-    PageQuery, Problem, SetCurrent, StartTraining, TrainingReport,
+    ObjectMap, PageQuery, Problem, SetCurrent, StartTraining, TrainingReport,
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, Segment1, Segment2, if_match};
+use crate::extract::{JsonBody, Params, Segment1, Segment2, Segment3, if_match};
 use crate::openapi::Conflict;
 use crate::refusal::Refusal;
 use crate::wire;
@@ -98,6 +98,25 @@ pub(crate) async fn get_report(
     Segment2(name, version): Segment2,
 ) -> Result<Json<TrainingReport>, Refusal> {
     Ok(Json(app.catalogues().version(&name, &version)?.report))
+}
+
+/// Get the trained map of one object
+///
+/// Where its surface is, patch by patch, in the object frame. It never changes.
+#[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
+    operation_id = "get_object_map", tag = "training",
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("version" = u32, Path, description = "The version's number"),
+        ("object" = String, Path, description = "The object's id, or its name when trained"),
+        PageQuery),
+    responses((status = 200, description = "The map with a page of its patches",
+        body = ObjectMap)))]
+pub(crate) async fn get_object_map(
+    State(app): State<App>,
+    Segment3(name, version, object): Segment3,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<ObjectMap>, Refusal> {
+    Ok(Json(app.catalogues().object_map(&name, &version, &object, &query).await?))
 }
 
 /// Get what new sessions use

@@ -1,11 +1,13 @@
 //! Catalogues, trainings and jobs for the wire.
 
 use palpate_core::descriptor::DescriptorKind;
+use palpate_core::model::{MapPatch, ObjectMap};
 use palpate_core::patch_pair::DistanceBins;
 use palpate_core::train::{DistanceRange, TrainingConfig};
+use palpate_core::vocabulary::MAX_CLASSES;
 use palpate_schemas as wire;
 use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
-use palpate_store::catalogue::{Catalogue, Manifest, Switch};
+use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};
 use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -72,6 +74,41 @@ pub(crate) fn version(
     })
 }
 
+/// An object's map for the wire, with up to `limit` patches from the one numbered `from` on.
+pub(crate) fn object_map(
+    object: &VersionObject,
+    map: &ObjectMap,
+    from: usize,
+    limit: usize,
+) -> wire::ObjectMap {
+    let (patches, distances) = (map.patches(), map.index().distances());
+    let from = from.min(patches.len());
+    let end = from.saturating_add(limit).min(patches.len());
+    wire::ObjectMap {
+        id: object.id,
+        name: object.name.clone(),
+        origin_in_mesh: map.origin_in_training().to_array(),
+        distances: wire::MapDistances {
+            min: distances.min(),
+            max: distances.max(),
+            n_bins: u32::from(distances.n()),
+        },
+        n_postings: map.index().postings().len() as u64,
+        index_bytes: map.index().bytes() as u64,
+        n_patches: count(patches.len()),
+        patches: patches[from..end].iter().map(patch).collect(),
+        next_cursor: (end < patches.len()).then(|| end.to_string()),
+    }
+}
+
+fn patch(patch: &MapPatch) -> wire::MapPatch {
+    wire::MapPatch {
+        position: patch.position.map(f64::from),
+        normal: patch.normal.map(f64::from),
+        normal_confidence: f64::from(patch.normal_confidence),
+    }
+}
+
 /// A stored job for the wire.
 pub(crate) fn job(job: &stored::Job) -> wire::Job {
     let state = state(job.state);
@@ -126,7 +163,7 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
     super::within("/readings_per_object", n_readings, 20, 20_000)?;
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     let n_classes = u64::from(request.n_classes.unwrap_or(25));
-    super::within("/n_classes", n_classes, 2, 255)?;
+    super::within("/n_classes", n_classes, 2, MAX_CLASSES as u64)?;
     if let Some(range) = request.distance_range {
         distances(range)?;
     }

@@ -151,7 +151,10 @@ async fn trainings_and_sessions_without_a_basis_are_refused() {
     post(json!({"objects": ["nobody"]})).await.problem(422, "invalid-value", Some("/objects/0"));
     post(json!({"objects": []})).await.problem(422, "invalid-value", Some("/objects"));
     post(json!({"sensor": "nothing"})).await.problem(422, "invalid-value", Some("/sensor"));
-    post(json!({"n_classes": 1})).await.problem(422, "invalid-value", Some("/n_classes"));
+    for n_classes in [1, 256] {
+        let refused = post(json!({"n_classes": n_classes})).await;
+        refused.problem(422, "invalid-value", Some("/n_classes"));
+    }
     post(json!({"seed": 1_u64 << 53})).await.problem(422, "invalid-value", Some("/seed"));
     let few = json!({"readings_per_object": 1});
     post(few).await.problem(422, "invalid-value", Some("/readings_per_object"));

@@ -5,6 +5,7 @@
 
 mod bad_input;
 mod harness;
+mod msgpack;
 mod objects;
 mod sessions;
 mod site;

@@ -114,6 +114,34 @@ async fn a_repeated_reading_counts_once_and_a_changed_one_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_reading_that_is_repeated_after_a_restart_counts_once() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    let path = format!("/v1/sessions/{session}");
+    let mut readings = touches(CUBE, 3, 11, resting_pose());
+    for (seq, reading) in readings.iter_mut().enumerate() {
+        reading["robot"] = json!("arm-3");
+        reading["seq"] = json!(seq);
+    }
+    let first = json!({"readings": readings[..2]});
+    it.post(&format!("{path}/readings"), &first).await.expect(200);
+    let both = json!({"readings": readings[1..]});
+    it.post(&format!("{path}/readings"), &both).await.expect(200);
+    let belief = it.get(&format!("{path}/belief")).await.expect(200);
+    let it = it.restart().await;
+    for _ in 0..2 {
+        let again = it.post(&format!("{path}/readings"), &first).await.expect(200);
+        assert_eq!((&again["n_new"], &again["n_repeated"]), (&json!(0), &json!(2)));
+        assert_eq!((&again["n_readings"], &again["belief"]), (&json!(3), &belief));
+    }
+    readings[0]["image"][0] = json!(9.0);
+    let changed = it.post(&format!("{path}/readings"), &json!({"readings": readings})).await;
+    changed.problem(409, "conflict", Some("/readings/0"));
+    assert_eq!(it.get(&format!("{path}/belief")).await.expect(200), belief);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn robots_may_post_to_one_session_and_to_many_at_once() {
     let it = Harness::start().await;
     it.train().await;

@@ -58,6 +58,54 @@ async fn a_training_makes_a_version_with_a_report_and_a_history() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
+    let it = Harness::start().await;
+    it.train().await;
+    let report = it.get("/v1/catalogues/default/versions/1/report").await.expect(200);
+    let known = report["objects"].as_array().unwrap().iter().find(|o| o["name"] == "bar").unwrap();
+    let path = "/v1/catalogues/default/versions/1/objects/bar/map";
+    let (mut patches, mut cursor) = (Vec::new(), String::from("0"));
+    loop {
+        let page = it.get(&format!("{path}?limit=20&cursor={cursor}")).await.expect(200);
+        for field in ["id", "name", "n_patches", "index_bytes", "origin_in_mesh"] {
+            assert_eq!(page[field], known[field], "{field}");
+        }
+        patches.extend(page["patches"].as_array().unwrap().clone());
+        let Some(next) = page["next_cursor"].as_str() else { break };
+        assert_eq!(patches.len() % 20, 0);
+        next.clone_into(&mut cursor);
+    }
+    assert_eq!(patches.len() as u64, known["n_patches"].as_u64().unwrap());
+    let numbers = |value: &Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+    };
+    for patch in &patches {
+        // The covering is soft: a touch goes a little way into the surface.
+        let position = numbers(&patch["position"]);
+        let inside = position.iter().zip(BAR).map(|(x, edge)| x.abs() - edge * 0.5e-3);
+        let depth = inside.fold(f64::NEG_INFINITY, f64::max);
+        assert!(depth.abs() < 5e-3, "{depth} m from the surface: {patch}");
+        let norm = numbers(&patch["normal"]).iter().map(|n| n * n).sum::<f64>().sqrt();
+        assert!((norm - 1.0).abs() < 1e-5, "{patch}");
+    }
+    let id = known["id"].as_str().unwrap();
+    let by_id = format!("/v1/catalogues/default/versions/1/objects/{id}/map?limit=1000");
+    let whole = it.get(&by_id).await.expect(200);
+    assert_eq!((&whole["patches"], &whole["next_cursor"]), (&json!(patches), &Value::Null));
+    assert_eq!(whole["distances"]["min"], 0.008);
+    assert_eq!(whole["distances"]["n_bins"], 40);
+    assert!(whole["n_postings"].as_u64().unwrap() > 0);
+    let behind = it.get(&format!("{path}?cursor=99999999")).await.expect(200);
+    assert_eq!((&behind["patches"], &behind["next_cursor"]), (&json!([]), &Value::Null));
+    for wrong in ["versions/9/objects/bar", "versions/1/objects/mug", "versions/x/objects/bar"] {
+        let wrong = it.get(&format!("/v1/catalogues/default/{wrong}/map")).await;
+        wrong.problem(404, "not-found", None);
+    }
+    let many = it.get(&format!("{path}?limit=1001")).await;
+    many.problem(422, "invalid-value", Some("?limit"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn jobs_can_be_cancelled_until_they_are_finished() {
     let it = Harness::start().await;
     for name in ["cube", "other"] {

@@ -1,0 +1,53 @@
+//! MessagePack bodies: maps with the names that JSON has, for robots that count bytes.
+//!
+//! Numbers may be of any width. Unlike JSON it can carry infinities and values that are no
+//! number; those are refused where readings are checked.
+
+use std::io::Cursor;
+
+use rmp_serde::decode::Error;
+use serde::de::DeserializeOwned;
+
+use super::{malformed, pointer, wrong_value};
+use crate::refusal::Refusal;
+
+/// The content type of such a body.
+pub(crate) const CONTENT_TYPE: &str = "application/msgpack";
+
+/// How deep a body may be nested; readings are five levels deep.
+const DEPTH_MAX: usize = 64;
+
+/// The marker that the format never uses.
+const NEVER_USED: u8 = 0xc1;
+
+/// Parses MessagePack; a wrong value is named by a JSON pointer.
+pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
+    let mut deserializer = rmp_serde::Deserializer::new(Cursor::new(bytes));
+    deserializer.set_max_depth(DEPTH_MAX);
+    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
+        let pointer = pointer(error.path());
+        refusal(pointer, &error.into_inner())
+    })?;
+    match bytes.len() as u64 - deserializer.position() {
+        0 => Ok(value),
+        n => Err(malformed("MessagePack", String::new(), format!("{n} bytes follow it"))),
+    }
+}
+
+fn refusal(pointer: String, error: &Error) -> Refusal {
+    let detail = error.to_string();
+    match error {
+        Error::InvalidMarkerRead(_)
+        | Error::InvalidDataRead(_)
+        | Error::Utf8Error(_)
+        | Error::DepthLimitExceeded => malformed("MessagePack", pointer, detail),
+        Error::TypeMismatch(marker) if marker.to_u8() == NEVER_USED => {
+            malformed("MessagePack", pointer, detail)
+        }
+        Error::TypeMismatch(_)
+        | Error::OutOfRange
+        | Error::LengthMismatch(_)
+        | Error::Uncategorized(_)
+        | Error::Syntax(_) => wrong_value(pointer, detail),
+    }
+}
