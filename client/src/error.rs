@@ -133,7 +133,10 @@ fn words(problem: &Problem) -> String {
     let mut words = problem.detail.clone();
     for field in &problem.errors {
         let said = problem.detail.contains(&field.detail);
-        let field = if said {
+        // An empty pointer is the whole body: there is nothing to name.
+        let field = if said && field.pointer.is_empty() {
+            continue;
+        } else if said {
             format!(" ({})", field.pointer)
         } else {
             format!("; {}: {}", field.pointer, field.detail)
