@@ -7,16 +7,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use axum::Router;
-use axum::http::StatusCode;
+use axum::http::{StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use axum::routing::any;
 use palpate_client::schemas::{
-    AddReadings, CreateObject, CreateSession, JobState, PageQuery, Pose, ProblemType, Reading,
-    ReadingsQuery, SetCurrent,
+    AddReadings, BeliefQuery, CreateObject, CreateSession, JobState, PageQuery, Pose, ProblemType,
+    Reading, ReadingsQuery, SetCurrent,
 };
 use palpate_client::{Client, ClientOptions, Error, RetryPolicy};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
+use uuid::Uuid;
 
 const OBJECT: &str = r#"{"id":"00000000-0000-0000-0000-000000000001","name":"mug",
     "description":"","mesh":null,"n_readings":0,"created_at":"","updated_at":""}"#;
@@ -98,6 +99,27 @@ async fn a_busy_server_is_asked_again_when_it_says() {
     assert_eq!(client.object("mug").await.unwrap().name, "mug");
     assert_eq!(count.load(Ordering::SeqCst), 2);
     assert!(begun.elapsed() >= Duration::from_secs(1), "Retry-After was not honoured");
+}
+
+#[tokio::test]
+async fn what_a_query_asks_for_reaches_the_server() {
+    let (asked, mut heard) = tokio::sync::mpsc::unbounded_channel();
+    let handler = move |uri: Uri| {
+        asked.send(uri.to_string()).unwrap();
+        async { StatusCode::NOT_FOUND }
+    };
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let client = client(listener.local_addr().unwrap());
+    let app = Router::new().fallback(any(handler));
+    tokio::spawn(async move { axum::serve(listener, app).await.unwrap() });
+    let query = BeliefQuery { poses: Some(2), at: Some(7) };
+    assert!(client.belief(Uuid::nil(), query).await.is_err());
+    let belief = format!("/v1/sessions/{}/belief?poses=2&at=7", Uuid::nil());
+    assert_eq!(heard.recv().await.unwrap(), belief);
+    let page = PageQuery { limit: Some(1000), cursor: Some("1000".to_owned()) };
+    assert!(client.object_map("default", 3, "mug", &page).await.is_err());
+    let map = "/v1/catalogues/default/versions/3/objects/mug/map?limit=1000&cursor=1000";
+    assert_eq!(heard.recv().await.unwrap(), map);
 }
 
 #[tokio::test]
