@@ -98,7 +98,8 @@ impl SvaOptions {
             // A strict product needs the tails: a turn that is not sampled is impossible.
             turn_step: 0.25,
             turn_reach: 5.0,
-            partners_max: usize::MAX,
+            // More than any trial of the dissertation; what a session costs must be bounded.
+            partners_max: 128,
             bins_max: usize::MAX,
             refinement: None,
             ..Self::default()
