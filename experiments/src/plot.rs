@@ -96,6 +96,14 @@ fn draw(panel: &Panel) -> String {
         TOP + plot_height / 2.0,
         escape(&panel.y)
     );
+    // The legend stands at the right, where the lines do not end.
+    let ends: Vec<f64> = panel
+        .lines
+        .iter()
+        .filter_map(|line| line.points.iter().rev().find(|point| point.1.is_finite()))
+        .map(|point| point.1)
+        .collect();
+    let ends_high = ends.iter().sum::<f64>() > 0.5 * y_max * ends.len() as f64;
     for (index, line) in panel.lines.iter().enumerate() {
         let color = COLORS[index % COLORS.len()];
         let points: Vec<String> = line
@@ -105,7 +113,8 @@ fn draw(panel: &Panel) -> String {
             .map(|p| place(*p))
             .map(|(x, y)| format!("{x:.1},{y:.1}"))
             .collect();
-        let legend_y = TOP + plot_height - 10.0 - 14.0 * index as f64;
+        let offset = 10.0 + 14.0 * index as f64;
+        let legend_y = if ends_high { TOP + plot_height - offset } else { TOP + 4.0 + offset };
         let _ = write!(
             out,
             "<polyline fill=\"none\" stroke=\"{color}\" stroke-width=\"2\" points=\"{}\"/>\

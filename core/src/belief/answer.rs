@@ -86,11 +86,15 @@ pub fn answer(
     let total = log_sum_exp(log_objects.iter().copied());
     poses.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight).then(a.object.cmp(&b.object)));
     let mut modes = Vec::new();
-    while let (Some(best), true) = (poses.first().copied(), modes.len() < n_modes) {
-        let (members, others): (Vec<_>, Vec<_>) =
-            poses.into_iter().partition(|pose| belongs(pose, &best, scale));
+    let mut left = poses.into_iter();
+    while modes.len() < n_modes
+        && let Some(best) = left.next()
+    {
+        // The best pose is a member whatever rounding says of its distance to itself.
+        let (near, others): (Vec<_>, Vec<_>) = left.partition(|pose| belongs(pose, &best, scale));
+        let members: Vec<WeightedPose> = std::iter::once(best).chain(near).collect();
         modes.push(mode(&members, &best, total, scale));
-        poses = others;
+        left = others.into_iter();
     }
     modes.sort_by(|a: &PoseMode, b| b.weight.total_cmp(&a.weight));
     let entropy_bits = entropy_bits(&probabilities);
@@ -179,6 +183,17 @@ mod tests {
         let mode = &answer.modes[0];
         assert!(mode.session_from_object.angle_to(&Pose::IDENTITY) < 1e-9);
         assert!((mode.covariance[(5, 5)] - (10.0 * DEG).powi(2)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_scale_of_zero_answers_every_pose_alone() {
+        let alone = ModeScale { distance: 0.0, angle: 0.0, ..SCALE };
+        // An angle whose quaternion has rounded components: it is not at angle 0 to itself.
+        let poses = vec![weighted(0, 0.1, 0.7, 0.6), weighted(0, 0.1, 1.1, 0.4)];
+        let answer = answer(&[0.0], poses, 5, &alone, 2);
+        assert_eq!(answer.modes.len(), 2);
+        assert!((answer.modes[0].weight - 0.6).abs() < 1e-12);
+        assert!(answer.modes.iter().all(|mode| mode.session_from_object.rotation.is_finite()));
     }
 
     #[test]
