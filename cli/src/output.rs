@@ -58,6 +58,10 @@ pub(crate) fn degrees(radians: f64) -> String {
     format!("{:.1}°", radians.to_degrees())
 }
 
+/// What to think of a large angle.
+pub(crate) const PLAIN_ANGLES: &str = "Angles are plain: an object that looks the same after a turn, such as a wine glass or a \
+     gear, may be answered at any of those turns.";
+
 /// A share as a bar of ten characters.
 pub(crate) fn bar(share: f64) -> String {
     let filled = (share.clamp(0.0, 1.0) * 10.0).round() as usize;

@@ -101,11 +101,12 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         let verdict = if touched.right { "right" } else { "wrong" };
         let answer = last.object.as_deref().unwrap_or("nothing");
         format!(
-            "\n{verdict}: {answer} with {:.1} %; it was {}; off by {} and {}",
+            "\n{verdict}: {answer} with {:.1} %; it was {}; off by {} and {}\n{}",
             last.probability * 100.0,
             touched.truth,
             last.position_error.map_or("–".to_owned(), output::mm),
             last.angle_error.map_or("–".to_owned(), output::degrees),
+            output::PLAIN_ANGLES,
         )
     })?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }

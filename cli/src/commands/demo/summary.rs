@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use crate::output::{self, median};
+use crate::output::{self, PLAIN_ANGLES, median};
 use crate::trial::TrialResult;
 
 /// The line of `palpate demo --once --json`. Touches are those of all trials; errors those of
@@ -44,7 +44,8 @@ impl Summary {
             value.map_or("–".to_owned(), |value| format!("{value:.1}{unit}"))
         };
         format!(
-            "recognised {} of {} objects; median {} touches, off by {} and {}, {} a reading",
+            "recognised {} of {} objects; median {} touches, off by {} and {}, {} a reading\n\
+             {PLAIN_ANGLES}",
             self.recognised,
             self.trials,
             or_none(self.touches_median, ""),
