@@ -1,7 +1,8 @@
 //! Section 5.5.1 again: ten objects by spatially varying appearance, literal and default.
 //!
-//! Three methods see the same readings: the service's default, the same with the printed
-//! distance range of 30–160 mm, and the printed method as a whole (`literal`).
+//! Four methods see the same readings: the service's default, the same without the refinement
+//! of poses (`unrefined`), the default with the printed distance range of 30–160 mm
+//! (`printed_range`), and the printed method as a whole (`literal`).
 //! Each object is touched 1,000 times for training and 100 times for testing. A trial draws a
 //! pose (any rotation, ±200 mm along each axis) and presents test readings in random order;
 //! after each one both methods answer. Errors of pose count only when the identity is right,
@@ -108,8 +109,10 @@ pub fn run(
     let touch_seconds = started.elapsed().as_secs_f64();
     let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
     let (ours, printed) = (TrainingConfig::default(), TrainingConfig::literal());
+    let unrefined = SvaOptions { refinement: None, ..SvaOptions::default() };
     let methods = [
         train_method("default", &train, config, ours, SvaOptions::default())?,
+        train_method("unrefined", &train, config, ours, unrefined)?,
         train_method("printed_range", &train, config, printed, SvaOptions::default())?,
         train_method("literal", &train, config, printed, SvaOptions::literal())?,
     ];
@@ -273,10 +276,16 @@ fn report_method(
             .filter(|s| s.method == index && s.readings == readings)
             .map(|s| s.seconds * 1e3)
             .collect();
+        let stated: Vec<f64> = steps
+            .iter()
+            .filter(|s| s.method == index && s.readings == readings)
+            .map(|s| s.probability)
+            .collect();
         report.row(vec![
             ("method", json!(method.name)),
             ("readings", json!(readings)),
             ("accuracy", json!(mean(&right))),
+            ("stated_probability_mean", json!(mean(&stated))),
             ("position_error_mm_mean", json!(mean(&moved))),
             ("position_error_mm_median", json!(median(&moved))),
             ("angle_error_deg_mean", json!(mean(&turned))),
@@ -384,7 +393,7 @@ mod tests {
         assert!(summary.contains_key("printed_range_accuracy_at_10"));
         assert_eq!(outcome.pictures.len(), 4, "front and back of both objects");
         assert!(outcome.plot.contains("polyline"));
-        // Ten rows a method, one of coverage an object, and the confusions.
-        assert!(outcome.report.rows.len() >= 3 * 10 + 2);
+        // Ten rows for each of four methods, one of coverage an object, and the confusions.
+        assert!(outcome.report.rows.len() >= 4 * 10 + 2);
     }
 }
