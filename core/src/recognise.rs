@@ -220,12 +220,6 @@ impl SvaBelief {
     pub fn n_readings(&self) -> usize {
         self.n_readings
     }
-
-    /// How many histogram bins the belief holds, over all objects: its memory.
-    #[must_use]
-    pub fn n_bins(&self) -> usize {
-        self.histograms.iter().map(SparseHistogram::n_bins).sum()
-    }
 }
 
 /// How many of an object's bins compete to be modes.

@@ -50,15 +50,13 @@ impl Default for Refinement {
     }
 }
 
-/// A refined pose, how well it fits, and how well the contacts fix it.
+/// A refined pose, and how well the contacts fix it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refined {
     /// The pose of the object in the session frame.
     pub session_from_object: Pose,
     /// Covariance of x, y, z (m) and rotation about the session's fixed axes (rad).
     pub covariance: Matrix6<f64>,
-    /// Mean robust cost of a contact, 0 (exact) to 1 (all are outliers).
-    pub cost: f64,
 }
 
 /// One Gauss–Newton system: normal equations and the robust cost at a pose.
@@ -97,7 +95,7 @@ pub fn refine(
     let near = pose.distance_to(&start) <= settings.distance_max
         && pose.angle_to(&start) <= settings.angle_max;
     let covariance = covariance(&system)?;
-    near.then_some(Refined { session_from_object: pose, covariance, cost: system.cost })
+    near.then_some(Refined { session_from_object: pose, covariance })
 }
 
 /// Prior stiffness that keeps free directions (a turn about an axis of symmetry) where they

@@ -217,12 +217,6 @@ impl SparseHistogram {
             })
             .collect()
     }
-
-    /// The number of bins that exist.
-    #[must_use]
-    pub fn n_bins(&self) -> usize {
-        self.bins.len()
-    }
 }
 
 #[cfg(test)]
@@ -305,7 +299,7 @@ mod tests {
             (0..20).map(|n| (f64::from(n) * 10.0 * MM, f64::from(n))).collect();
         belief.multiply(&evidence(&many), 0.01, -3.0, 1.0);
         belief.prune();
-        assert_eq!(belief.n_bins(), 3);
+        assert_eq!(belief.best(20, 0.0).len(), 3);
         assert!((belief.best(1, 0.0)[0].2.translation.x - 190.0 * MM).abs() < 1e-6);
     }
 }
