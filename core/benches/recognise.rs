@@ -45,7 +45,12 @@ fn one_more_reading(criterion: &mut Criterion) {
     let vocabulary = learn_vocabulary(&sets, &config, 1).expect("everything touches");
     let map = |set| map_object(set, &vocabulary, &config, None).expect("1,000 touches");
     let objects = sets.iter().map(|set| Arc::new(map(set))).collect();
-    let catalogue = Arc::new(Catalogue { vocabulary, association: config.association, objects });
+    let catalogue = Arc::new(Catalogue {
+        vocabulary,
+        association: config.association,
+        objects,
+        geometry: None,
+    });
 
     let unseen = touches(3, 20, 2);
     for n in [3, 10, 20] {

@@ -1,7 +1,7 @@
 //! The mathematics of recognising objects by touch: readings and catalogues in, beliefs out.
 //!
 //! Pure: no HTTP, no storage, no clock, no hidden randomness. The modules stand in the order
-//! in which they may use each other. Source: Pezzementi (2011), chapters 2, 4 and 5, with the
+//! in which they may use each other. Source: Pezzementi (2011), chapters 2–5, with the
 //! corrections in `docs/equations.md`.
 
 pub mod units;
@@ -19,6 +19,10 @@ pub mod sensor;
 pub mod reading;
 
 pub mod contact;
+
+pub mod occupancy;
+
+pub mod mosaic;
 
 pub mod descriptor;
 

@@ -3,6 +3,8 @@
 //! An object frame has its origin at the centroid of the object's training touches, or of
 //! its mesh when trained from one, and the axes of training.
 
+pub mod geometry;
+
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -12,6 +14,7 @@ use crate::patch::Patch;
 use crate::patch_pair::index::{IndexedPatch, MAX_PATCHES};
 use crate::patch_pair::{DistanceBins, PairIndex};
 use crate::vocabulary::{AssociationRule, Vocabulary};
+use geometry::GeometricModel;
 
 /// An object of a catalogue, by its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -141,4 +144,6 @@ pub struct Catalogue {
     pub association: AssociationRule,
     /// The objects; [`ObjectIdx`] counts them.
     pub objects: Vec<Arc<ObjectMap>>,
+    /// What chapter 3 knows of the same objects, when it was trained.
+    pub geometry: Option<Arc<GeometricModel>>,
 }

@@ -60,7 +60,7 @@ fn train() -> Arc<Catalogue> {
         .iter()
         .map(|set| Arc::new(map_object(set, &vocabulary, &config, Some(DVec3::ZERO)).unwrap()))
         .collect();
-    Arc::new(Catalogue { vocabulary, association: config.association, objects })
+    Arc::new(Catalogue { vocabulary, association: config.association, objects, geometry: None })
 }
 
 fn recognise(

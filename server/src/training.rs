@@ -105,7 +105,12 @@ pub(crate) fn train(
     let objects = materials.iter().zip(&maps).map(|(material, map)| report(material, map));
     let objects = objects.collect();
     let maps = maps.into_iter().map(Arc::new).collect();
-    let model = Catalogue { vocabulary, association: plan.config.association, objects: maps };
+    let model = Catalogue {
+        vocabulary,
+        association: plan.config.association,
+        objects: maps,
+        geometry: None,
+    };
     Ok(Trained { model, objects })
 }
 

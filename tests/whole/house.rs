@@ -33,6 +33,8 @@ const CORE_ORDER: &[&str] = &[
     "sensor",
     "reading",
     "contact",
+    "occupancy",
+    "mosaic",
     "descriptor",
     "vocabulary",
     "patch",
