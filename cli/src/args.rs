@@ -106,6 +106,7 @@ mod tests {
             "palpate openapi",
             "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
             "palpate experiment server-throughput --json",
+            "palpate experiment covering --seed 1",
             "palpate --server http://host:1 objects list",
         ] {
             assert!(parse(line).is_ok(), "{line}: {}", parse(line).unwrap_err());

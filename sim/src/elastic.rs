@@ -7,6 +7,7 @@
 //! Poisson's ratio is an argument; pressures of nearly incompressible solids would lock plain
 //! elements, so the volumetric part is averaged over each element (`hexahedron`).
 
+pub mod covering;
 mod hexahedron;
 mod solve;
 
@@ -16,8 +17,10 @@ use thiserror::Error;
 pub use solve::SolveError;
 use solve::{Quarter, solve};
 
-/// Polyurethane rubber is nearly incompressible (0.5). At 0.45 the bulk modulus is 10 times
-/// the shear modulus; from there to 0.49 the fitted spread changes by a few percent.
+/// Polyurethane rubber is nearly incompressible (0.5). At 0.45 the bulk modulus is ten times
+/// the shear modulus, and at ten layers the spread fitted with the averaged volume (0.463
+/// thicknesses) and with plain elements (0.454) agree. At 0.49 plain elements lock (0.405 and
+/// falling with fewer layers) and averaged ones show the point load as a checkerboard.
 pub const POISSON_RATIO: f64 = 0.45;
 
 /// A covering to compute.
@@ -196,17 +199,17 @@ mod tests {
 
     #[test]
     fn the_force_is_greatest_under_the_load_and_dies_away() {
-        let response = response(24, 4, POISSON_RATIO);
+        let response = response(32, 8, POISSON_RATIO);
         let along: Vec<f64> = (0..=8).map(|x| response.force(x, 0)).collect();
         assert!(along.windows(2).all(|pair| pair[0] > pair[1]), "{along:?}");
-        assert!(response.force(20, 0).abs() < 1e-3 * along[0], "{}", response.force(20, 0));
+        assert!(response.force(28, 0).abs() < 1e-2 * along[0], "{}", response.force(28, 0));
     }
 
     #[test]
     fn twice_as_fine_elements_give_nearly_the_same_spread() {
-        // The same slab: 4 thick and ±16 wide, from elements of 1 and of 1/2; 1/2 and 1/4.
-        let coarse = response(16, 4, POISSON_RATIO).gaussian().sigma / 4.0;
-        let fine = response(32, 8, POISSON_RATIO).gaussian().sigma / 8.0;
+        // The same slab, four times as far to each side as it is thick.
+        let coarse = response(20, 5, POISSON_RATIO).gaussian().sigma / 5.0;
+        let fine = response(40, 10, POISSON_RATIO).gaussian().sigma / 10.0;
         assert!((coarse / fine - 1.0).abs() < 0.05, "{coarse} and {fine} thicknesses");
     }
 
