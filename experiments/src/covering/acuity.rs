@@ -27,7 +27,7 @@ pub(super) fn figure_2_6(report: &mut Report) -> String {
                 ("two_point_distance", json!(distance)),
             ]);
             counts.push((count as f64).log10());
-            distances.push(distance.unwrap_or(f64::NAN));
+            distances.push(distance.map_or(f64::NAN, f64::log10));
         }
     }
     let places_ridge = ridge(&sigmas, &counts, f64::max);
@@ -43,7 +43,7 @@ pub(super) fn figure_2_6(report: &mut Report) -> String {
     report.summarise("representations_ridge_rows", open.len() as f64);
     report.summarise("two_point_ridge", median(&pairs_ridge));
     let best = distances.iter().copied().filter(|d| d.is_finite()).fold(f64::MAX, f64::min);
-    report.summarise("two_point_distance_min", best);
+    report.summarise("two_point_distance_min", 10f64.powf(best));
     let heat = |title: &str, values, ridge| Heat {
         title: title.to_owned(),
         x: "σ (element widths, log)".to_owned(),
@@ -55,7 +55,7 @@ pub(super) fn figure_2_6(report: &mut Report) -> String {
     };
     heat_svg(&[
         heat("2.6a: log₁₀ of distinct representations", counts, places_ridge),
-        heat("2.6b: two-point distance (element widths)", distances, pairs_ridge),
+        heat("2.6b: log₁₀ of two-point distance (element widths)", distances, pairs_ridge),
     ])
 }
 

@@ -3,8 +3,8 @@
 use palpate_core::sensor::line::Line as Fit;
 use palpate_core::sensor::point_spread::{ELEMENT_WIDTH, point_spread_of_covering};
 use palpate_core::sensor::response::fit_response;
-use palpate_core::sensor::spread_fit::{SpreadPress, fit_spread};
-use palpate_core::sensor::{SensorDescription, SensorParameters, TaxelState};
+use palpate_core::sensor::spread_fit::{SpreadFit, SpreadPress, fit_spread};
+use palpate_core::sensor::{Calibration, SensorDescription, SensorParameters, TaxelState};
 use palpate_sim::elastic::PointResponse;
 use palpate_sim::elastic::covering::{ElasticCovering, disc};
 use palpate_sim::indent::{INDENTER, IndentationRun, indentation_run, indentation_run_of};
@@ -31,22 +31,13 @@ pub(super) fn figure_2_5(
     let mut lines = Vec::new();
     for source in ["simulator", "elastic"] {
         let mut points = Vec::new();
-        let (mut cosine_min, mut n_faults_found) = (1.0f64, 0);
-        for thickness in COVERINGS {
-            let sensor = sensor_under(thickness, point_spread_of_covering(thickness));
-            let run = match source {
-                "simulator" => indentation_run(&sensor, seed),
-                _ => {
-                    let width = sensor.grid().taxel_width;
-                    let covering = ElasticCovering::new(slab, thickness, width);
-                    let image =
-                        |at| covering.image(sensor.grid(), &disc(at, INDENTER.diameter, 1.0));
-                    indentation_run_of(&sensor, seed, &image)
-                }
-            };
-            let fits = fits(&sensor, &run)?;
-            n_faults_found += fits.n_faults_found;
-            for (depth, fit) in fits.by_depth {
+        let mut cosine_min = 1.0f64;
+        let runs = COVERINGS.map(|thickness| indent(source, thickness, slab, seed));
+        // Section 2.2: the responses are measured under the thinnest covering.
+        let calibration = calibration(&runs[0])?;
+        let n_faults = n_faults_found(&calibration, &runs[0].1);
+        for (thickness, run) in COVERINGS.into_iter().zip(&runs) {
+            for (depth, fit) in fits(run, &calibration)? {
                 cosine_min = cosine_min.min(fit.cosine);
                 points.push((thickness / ELEMENT_WIDTH, fit.sigma / ELEMENT_WIDTH));
                 report.row(vec![
@@ -64,7 +55,7 @@ pub(super) fn figure_2_5(
         report.summarise(&format!("{source}_spread_slope"), line.slope);
         report.summarise(&format!("{source}_spread_offset"), line.offset);
         report.summarise(&format!("{source}_spread_cosine_min"), cosine_min);
-        report.summarise(&format!("{source}_faults_found"), f64::from(n_faults_found));
+        report.summarise(&format!("{source}_faults_found"), f64::from(n_faults));
         let ends = [0.0, 2.6].map(|t| (t, line.at(t)));
         lines.push(Line { name: format!("{source}, fitted line"), points: ends.to_vec() });
         lines.push(Line { name: format!("{source}, fits"), points });
@@ -79,20 +70,37 @@ pub(super) fn figure_2_5(
     })
 }
 
-struct Fits {
-    by_depth: Vec<(f64, palpate_core::sensor::spread_fit::SpreadFit)>,
-    /// How many of the run's two faulty taxels were named rightly.
-    n_faults_found: u32,
+/// A sensor under a covering and the run on it.
+type Run = (SensorDescription, IndentationRun);
+
+fn indent(source: &str, thickness: f64, slab: &PointResponse, seed: u64) -> Run {
+    let sensor = sensor_under(thickness, point_spread_of_covering(thickness));
+    let run = match source {
+        "simulator" => indentation_run(&sensor, seed),
+        _ => {
+            let covering = ElasticCovering::new(slab, thickness, sensor.grid().taxel_width);
+            let image = |at| covering.image(sensor.grid(), &disc(at, INDENTER.diameter, 1.0));
+            indentation_run_of(&sensor, seed, &image)
+        }
+    };
+    (sensor, run)
 }
 
-fn fits(sensor: &SensorDescription, run: &IndentationRun) -> anyhow::Result<Fits> {
-    let grid = sensor.grid();
-    let response = fit_response(&run.response, grid, sensor.parameters().saturation)?;
-    let calibration = &response.calibration;
+fn calibration((sensor, run): &Run) -> anyhow::Result<Calibration> {
+    let saturation = sensor.parameters().saturation;
+    Ok(fit_response(&run.response, sensor.grid(), saturation)?.calibration)
+}
+
+/// How many of a run's two faulty taxels are named rightly.
+fn n_faults_found(calibration: &Calibration, run: &IndentationRun) -> u32 {
     let (wrong, answers) = run.cross_wired;
     let state = |taxel: usize| calibration.taxels()[taxel].state;
-    let n_faults_found = u32::from(state(run.dead) == TaxelState::Dead)
-        + u32::from(state(wrong) == TaxelState::CrossWired { answers });
+    u32::from(state(run.dead) == TaxelState::Dead)
+        + u32::from(state(wrong) == TaxelState::CrossWired { answers })
+}
+
+/// The fitted spread at each depth of a run.
+fn fits((sensor, run): &Run, calibration: &Calibration) -> anyhow::Result<Vec<(f64, SpreadFit)>> {
     let mut depths: Vec<f64> = run.spread.iter().map(|press| press.depth).collect();
     depths.sort_by(f64::total_cmp);
     depths.dedup();
@@ -109,7 +117,7 @@ fn fits(sensor: &SensorDescription, run: &IndentationRun) -> anyhow::Result<Fits
                 SpreadPress { at: press.at, pressures }
             })
             .collect();
-        by_depth.push((depth, fit_spread(grid, INDENTER, &presses)?));
+        by_depth.push((depth, fit_spread(sensor.grid(), INDENTER, &presses)?));
     }
-    Ok(Fits { by_depth, n_faults_found })
+    Ok(by_depth)
 }

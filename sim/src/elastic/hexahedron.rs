@@ -110,7 +110,7 @@ mod tests {
         let stretch = linear([[0.1, 0.0, 0.0], [0.0; 3], [0.0; 3]]);
         for (degree, row) in stiffness.iter().enumerate() {
             let force: f64 = row.iter().zip(&stretch).map(|(k, u)| k * u).sum();
-            let outward = if degree / 3 >> (degree % 3) & 1 == 1 { 0.25 } else { -0.25 };
+            let outward = if ((degree / 3) >> (degree % 3)) & 1 == 1 { 0.25 } else { -0.25 };
             let stress = if degree % 3 == 0 { 0.3 } else { 0.1 };
             assert!((force - outward * stress).abs() < 1e-12, "degree {degree}");
         }
