@@ -3,9 +3,9 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, letters::LettersArgs,
-    objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
-    touch::TouchArgs, train::TrainArgs,
+    analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs,
+    letters::LettersArgs, objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs,
+    sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -56,6 +56,8 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Sensors that robots send readings of.
     Sensors(SensorsArgs),
+    /// Questions about sensors: which covering to choose.
+    Analyses(AnalysesArgs),
     /// Objects to recognise: their meshes and training readings.
     Objects(ObjectsArgs),
     /// Raised letters: their meshes, and readings of them from a simulated rig.
@@ -109,9 +111,14 @@ mod tests {
             "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
             "palpate sessions list --json",
             "palpate jobs cancel 0198a0d0-0000-7000-8000-000000000000",
+            "palpate sensors indent finger --out indentation.json --seed 3",
+            "palpate sensors calibrate finger --file indentation.json",
+            "palpate sensors calibration finger --number 1 --json",
+            "palpate analyses covering --element-width-mm 2 --thickness-mm 1,2.5",
             "palpate openapi",
             "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
             "palpate experiment server-throughput --json",
+            "palpate experiment covering --seed 1",
             "palpate --server http://host:1 objects list",
         ] {
             assert!(parse(line).is_ok(), "{line}: {}", parse(line).unwrap_err());
@@ -132,6 +139,8 @@ mod tests {
             "palpate letters press A --out a.json --readings 193",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
+            "palpate sensors calibrate finger",
+            "palpate analyses covering --thickness-mm 1 --spread-mm 2",
             "palpate experiment sva-objects --size-mm 0.08",
         ] {
             let error = parse(line).expect_err(line);

@@ -1,5 +1,7 @@
 //! The subcommands, one file each, and where each of them is called.
 
+pub(crate) mod analyses;
+pub(crate) mod calibrate;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod jobs;
@@ -34,6 +36,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Serve(args) => serve::run(args, output).await,
         Command::Demo(args) => demo::run(args, output).await,
         Command::Sensors(args) => sensors::run(args, &context()?).await,
+        Command::Analyses(args) => analyses::run(args, &context()?).await,
         Command::Objects(args) => objects::run(args, &context()?).await,
         Command::Letters(args) => letters::run(args, output),
         Command::Train(args) => train::run(args, &context()?).await,

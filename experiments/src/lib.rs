@@ -6,6 +6,7 @@
 
 pub mod contact_rates;
 pub mod coverage;
+pub mod covering;
 pub mod objects;
 pub mod plot;
 pub mod report;

@@ -342,7 +342,9 @@ impl Folding {
 
     fn fold(&self, belief: &mut SvaBelief, stored: &StoredReading) -> Result<(), Refusal> {
         let sensor = self.sensors.get(&stored.sensor.to_string())?;
-        let reading = from_store(stored, &sensor).map_err(|error| self.unusable(&error))?;
+        let calibration = self.sensors.calibrations().of(sensor.id, stored.calibration)?;
+        let reading = from_store(stored, &sensor, calibration.as_deref())
+            .map_err(|error| self.unusable(&error))?;
         belief.add(&reading, &sensor.description).map_err(|error| self.unusable(&error))
     }
 

@@ -41,6 +41,7 @@ pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents
     servers((url = "/", description = "This server")),
     tags(
         (name = "sensors", description = "Tactile sensors: geometry and response"),
+        (name = "analyses", description = "Questions about sensors, answered without storing"),
         (name = "objects", description = "Things to recognise: meshes and training readings"),
         (name = "training", description = "Catalogues: trained versions, and the current one"),
         (name = "jobs", description = "Trainings under way"),

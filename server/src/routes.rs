@@ -1,6 +1,8 @@
 //! What can be asked of the service, resource by resource. Each handler finds, parses, does
 //! and answers; everything else lives behind it.
 
+pub(crate) mod analyses;
+pub(crate) mod calibrations;
 pub(crate) mod events;
 pub(crate) mod jobs;
 pub(crate) mod objects;
@@ -24,6 +26,8 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sensors::list_sensors, sensors::create_sensor))
         .routes(routes!(sensors::get_sensor))
         .routes(routes!(sensors::check_reading))
+        .routes(routes!(calibrations::get_calibration, calibrations::calibrate_sensor))
+        .routes(routes!(analyses::analyse_coverings))
         .routes(routes!(objects::list_objects, objects::create_object))
         .routes(routes!(objects::get_object, objects::update_object, objects::delete_object))
         .routes(routes!(objects::get_mesh, objects::put_mesh))

@@ -321,6 +321,7 @@ mod tests {
             session_from_sensor: Pose::IDENTITY,
             pressures: vec![None],
             stamp_ns: None,
+            calibration: 0,
         });
         let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
         store.journal().append(session.id, 0, &[entry]).await.unwrap();

@@ -160,7 +160,8 @@ fn own_readings(
             Some(_) => return Err(TrainingFailure::Sensors { object: object.name.clone() }),
             None => sources.sensors.get(&stored.sensor.to_string())?,
         };
-        let reading = from_store(stored, &used)
+        let calibration = sources.sensors.calibrations().of(used.id, stored.calibration)?;
+        let reading = from_store(stored, &used, calibration.as_deref())
             .map_err(|source| TrainingFailure::Reading { object: object.name.clone(), source })?;
         readings.push(reading);
         sensor = Some(used);

@@ -11,6 +11,7 @@ use clap::{Args, Subcommand};
 use palpate_client::{Client, ClientOptions};
 use palpate_core::units::MM;
 use palpate_experiments::contact_rates::{self, ContactRates};
+use palpate_experiments::covering::{self, Covering};
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
 use palpate_experiments::sva_objects::{self, SvaObjects};
@@ -63,6 +64,8 @@ enum Experiment {
         #[arg(long, default_value_t = 300, value_parser = count)]
         touches: usize,
     },
+    /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
+    Covering,
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput {
         /// Readings that are posted in each setting.
@@ -103,6 +106,10 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = ContactRates { meshes, seed, touches };
             on_a_thread(move || contact_rates::run(&config, command, &show)).await?
         }
+        Experiment::Covering => {
+            let config = Covering { seed, ..Covering::default() };
+            on_a_thread(move || covering::run(&config, command, &show)).await?
+        }
         Experiment::ServerThroughput { readings } => {
             let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
             with_a_server(&config, command, &show).await?
@@ -132,6 +139,7 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::ContactRates { meshes, touches } => {
             format!("contact-rates{} --touches {touches}", folder(meshes))
         }
+        Experiment::Covering => "covering".to_owned(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }
