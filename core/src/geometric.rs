@@ -6,11 +6,13 @@
 //! Readings are folded in the order given; the order matters only through what the filter
 //! chose to look at. The answer does not depend on the number of threads.
 
+mod blur;
 mod error;
 mod marginals;
 mod options;
 mod planar;
 mod polish;
+mod solid;
 
 use std::sync::Arc;
 
@@ -25,6 +27,7 @@ pub use marginals::{AxisMarginal, Marginals, PlaneMarginal};
 pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior};
 
 use planar::PlanarBelief;
+use solid::SolidBelief;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
@@ -37,6 +40,7 @@ pub struct GeometricBelief {
 #[derive(Clone, Debug)]
 enum State {
     Planar(Box<PlanarBelief>),
+    Solid(Box<SolidBelief>),
 }
 
 impl GeometricBelief {
@@ -58,8 +62,8 @@ impl GeometricBelief {
             (plane @ PosePrior::Planar { .. }, GeometricFilter::Adaptive(filter)) => {
                 State::Planar(Box::new(PlanarBelief::new(model, *plane, *filter, &log_prior)?))
             }
-            (PosePrior::Bounded { .. }, GeometricFilter::Adaptive(_)) => {
-                return Err(GeometricError::NotSolid);
+            (solid @ PosePrior::Bounded { .. }, GeometricFilter::Adaptive(filter)) => {
+                State::Solid(Box::new(SolidBelief::new(model, *solid, *filter, &log_prior)?))
             }
         };
         Ok(Self { n_readings: 0, state })
@@ -86,6 +90,7 @@ impl GeometricBelief {
         }
         match &mut self.state {
             State::Planar(belief) => belief.add(reading, sensor)?,
+            State::Solid(belief) => belief.add(reading, sensor),
         }
         self.n_readings += 1;
         Ok(())
@@ -96,6 +101,7 @@ impl GeometricBelief {
     pub fn answer(&self, n_modes: usize) -> Answer {
         match &self.state {
             State::Planar(belief) => belief.answer(n_modes, self.n_readings),
+            State::Solid(belief) => belief.answer(n_modes, self.n_readings),
         }
     }
 
@@ -105,6 +111,7 @@ impl GeometricBelief {
     pub fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
         match &self.state {
             State::Planar(belief) => belief.marginals(object),
+            State::Solid(belief) => belief.marginals(object),
         }
     }
 
