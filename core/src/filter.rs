@@ -1,4 +1,8 @@
 //! Bayes filters over identity and pose.
 
+pub mod histogram;
+pub mod kld;
+pub mod particle;
+pub mod planes;
 pub mod pose_bins;
 pub mod sparse;
