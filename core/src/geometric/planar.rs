@@ -284,10 +284,12 @@ impl PlanarBelief {
                 false => self.model.polish(first.object, first.center, &mut workspace),
             };
             let mut weight = 0.0;
+            // The first bin always leaves, also when its mode does not hold it.
+            let center = first.center.map(f64::to_bits);
             bins.retain(|(log_mass, bin)| {
                 let widths = self.histogram.division().widths(bin.depth as usize);
                 let here = bin.object == first.object
-                    && (bin.center == first.center || mode.holds(&bin.center, &widths));
+                    && (bin.center.map(f64::to_bits) == center || mode.holds(&bin.center, &widths));
                 if here {
                     weight += (log_mass - log_total).exp();
                 }
