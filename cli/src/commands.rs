@@ -3,6 +3,7 @@
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod jobs;
+pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod openapi;
 pub(crate) mod sensors;
@@ -35,6 +36,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Sensors(args) => sensors::run(args, &context()?).await,
         Command::Objects(args) => objects::run(args, &context()?).await,
         Command::Train(args) => train::run(args, &context()?).await,
+        Command::Maps(args) => maps::run(args, &context()?).await,
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,

@@ -368,6 +368,7 @@ impl Jobs {
             parameters: serde_json::to_string(&VersionParameters {
                 training: training.clone(),
                 report,
+                merged_from: Vec::new(),
             })
             .expect("a report consists of finite numbers and strings"),
         };

@@ -132,7 +132,7 @@ impl Sessions {
         let live = self.live(self.parse(id)?).await?;
         let frame_id = convert::session::frame_id(live.session());
         let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
-        live.check_shapes(&readings)?;
+        live.check(&readings)?;
         let sessions = Arc::clone(self);
         let adding =
             tokio::spawn(async move { live.add(&sessions.tools(), readings, detail).await });
@@ -157,6 +157,23 @@ impl Sessions {
             }
             None => self.belief_of(live, poses as usize, known_revision).await,
         }
+    }
+
+    /// The marginals of an object's pose as they are now; `None` when they are those of
+    /// `known_revision`.
+    pub(crate) async fn marginals(
+        self: &Arc<Self>,
+        id: &str,
+        query: wire::MarginalsQuery,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Marginals>, Refusal> {
+        let live = self.live(self.parse(id)?).await?;
+        let sessions = Arc::clone(self);
+        let asking = tokio::spawn(async move {
+            let object = query.object.as_deref();
+            live.marginals(&sessions.tools(), object, known_revision).await
+        });
+        asking.await.unwrap_or(Err(Refusal::Panicked))
     }
 
     /// What happens to a session from now on, and its belief as it is now.

@@ -242,6 +242,7 @@ fn report(material: &Material, map: &ObjectMap) -> ObjectReport {
         n_patches: count(map.patches().len()),
         index_bytes: map.index().bytes() as u64,
         origin_in_mesh: map.origin_in_training().to_array(),
+        geometry: None,
     }
 }
 
