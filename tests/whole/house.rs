@@ -44,6 +44,7 @@ const CORE_ORDER: &[&str] = &[
     "belief",
     "train",
     "recognise",
+    "geometric",
 ];
 
 fn root() -> PathBuf {
