@@ -116,7 +116,7 @@ pub fn map_geometry(
 }
 
 /// The readings of a set in the object frame.
-fn in_object_frame(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Vec<Reading> {
+pub(super) fn in_object_frame(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Vec<Reading> {
     let object_from_training = Pose { translation: -origin_in_training, ..Pose::IDENTITY };
     set.readings.iter().map(|reading| reading.moved_by(object_from_training)).collect()
 }
