@@ -3,9 +3,9 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, maps::MapsArgs, objects::ObjectsArgs,
-    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
-    train::TrainArgs,
+    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, maps::MapsArgs,
+    objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
+    touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.

@@ -17,7 +17,8 @@ pub mod training;
 
 pub use geometry::{
     AxisUnit, GeometryKind, GeometryReport, GeometryTraining, Marginal, Marginals, MarginalsQuery,
-    MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior, SliceQuery, VersionReference,
+    MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior, SliceQuery,
+    VersionReference,
 };
 pub use health::{Check, Liveness, Readiness, Version};
 pub use object::{

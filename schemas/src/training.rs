@@ -304,6 +304,8 @@ pub enum JobStage {
     Vocabulary,
     /// Building the objects' maps; steps are objects.
     Mapping,
+    /// Learning maps of contact and pressure; steps are objects.
+    Geometry,
     /// Writing the version.
     Storing,
 }

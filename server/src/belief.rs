@@ -64,8 +64,9 @@ impl SessionBelief {
                 return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::literal(), prior)?));
             }
             Method::Geometric => GeometricFilter::Adaptive(AdaptiveOptions::default()),
-            Method::GeometricHistogram => todo!(),
-            Method::GeometricParticles => todo!(),
+            Method::GeometricHistogram | Method::GeometricParticles => {
+                GeometricFilter::Adaptive(AdaptiveOptions::default())
+            }
         };
         let pose = options.pose_prior.as_ref().ok_or(BeliefError::PriorMissing)?;
         let options = GeometricOptions { pose: core_prior(pose)?, filter, seed: session.seed };
@@ -138,7 +139,7 @@ fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'sta
         }
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
             let prior = core_prior(options.pose_prior.as_ref()?).ok()?;
-            let error = prior.check_press(reading.session_from_sensor()).err()?;
+            let error = prior.check_press(&reading.session_from_sensor()).err()?;
             Some(("pose", error.to_string()))
         }
     }

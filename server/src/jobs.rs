@@ -391,6 +391,7 @@ impl Jobs {
             readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
             seed: training.seed.unwrap_or(1),
             config: convert::training::config(training)?,
+            geometry: training.geometry.as_ref().map(convert::geometry::config),
         })
     }
 

@@ -26,9 +26,9 @@ use crate::refusal::Refusal;
 use crate::repeats::new_readings;
 use crate::sensors::Sensors;
 use crate::sessions::{POSES, Tools, status};
-use crate::wire::{count, geometry};
 use crate::wire::reading::{Incoming, from_store};
 use crate::wire::session::{Status, belief, top};
+use crate::wire::{count, geometry};
 
 /// How many answers are remembered for robots that repeat a reading.
 const ANSWERS_MAX: usize = 64;

@@ -1,8 +1,10 @@
-//! What a training job does: readings of each object, a vocabulary, a map of each object.
+//! What a training job does: readings of each object, a vocabulary, maps of each object.
 //!
 //! Everything is decided by the stored material, the request and its seed. It runs on the
 //! training pool's threads and asks between steps whether it is to stop. Not here: queueing
 //! jobs and storing what comes out.
+
+mod geometry;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -10,7 +12,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use palpate_core::model::{Catalogue, ObjectMap};
+use palpate_core::occupancy::GridError;
+use palpate_core::occupancy::grid::CELLS_MAX;
 use palpate_core::reading::{Reading, ReadingError, SensorId};
+use palpate_core::train::geometry::GeometryConfig;
 use palpate_core::train::{TrainError, TrainingConfig, TrainingSet, learn_vocabulary, map_object};
 use palpate_core::vocabulary::Vocabulary;
 use palpate_schemas::{JobStage, ObjectReport};
@@ -28,9 +33,9 @@ use uuid::Uuid;
 
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
-use crate::wire::count;
 use crate::wire::object::{read_format, unit_metres};
 use crate::wire::reading::from_store;
+use crate::wire::{count, geometry as wire_geometry};
 
 /// What is to be trained.
 pub(crate) struct Plan {
@@ -40,6 +45,8 @@ pub(crate) struct Plan {
     pub(crate) readings_per_object: usize,
     pub(crate) seed: u64,
     pub(crate) config: TrainingConfig,
+    /// How maps of contact are trained, if they are.
+    pub(crate) geometry: Option<GeometryConfig>,
 }
 
 /// What came out, object by object in the plan's order.
@@ -74,6 +81,13 @@ pub(crate) enum TrainingFailure {
     Sampling { object: String, source: SampleError },
     #[error("object {object:?}: {source}")]
     Mapping { object: String, source: TrainError },
+    #[error("object {object:?}: {source} with cells of {} mm", cell * 1e3)]
+    Grid { object: String, cell: f64, source: GridError },
+    #[error(
+        "object {object:?} brings the maps to {found} cells of {} mm, expected at most \
+         {CELLS_MAX} for all objects: choose larger cells", cell * 1e3
+    )]
+    Cells { object: String, cell: f64, found: usize },
     #[error(transparent)]
     Vocabulary(#[from] TrainError),
     #[error(transparent)]
@@ -102,14 +116,20 @@ pub(crate) fn train(
     let vocabulary = learn_vocabulary(&sets, &plan.config, plan.seed)?;
     step(progress, JobStage::Vocabulary, 1, 1)?;
     let maps = map_all(plan, &materials, &vocabulary, progress)?;
-    let objects = materials.iter().zip(&maps).map(|(material, map)| report(material, map));
-    let objects = objects.collect();
-    let maps = maps.into_iter().map(Arc::new).collect();
+    let geometry = match &plan.geometry {
+        Some(config) => Some(geometry::learn(config, &materials, &maps, progress)?),
+        None => None,
+    };
+    let mut objects: Vec<ObjectReport> =
+        materials.iter().zip(&maps).map(|(material, map)| report(material, map)).collect();
+    for (object, map) in objects.iter_mut().zip(geometry.iter().flat_map(|model| &model.maps)) {
+        object.geometry = Some(wire_geometry::report(map));
+    }
     let model = Catalogue {
         vocabulary,
         association: plan.config.association,
-        objects: maps,
-        geometry: None,
+        objects: maps.into_iter().map(Arc::new).collect(),
+        geometry: geometry.map(Arc::new),
     };
     Ok(Trained { model, objects })
 }
@@ -117,6 +137,11 @@ pub(crate) fn train(
 impl Material {
     fn set(&self) -> TrainingSet<'_> {
         TrainingSet { readings: &self.readings, sensor: &self.sensor.description }
+    }
+
+    /// The readings that maps of contact are learnt from.
+    fn pressed(&self) -> TrainingSet<'_> {
+        self.set()
     }
 }
 

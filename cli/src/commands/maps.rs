@@ -31,7 +31,9 @@ enum Action {
         palpate maps export --object mug --ply mug-map.ply --form mesh")]
     Export(ExportArgs),
     /// Add another version's maps of contact to a catalogue's, as a new version of it.
-    #[command(after_help = "Example:\n  palpate maps merge --with-catalogue lab-2 --with-version 3")]
+    #[command(
+        after_help = "Example:\n  palpate maps merge --with-catalogue lab-2 --with-version 3"
+    )]
     Merge(MergeArgs),
 }
 

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::GeometricError;
+use super::planar::check_tilt;
 use crate::mosaic::press_fit::PressPrior;
 use crate::pose::Pose;
 use crate::units::MM;
@@ -34,6 +35,21 @@ pub enum PosePrior {
         /// How far it may be turned from there about each of the session's axes, rad.
         half_angle: f64,
     },
+}
+
+impl PosePrior {
+    /// Whether a belief with this prior can take a press at `session_from_sensor`.
+    ///
+    /// # Errors
+    /// [`GeometricError::Tilt`] when a press on a plane is tilted by more than 30 degrees.
+    pub fn check_press(&self, session_from_sensor: &Pose) -> Result<(), GeometricError> {
+        match self {
+            Self::Planar { session_from_plane, .. } => {
+                check_tilt(&(session_from_plane.inverse() * *session_from_sensor))
+            }
+            Self::Bounded { .. } => Ok(()),
+        }
+    }
 }
 
 /// How the belief is carried.

@@ -38,6 +38,16 @@ const POLISHED_REACH: f64 = 8.0;
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
 
+/// Refuses presses that do not come along the plane's normal.
+pub(super) fn check_tilt(plane_from_sensor: &Pose) -> Result<(), GeometricError> {
+    // The sensor looks at the object: its z points into the plane.
+    let tilt = (-plane_from_sensor.turn(DVec3::Z).z).clamp(-1.0, 1.0).acos();
+    if tilt > TILT_MAX {
+        return Err(GeometricError::Tilt { degrees: tilt / DEG });
+    }
+    Ok(())
+}
+
 /// A belief over identity and planar pose.
 #[derive(Clone, Debug)]
 pub(super) struct PlanarBelief {
@@ -202,11 +212,7 @@ impl PlanarBelief {
     ) -> Result<(), GeometricError> {
         let plane_from_sensor =
             self.plane.session_from_plane.inverse() * reading.session_from_sensor();
-        // The sensor looks at the object: its z points into the plane.
-        let tilt = (-plane_from_sensor.turn(DVec3::Z).z).clamp(-1.0, 1.0).acos();
-        if tilt > TILT_MAX {
-            return Err(GeometricError::Tilt { degrees: tilt / DEG });
-        }
+        check_tilt(&plane_from_sensor)?;
         let known = self.model.geometry.gains.iter().find(|g| g.sensor == reading.sensor());
         let gains = known
             .map(|known| &known.gains[..])

@@ -63,7 +63,8 @@ pub fn learn_force(
         let mosaic = Some(build_mosaic(set, &gains, &config.mosaic)?);
         Ok(Arc::new(GeometricMap { occupancy: map.occupancy.clone(), mosaic }))
     };
-    let maps = sets.par_iter().zip(&model.maps).map(with_force).collect::<Result<_, GridError>>()?;
+    let maps =
+        sets.par_iter().zip(&model.maps).map(with_force).collect::<Result<_, GridError>>()?;
     let gains =
         gains.into_iter().map(|known| SensorGains { sensor: known.sensor, gains: known.gains });
     Ok(GeometricModel { gains: gains.collect(), maps, ..model })

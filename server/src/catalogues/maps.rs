@@ -5,14 +5,15 @@
 
 use std::sync::Arc;
 
-use palpate_core::model::geometry::{GeometricMap, GeometricModel};
 use palpate_core::model::Catalogue as CoreCatalogue;
+use palpate_core::model::geometry::{GeometricMap, GeometricModel};
 use palpate_schemas as wire;
+use palpate_schemas::PlyForm;
 use palpate_store::catalogue::Draft;
 use palpate_store::model_codec::model_to_blocks;
 use uuid::Uuid;
 
-use super::{Catalogues, Model, number};
+use super::{Catalogues, Model};
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::refusal::Refusal;
@@ -33,6 +34,14 @@ impl Mapped {
 
     pub(crate) fn occupancy(&self, slice: Option<u32>) -> Result<wire::OccupancyMap, Refusal> {
         geometry::occupancy_map(&self.model.objects[self.place], &self.map, slice)
+    }
+
+    pub(crate) async fn png(&self, pool: &Pool, slice: Option<u32>) -> Result<Vec<u8>, Refusal> {
+        todo!()
+    }
+
+    pub(crate) async fn ply(&self, pool: &Pool, form: PlyForm) -> Result<Vec<u8>, Refusal> {
+        todo!()
     }
 }
 
@@ -115,7 +124,9 @@ fn merge(ours: &Model, theirs: &Model) -> Result<GeometricModel, Refusal> {
         let occupancy = map
             .occupancy
             .merge_shifted(&their_geometry.maps[other].occupancy, theirs_from_ours)
-            .map_err(|error| Refusal::field("/with", format!("object {:?}: {error}", object.name)))?;
+            .map_err(|error| {
+                Refusal::field("/with", format!("object {:?}: {error}", object.name))
+            })?;
         maps.push(Arc::new(GeometricMap { occupancy, mosaic: map.mosaic.clone() }));
     }
     if n_shared == 0 {

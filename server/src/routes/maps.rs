@@ -113,8 +113,9 @@ pub(crate) async fn merge_maps(
 /// An answer that never changes, or 304 when it is known.
 fn immutable(headers: &HeaderMap, tag: &str, content: impl IntoResponse) -> Response {
     let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
-    let is_known =
-        known.is_some_and(|known| known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag));
+    let is_known = known.is_some_and(|known| {
+        known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag)
+    });
     let lasting = [(header::ETAG, tag.to_owned()), (header::CACHE_CONTROL, IMMUTABLE.to_owned())];
     if is_known {
         return (StatusCode::NOT_MODIFIED, lasting).into_response();

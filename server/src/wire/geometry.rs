@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use palpate_core::geometric::{AxisMarginal, PosePrior as CorePrior};
 use palpate_core::model::geometry::{GeometricMap, GeometricModel};
 use palpate_core::occupancy::OccupancyGrid;
+use palpate_core::train::geometry::GeometryConfig;
 use palpate_schemas as wire;
 use palpate_schemas::{AxisUnit, GeometryKind, PosePrior};
 use palpate_store::catalogue::VersionObject;
@@ -28,13 +29,21 @@ const HALF_ANGLE_MIN: f64 = 1e-3;
 /// The largest coordinate of the middle of that place, in metres.
 const CENTER_MAX: f64 = 1e3;
 
-/// A training's geometry, its numbers checked.
-pub(crate) fn training(
-    request: wire::GeometryTraining,
-) -> Result<wire::GeometryTraining, Refusal> {
+/// A training's geometry with its default filled in, its numbers checked.
+pub(crate) fn training(request: wire::GeometryTraining) -> Result<wire::GeometryTraining, Refusal> {
     let [low, high] = CELL;
-    let cell = request.cell.map(|cell| number("/geometry/cell", cell, low, high));
-    Ok(wire::GeometryTraining { cell: cell.transpose()?, ..request })
+    let cell = request.cell.unwrap_or(config(&request).cell);
+    let cell = number("/geometry/cell", cell, low, high)?;
+    Ok(wire::GeometryTraining { cell: Some(cell), ..request })
+}
+
+/// Core's configuration of a training's geometry.
+pub(crate) fn config(training: &wire::GeometryTraining) -> GeometryConfig {
+    let default = match training.kind {
+        GeometryKind::Planar => GeometryConfig::planar(),
+        GeometryKind::Solid => GeometryConfig::solid(),
+    };
+    GeometryConfig { cell: training.cell.unwrap_or(default.cell), ..default }
 }
 
 /// What the maps of a version are of.
@@ -192,10 +201,7 @@ pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Refusal> {
     match prior {
         PosePrior::Planar { plane, center, half_extent, angle, half_angle } => {
             Ok(CorePrior::Planar {
-                session_from_plane: reading::pose(
-                    "/pose_prior/plane",
-                    &plane.unwrap_or(IDENTITY),
-                )?,
+                session_from_plane: reading::pose("/pose_prior/plane", &plane.unwrap_or(IDENTITY))?,
                 center: center.unwrap_or_default(),
                 half_extent: half_extent.unwrap_or(HALF_EXTENT),
                 angle: angle.unwrap_or_default(),

@@ -123,7 +123,8 @@ fn checked_options(request: &wire::CreateSession, model: &Model) -> Result<Optio
         Refusal::field(field, detail)
     };
     if !is_geometric(method) {
-        let unused = [("/pose_prior", request.pose_prior.is_some()), ("/seed", request.seed.is_some())];
+        let unused =
+            [("/pose_prior", request.pose_prior.is_some()), ("/seed", request.seed.is_some())];
         if let Some((field, _)) = unused.iter().find(|(_, came)| *came) {
             return Err(only(field, "geometric methods only"));
         }

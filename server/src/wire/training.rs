@@ -145,14 +145,21 @@ pub(crate) fn stage_name(stage: JobStage) -> &'static str {
         JobStage::Sampling => "sampling",
         JobStage::Vocabulary => "vocabulary",
         JobStage::Mapping => "mapping",
+        JobStage::Geometry => "geometry",
         JobStage::Storing => "storing",
     }
 }
 
 fn stage(name: &str) -> Option<JobStage> {
-    [JobStage::Sampling, JobStage::Vocabulary, JobStage::Mapping, JobStage::Storing]
-        .into_iter()
-        .find(|stage| stage_name(*stage) == name)
+    [
+        JobStage::Sampling,
+        JobStage::Vocabulary,
+        JobStage::Mapping,
+        JobStage::Geometry,
+        JobStage::Storing,
+    ]
+    .into_iter()
+    .find(|stage| stage_name(*stage) == name)
 }
 
 /// A stored job's state for the wire.

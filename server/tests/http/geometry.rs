@@ -265,8 +265,10 @@ async fn what_a_geometric_session_cannot_use_is_refused() {
         (planar(json!({"half_extent": 0.0})), "/pose_prior/half_extent"),
         (planar(json!({"half_angle": 4.0})), "/pose_prior/half_angle"),
         (planar(json!({"center": [0.0, 1e9]})), "/pose_prior/center/1"),
-        (planar(json!({"plane": {"position": [0, 0, 0], "orientation": [0, 0, 0, 0]}})),
-            "/pose_prior/plane/orientation"),
+        (
+            planar(json!({"plane": {"position": [0, 0, 0], "orientation": [0, 0, 0, 0]}})),
+            "/pose_prior/plane/orientation",
+        ),
     ] {
         let refused = it.post("/v1/sessions", &request).await;
         refused.problem(422, "invalid-value", Some(pointer));
@@ -349,7 +351,10 @@ async fn maps_are_shown_exported_and_merged() {
     let request = json!({"version": 1, "with": {"catalogue": "default", "version": 1}});
     let merged = it.post("/v1/catalogues/default/merges", &request).await.expect(201);
     assert_eq!((&merged["version"], &merged["is_current"]), (&json!(2), &json!(true)));
-    assert_eq!((&merged["job"], merged["merged_from"].as_array().unwrap().len()), (&Value::Null, 2));
+    assert_eq!(
+        (&merged["job"], merged["merged_from"].as_array().unwrap().len()),
+        (&Value::Null, 2)
+    );
     let twice = it.get(&path.replace("versions/1", "versions/2")).await.expect(200);
     assert_eq!(twice["n_cells"], map["n_cells"]);
     let twice = it.get(&format!("{}?slice=0", path.replace("versions/1", "versions/2"))).await;
@@ -364,9 +369,7 @@ async fn maps_are_shown_exported_and_merged() {
 
     train(&it, &json!({"n_classes": 4, "geometry": {"kind": "planar", "cell": 0.002}})).await;
     train(&it, &json!({"n_classes": 4, "objects": ["I"]})).await;
-    let with = |version: u32, catalogue: &str| {
-        json!({"version": 1, "with": {"catalogue": catalogue, "version": version}})
-    };
+    let with = |version: u32, catalogue: &str| json!({"version": 1, "with": {"catalogue": catalogue, "version": version}});
     for (request, status, kind, pointer) in [
         (with(3, "default"), 422, "invalid-value", Some("/with")),
         (with(4, "default"), 409, "wrong-state", None),

@@ -1,0 +1,74 @@
+//! The part of a training that learns where objects generate contact, and with what pressure.
+//!
+//! All objects' maps together are bounded, so that a version fits into memory: a grid's size
+//! is known before its cells are.
+
+use glam::DVec3;
+use palpate_core::model::ObjectMap;
+use palpate_core::model::geometry::GeometricModel;
+use palpate_core::occupancy::grid::CELLS_MAX;
+use palpate_core::occupancy::mapping::shape_around;
+use palpate_core::train::force::{ForceConfig, learn_force};
+use palpate_core::train::geometry::{Dimensions, GeometryConfig, map_geometry};
+use palpate_core::train::{TrainError, TrainingSet};
+use palpate_schemas::JobStage;
+
+use super::{Material, Progress, TrainingFailure, step};
+
+/// Learns the geometry of all objects, in the frames of their `maps`.
+pub(super) fn learn(
+    config: &GeometryConfig,
+    materials: &[Material],
+    maps: &[ObjectMap],
+    progress: &Progress<'_>,
+) -> Result<GeometricModel, TrainingFailure> {
+    let total = materials.len();
+    step(progress, JobStage::Geometry, 0, total)?;
+    check_size(config, materials)?;
+    let sets: Vec<TrainingSet<'_>> = materials.iter().map(Material::pressed).collect();
+    let origins: Vec<DVec3> = maps.iter().map(ObjectMap::origin_in_training).collect();
+    let named = |error| named(error, materials);
+    let model = map_geometry(&sets, &origins, config).map_err(named)?;
+    step(progress, JobStage::Geometry, total / 2, total)?;
+    let model = match config.dimensions {
+        Dimensions::Planar => {
+            learn_force(model, &sets, &origins, &ForceConfig::default()).map_err(named)?
+        }
+        Dimensions::Solid => model,
+    };
+    step(progress, JobStage::Geometry, total, total)?;
+    Ok(model)
+}
+
+/// Refuses maps that would be too large, before any is made.
+fn check_size(config: &GeometryConfig, materials: &[Material]) -> Result<(), TrainingFailure> {
+    let cell = config.cell;
+    let plane = match config.dimensions {
+        Dimensions::Planar => Some(0.0),
+        Dimensions::Solid => None,
+    };
+    let mut n_cells = 0;
+    for material in materials {
+        let object = || material.object.name.clone();
+        let set = material.pressed();
+        let margin = set.sensor.parameters().point_spread;
+        let shape = shape_around(set.readings, set.sensor, cell, margin, plane)
+            .map_err(|source| TrainingFailure::Grid { object: object(), cell, source })?;
+        n_cells += shape.n_cells();
+        if n_cells > CELLS_MAX {
+            return Err(TrainingFailure::Cells { object: object(), cell, found: n_cells });
+        }
+    }
+    Ok(())
+}
+
+/// The failure of a training whose object core knows by its position.
+fn named(error: TrainError, materials: &[Material]) -> TrainingFailure {
+    match error {
+        TrainError::NotPlanar { object, .. } => {
+            let object = materials[object].object.name.clone();
+            TrainingFailure::Mapping { object, source: error }
+        }
+        other => TrainingFailure::Vocabulary(other),
+    }
+}
