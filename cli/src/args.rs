@@ -3,9 +3,9 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, maps::MapsArgs,
-    objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
-    touch::TouchArgs, train::TrainArgs,
+    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, letters::LettersArgs,
+    maps::MapsArgs, objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs,
+    sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -58,6 +58,8 @@ pub(crate) enum Command {
     Sensors(SensorsArgs),
     /// Objects to recognise: their meshes and training readings.
     Objects(ObjectsArgs),
+    /// Raised letters: their meshes, and readings of them from a simulated rig.
+    Letters(LettersArgs),
     /// Train a catalogue of objects.
     Train(TrainArgs),
     /// Trainings: list, follow, cancel.
@@ -100,6 +102,10 @@ mod tests {
             "palpate objects add mug --mesh mug.stl --unit m",
             "palpate objects example --all --out meshes",
             "palpate objects readings add mug --file readings.json",
+            "palpate letters list",
+            "palpate letters mesh --all --out letters",
+            "palpate letters press A --out a.json --repetition 1 --seed 3 --noise harsh",
+            "palpate letters press q --out q.json --pose -5,3.5,120 --readings 9",
             "palpate sensors add finger --preset digitacts-6x6",
             "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
             "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
@@ -128,6 +134,10 @@ mod tests {
             "palpate objects add mug --mesh mug.stl --unit inch",
             "palpate objects example --out meshes",
             "palpate objects example mug --all --out meshes",
+            "palpate letters mesh A --all",
+            "palpate letters press AB --out a.json",
+            "palpate letters press A --out a.json --pose 5,3",
+            "palpate letters press A --out a.json --readings 193",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
             "palpate experiment sva-objects --size-mm 0.08",

@@ -3,6 +3,7 @@
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod jobs;
+pub(crate) mod letters;
 pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod openapi;
@@ -35,6 +36,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Demo(args) => demo::run(args, output).await,
         Command::Sensors(args) => sensors::run(args, &context()?).await,
         Command::Objects(args) => objects::run(args, &context()?).await,
+        Command::Letters(args) => letters::run(args, output),
         Command::Train(args) => train::run(args, &context()?).await,
         Command::Maps(args) => maps::run(args, &context()?).await,
         Command::Jobs(args) => jobs::run(args, &context()?).await,

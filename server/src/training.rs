@@ -21,6 +21,7 @@ use palpate_core::vocabulary::Vocabulary;
 use palpate_schemas::{JobStage, ObjectReport};
 use palpate_sim::mesh::{Mesh, MeshError};
 use palpate_sim::press::PressSimulator;
+use palpate_sim::rig::PlanarError;
 use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
 use palpate_store::catalogue::VersionObject;
 use palpate_store::database::Database;
@@ -81,6 +82,8 @@ pub(crate) enum TrainingFailure {
     Sampling { object: String, source: SampleError },
     #[error("object {object:?}: {source}")]
     Mapping { object: String, source: TrainError },
+    #[error("object {object:?}: {source}")]
+    Planar { object: String, source: PlanarError },
     #[error("object {object:?}: {source} with cells of {} mm", cell * 1e3)]
     Grid { object: String, cell: f64, source: GridError },
     #[error(
@@ -102,6 +105,9 @@ struct Material {
     readings: Vec<Reading>,
     sensor: Arc<Sensor>,
     origin: Option<DVec3>,
+    /// Presses straight down, of a mesh whose planar map is to be learnt; else the maps of
+    /// contact are learnt from the readings.
+    planar: Option<Vec<Reading>>,
 }
 
 /// Trains. The object at place i of the plan is touched with seed + i.
@@ -141,7 +147,8 @@ impl Material {
 
     /// The readings that maps of contact are learnt from.
     fn pressed(&self) -> TrainingSet<'_> {
-        self.set()
+        let readings = self.planar.as_deref().unwrap_or(&self.readings);
+        TrainingSet { readings, ..self.set() }
     }
 }
 
@@ -157,7 +164,7 @@ fn gather(
         let material = match own_readings(object, sources)? {
             Some((readings, sensor)) => {
                 done.fetch_add(plan.readings_per_object, Ordering::Relaxed);
-                Material { object: object.clone(), readings, sensor, origin: None }
+                Material { object: object.clone(), readings, sensor, origin: None, planar: None }
             }
             None => touch(plan, index, object, sources, &done, progress)?,
         };
@@ -206,6 +213,7 @@ fn touch(
     let mesh = mesh(object.id, sources, &name)?;
     let origin = mesh.centroid();
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
+    let planar = geometry::planar_presses(plan, index, object, &simulator)?;
     let config = SamplerConfig::for_simulator(&simulator);
     let total = plan.objects.len() * plan.readings_per_object;
     let mut counted = 0;
@@ -222,7 +230,7 @@ fn touch(
             source => TrainingFailure::Sampling { object: name(), source },
         })?;
     let sensor = Arc::clone(&plan.sensor);
-    Ok(Material { object: object.clone(), readings, sensor, origin: Some(origin) })
+    Ok(Material { object: object.clone(), readings, sensor, origin: Some(origin), planar })
 }
 
 fn mesh(

@@ -4,11 +4,12 @@
 //! straight down: its z is the letter's −z, its x lies at the pose's angle, and its origin
 //! [`Rig::indentation`] below the face, where the face's whole area would read 16 of 20 kPa.
 //! A press shows the letter's shape blurred by the covering; what a mechanism and a real array
-//! add comes from [`RigNoise`]. Not here: presses of meshes (`press`).
+//! add comes from [`RigNoise`]. Meshes that lie flat are pressed alike: [`planar_presses`].
 
 mod field;
 mod noise;
 mod plan;
+mod planar;
 
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
@@ -18,6 +19,7 @@ use palpate_core::sensor::SensorDescription;
 pub use field::LetterField;
 pub use noise::RigNoise;
 pub use plan::{N_ANGLES, N_POSITIONS, PlanarPose, SPACING, plan};
+pub use planar::{PLANAR_PRESSES_MAX, PlanarError, PlanarPlan, planar_presses};
 
 use crate::letters::Letter;
 use crate::press::in_row_major_order;

@@ -8,12 +8,34 @@ use palpate_core::model::ObjectMap;
 use palpate_core::model::geometry::GeometricModel;
 use palpate_core::occupancy::grid::CELLS_MAX;
 use palpate_core::occupancy::mapping::shape_around;
+use palpate_core::reading::{Reading, SensorId};
 use palpate_core::train::force::{ForceConfig, learn_force};
 use palpate_core::train::geometry::{Dimensions, GeometryConfig, map_geometry};
 use palpate_core::train::{TrainError, TrainingSet};
 use palpate_schemas::JobStage;
+use palpate_sim::press::PressSimulator;
+use palpate_sim::rig::{self, PlanarPlan};
+use palpate_store::catalogue::VersionObject;
 
-use super::{Material, Progress, TrainingFailure, step};
+use super::{Material, Plan, Progress, TrainingFailure, step};
+
+/// Presses an object's mesh straight down if planar maps are wanted.
+pub(super) fn planar_presses(
+    plan: &Plan,
+    index: usize,
+    object: &VersionObject,
+    simulator: &PressSimulator,
+) -> Result<Option<Vec<Reading>>, TrainingFailure> {
+    let is_planar = plan.geometry.is_some_and(|config| config.dimensions == Dimensions::Planar);
+    if !is_planar {
+        return Ok(None);
+    }
+    let sensor = SensorId(plan.sensor.id.as_u128());
+    let seed = plan.seed.wrapping_add(index as u64);
+    rig::planar_presses(simulator, sensor, &PlanarPlan::default(), seed)
+        .map(Some)
+        .map_err(|source| TrainingFailure::Planar { object: object.name.clone(), source })
+}
 
 /// Learns the geometry of all objects, in the frames of their `maps`.
 pub(super) fn learn(
