@@ -22,6 +22,8 @@ pub mod contact;
 
 pub mod occupancy;
 
+pub mod metric;
+
 pub mod mosaic;
 
 pub mod descriptor;

@@ -34,6 +34,7 @@ const CORE_ORDER: &[&str] = &[
     "reading",
     "contact",
     "occupancy",
+    "metric",
     "mosaic",
     "descriptor",
     "vocabulary",
