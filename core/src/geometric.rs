@@ -11,6 +11,7 @@ mod marginals;
 mod options;
 mod planar;
 mod polish;
+mod printed;
 
 use std::sync::Arc;
 
@@ -22,13 +23,15 @@ use crate::sensor::SensorDescription;
 
 pub use error::GeometricError;
 pub use marginals::{AxisMarginal, Marginals, PlaneMarginal};
-pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior};
+pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior, PrintedFilter};
 
 use planar::PlanarBelief;
+use printed::PrintedBelief;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
 pub struct GeometricBelief {
+    pose: PosePrior,
     n_readings: usize,
     state: State,
 }
@@ -37,6 +40,7 @@ pub struct GeometricBelief {
 #[derive(Clone, Debug)]
 enum State {
     Planar(Box<PlanarBelief>),
+    Printed(Box<PrintedBelief>),
 }
 
 impl GeometricBelief {
@@ -58,11 +62,16 @@ impl GeometricBelief {
             (plane @ PosePrior::Planar { .. }, GeometricFilter::Adaptive(filter)) => {
                 State::Planar(Box::new(PlanarBelief::new(model, *plane, *filter, &log_prior)?))
             }
+            (pose, GeometricFilter::Printed(filter)) => {
+                let seed = options.seed;
+                let belief = PrintedBelief::new(model, pose, filter, seed, &log_prior)?;
+                State::Printed(Box::new(belief))
+            }
             (PosePrior::Bounded { .. }, GeometricFilter::Adaptive(_)) => {
                 return Err(GeometricError::NotSolid);
             }
         };
-        Ok(Self { n_readings: 0, state })
+        Ok(Self { pose: options.pose, n_readings: 0, state })
     }
 
     /// Takes a reading into account.
@@ -86,6 +95,10 @@ impl GeometricBelief {
         }
         match &mut self.state {
             State::Planar(belief) => belief.add(reading, sensor)?,
+            State::Printed(belief) => {
+                self.pose.check_press(&reading.session_from_sensor())?;
+                belief.add(reading, sensor);
+            }
         }
         self.n_readings += 1;
         Ok(())
@@ -96,6 +109,7 @@ impl GeometricBelief {
     pub fn answer(&self, n_modes: usize) -> Answer {
         match &self.state {
             State::Planar(belief) => belief.answer(n_modes, self.n_readings),
+            State::Printed(belief) => belief.answer(n_modes, self.n_readings),
         }
     }
 
@@ -105,6 +119,7 @@ impl GeometricBelief {
     pub fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
         match &self.state {
             State::Planar(belief) => belief.marginals(object),
+            State::Printed(belief) => belief.marginals(object),
         }
     }
 

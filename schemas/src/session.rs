@@ -36,15 +36,16 @@ pub struct CreateSession {
     /// planar prior's defaults when not given; with maps of kind `solid` it must be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_prior: Option<PosePrior>,
-    /// How many bins per object, 100 to 1000000; 10000 when not given. Only for
-    /// `geometric_histogram`.
+    /// How many bins an object has along x, y and the turn, each 2 to 200, together at most
+    /// 100000; 25, 25, 16 when not given. Only for `geometric_histogram`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 100, maximum = 1_000_000)]
-    pub bins: Option<u32>,
-    /// How many particles per object, 100 to 1000000; 10000 when not given. Only for
-    /// `geometric_particles`.
+    #[schema(value_type = Option<Vec<u32>>, min_items = 3, max_items = 3,
+        example = json!([25, 25, 16]))]
+    pub bins: Option<[u32; 3]>,
+    /// How many particles there are, of all objects together, 100 to 100000; 10000 when not
+    /// given. Only for `geometric_particles`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 100, maximum = 1_000_000)]
+    #[schema(minimum = 100, maximum = 100_000)]
     pub particles: Option<u32>,
     /// The seed of the random choices of the methods `geometric…`, up to 2⁵³ − 1; 1 when
     /// not given.
@@ -100,9 +101,11 @@ pub struct Session {
     pub method: Method,
     /// Where its object may lie, defaults filled in; null with methods that need no prior.
     pub pose_prior: Option<PosePrior>,
-    /// Bins per object; null unless the method is `geometric_histogram`.
-    pub bins: Option<u32>,
-    /// Particles per object; null unless the method is `geometric_particles`.
+    /// Bins of an object along x, y and the turn; null unless the method is
+    /// `geometric_histogram`.
+    #[schema(value_type = Option<Vec<u32>>, min_items = 3, max_items = 3)]
+    pub bins: Option<[u32; 3]>,
+    /// Particles of all objects; null unless the method is `geometric_particles`.
     pub particles: Option<u32>,
     /// The seed of its random choices; null when it makes none.
     pub seed: Option<u64>,

@@ -6,14 +6,16 @@
 use std::sync::Arc;
 
 use palpate_core::belief::answer::Answer;
+use palpate_core::filter::particle::{Injection, ParticleOptions, Resampling};
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals,
+    PrintedFilter,
 };
 use palpate_core::model::ObjectIdx;
 use palpate_core::reading::Reading;
 use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
-use palpate_schemas::{FieldError, Method};
+use palpate_schemas::{FieldError, Method, PosePrior};
 use palpate_store::entity::Session;
 use thiserror::Error;
 
@@ -43,8 +45,8 @@ pub(crate) enum BeliefError {
     Recognise(#[from] RecogniseError),
     #[error(transparent)]
     Geometric(#[from] GeometricError),
-    #[error("the session's method needs a prior over poses")]
-    PriorMissing,
+    #[error("an option that the session's method needs is not stored")]
+    OptionMissing,
     #[error(transparent)]
     Refused(#[from] Refusal),
 }
@@ -63,12 +65,22 @@ impl SessionBelief {
             Method::SvaLiteral => {
                 return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::literal(), prior)?));
             }
-            Method::Geometric => GeometricFilter::Adaptive(AdaptiveOptions::default()),
-            Method::GeometricHistogram | Method::GeometricParticles => {
-                GeometricFilter::Adaptive(AdaptiveOptions::default())
+            Method::Geometric => match options.pose_prior {
+                Some(PosePrior::Bounded { .. }) => GeometricFilter::Printed(
+                    PrintedFilter::Particles(solid_particles()),
+                ),
+                _ => GeometricFilter::Adaptive(AdaptiveOptions::default()),
+            },
+            Method::GeometricHistogram => {
+                let n = options.bins.ok_or(BeliefError::OptionMissing)?.map(|n| n as usize);
+                GeometricFilter::Printed(PrintedFilter::Histogram { n })
+            }
+            Method::GeometricParticles => {
+                let n = options.particles.ok_or(BeliefError::OptionMissing)? as usize;
+                GeometricFilter::Printed(PrintedFilter::Particles(ParticleOptions::literal(n)))
             }
         };
-        let pose = options.pose_prior.as_ref().ok_or(BeliefError::PriorMissing)?;
+        let pose = options.pose_prior.as_ref().ok_or(BeliefError::OptionMissing)?;
         let options = GeometricOptions { pose: core_prior(pose)?, filter, seed: session.seed };
         Ok(Self::Geometric(GeometricBelief::new(catalogue, options, prior)?))
     }
@@ -104,6 +116,19 @@ impl SessionBelief {
         let object = object.or_else(|| answer.best_object())?;
         let probability = answer.probabilities[object.0 as usize];
         Some(ObjectMarginals { object, probability, marginals: belief.marginals(object)? })
+    }
+}
+
+/// The particle filter of solid maps: what its printed form lacks (`docs/equations.md`).
+fn solid_particles() -> ParticleOptions {
+    ParticleOptions {
+        resampling: Resampling::Systematic,
+        resample_below: 0.5,
+        rotation_noise: 0.03,
+        injection: Injection::Share(0.02),
+        // Taxels of one press are not independent.
+        exponent: 0.25,
+        ..ParticleOptions::literal(20_000)
     }
 }
 

@@ -9,6 +9,7 @@ use palpate_core::model::Catalogue as CoreCatalogue;
 use palpate_core::model::geometry::{GeometricMap, GeometricModel};
 use palpate_schemas as wire;
 use palpate_schemas::PlyForm;
+use palpate_sim::render::occupancy::{cloud_ply, layer_png, surface_ply};
 use palpate_store::catalogue::Draft;
 use palpate_store::model_codec::model_to_blocks;
 use uuid::Uuid;
@@ -18,6 +19,13 @@ use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::refusal::Refusal;
 use crate::wire::{geometry, training};
+
+/// About how many pixels the longer side of an image has.
+const PNG_PIXELS: usize = 600;
+/// The most pixels along a cell.
+const CELL_PIXELS_MAX: usize = 16;
+/// From which probability on a cell is exported as occupied.
+const OCCUPIED: f64 = 0.5;
 
 /// The geometry of one object of a version.
 pub(crate) struct Mapped {
@@ -36,12 +44,33 @@ impl Mapped {
         geometry::occupancy_map(&self.model.objects[self.place], &self.map, slice)
     }
 
+    /// A layer of cells as a PNG; the one in the middle if none is named.
     pub(crate) async fn png(&self, pool: &Pool, slice: Option<u32>) -> Result<Vec<u8>, Refusal> {
-        todo!()
+        let [x, y, n_slices] = self.map.occupancy.shape().n();
+        let slice = match slice {
+            Some(slice) => geometry::slice_number(&self.map.occupancy, slice)?,
+            None => n_slices / 2,
+        };
+        let cell_pixels = (PNG_PIXELS / x.max(y)).clamp(1, CELL_PIXELS_MAX);
+        let map = Arc::clone(&self.map);
+        let draw = move || layer_png(&map.occupancy, slice, cell_pixels);
+        let png = pool.place()?.run(draw).await?;
+        png.ok_or_else(|| Refusal::NotFound { what: "slice", reference: slice.to_string() })
     }
 
+    /// The cells that are likely occupied, or the surface around them.
     pub(crate) async fn ply(&self, pool: &Pool, form: PlyForm) -> Result<Vec<u8>, Refusal> {
-        todo!()
+        let map = Arc::clone(&self.map);
+        let write = move || match form {
+            PlyForm::Points => Some(cloud_ply(&map.occupancy, OCCUPIED)),
+            PlyForm::Mesh => surface_ply(&map.occupancy),
+        };
+        let ply = pool.place()?.run(write).await?;
+        ply.ok_or_else(|| {
+            let detail = "came `mesh`, but the map is planar or has no occupied cell: it has no \
+                          surface, ask for `points`";
+            Refusal::field("?form", detail)
+        })
     }
 }
 

@@ -16,10 +16,12 @@ const SUM_TOLERANCE: f64 = 1e-6;
 /// The longest time to live, in seconds.
 const TTL_MAX: u64 = 31_536_000;
 
-/// Bins or particles of the literal geometric filters when the request does not say.
-const HYPOTHESES: u32 = 10_000;
-/// The fewest and the most of them.
-const HYPOTHESES_RANGE: [u64; 2] = [100, 1_000_000];
+/// Bins of an object along x, y and the turn when the request does not say: Table 3.1.
+const BINS: [u32; 3] = [25, 25, 16];
+/// Particles when the request does not say.
+const PARTICLES: u32 = 10_000;
+/// The most bins of an object, and the most particles.
+const HYPOTHESES_MAX: u64 = 100_000;
 
 /// The options of a session that have no field of their own in the store.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -28,7 +30,7 @@ pub(crate) struct Options {
     #[serde(default)]
     pub(crate) pose_prior: Option<wire::PosePrior>,
     #[serde(default)]
-    pub(crate) bins: Option<u32>,
+    pub(crate) bins: Option<[u32; 3]>,
     #[serde(default)]
     pub(crate) particles: Option<u32>,
 }
@@ -135,22 +137,29 @@ fn checked_options(request: &wire::CreateSession, model: &Model) -> Result<Optio
     if request.particles.is_some() && method != Method::GeometricParticles {
         return Err(only("/particles", "`geometric_particles` only"));
     }
-    let hypotheses = |field: &str, given: Option<u32>| {
-        let [low, high] = HYPOTHESES_RANGE;
-        super::within(field, u64::from(given.unwrap_or(HYPOTHESES)), low, high).map(count)
-    };
     let mut options = Options { method, ..Options::default() };
     match method {
         Method::Sva | Method::SvaLiteral => return Ok(options),
         Method::Geometric => {}
-        Method::GeometricHistogram => options.bins = Some(hypotheses("/bins", request.bins)?),
+        Method::GeometricHistogram => options.bins = Some(bins(request.bins.unwrap_or(BINS))?),
         Method::GeometricParticles => {
-            options.particles = Some(hypotheses("/particles", request.particles)?);
+            let n = u64::from(request.particles.unwrap_or(PARTICLES));
+            options.particles = Some(count(super::within("/particles", n, 100, HYPOTHESES_MAX)?));
         }
     }
     let kind = geometry::kind(model.geometry()?);
     options.pose_prior = Some(geometry::pose_prior(request.pose_prior.as_ref(), kind)?);
     Ok(options)
+}
+
+/// Bins of the histogram filter, checked.
+fn bins(n: [u32; 3]) -> Result<[u32; 3], Refusal> {
+    for (axis, n) in n.into_iter().enumerate() {
+        super::within(&format!("/bins/{axis}"), u64::from(n), 2, 200)?;
+    }
+    let found = n.into_iter().map(u64::from).product();
+    super::within("/bins", found, 8, HYPOTHESES_MAX)?;
+    Ok(n)
 }
 
 /// A method's name on the wire.

@@ -182,7 +182,7 @@ async fn the_printed_filters_recognise_letters_too() {
     let session_from_letter = session_from_plane() * plane_from_letter;
     let prior = json!({"kind": "planar", "plane": wire_pose(&session_from_plane())});
     for request in [
-        json!({"method": "geometric_histogram", "bins": 4000, "pose_prior": prior}),
+        json!({"method": "geometric_histogram", "bins": [20, 20, 24], "pose_prior": prior}),
         json!({"method": "geometric_particles", "particles": 4000, "seed": 4, "pose_prior": prior}),
     ] {
         let session = it.session(request).await;
@@ -257,9 +257,10 @@ async fn what_a_geometric_session_cannot_use_is_refused() {
     };
     for (request, pointer) in [
         (json!({"method": "geometric", "pose_prior": bounded}), "/pose_prior/kind"),
-        (json!({"method": "geometric", "bins": 1000}), "/bins"),
+        (json!({"method": "geometric", "bins": [9, 9, 9]}), "/bins"),
         (json!({"method": "geometric", "particles": 1000}), "/particles"),
-        (json!({"method": "geometric_histogram", "bins": 99}), "/bins"),
+        (json!({"method": "geometric_histogram", "bins": [9, 9, 1]}), "/bins/2"),
+        (json!({"method": "geometric_histogram", "bins": [99, 99, 99]}), "/bins"),
         (json!({"method": "sva", "pose_prior": {"kind": "planar"}}), "/pose_prior"),
         (json!({"seed": 3}), "/seed"),
         (planar(json!({"half_extent": 0.0})), "/pose_prior/half_extent"),
