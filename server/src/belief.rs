@@ -66,9 +66,9 @@ impl SessionBelief {
                 return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::literal(), prior)?));
             }
             Method::Geometric => match options.pose_prior {
-                Some(PosePrior::Bounded { .. }) => GeometricFilter::Printed(
-                    PrintedFilter::Particles(solid_particles()),
-                ),
+                Some(PosePrior::Bounded { .. }) => {
+                    GeometricFilter::Printed(PrintedFilter::Particles(solid_particles()))
+                }
                 _ => GeometricFilter::Adaptive(AdaptiveOptions::default()),
             },
             Method::GeometricHistogram => {

@@ -1,8 +1,8 @@
 //! The filters of chapter 3 as they are printed, as beliefs: maps of contact alone.
 //!
 //! Source: sections 3.3.3 and 3.3.4. Both fold presses of classes in the plane's frame (or
-//! the session's, for solids); poses there are `frame_from_object`. The prior over objects
-//! weighs what they answer. Presses are classified as in training.
+//! the session's, for solids); poses there are `frame_from_object`. Presses are classified as
+//! in training.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -13,9 +13,9 @@ use super::marginals::{self, Marginals, Share};
 use super::{GeometricError, PosePrior, PrintedFilter};
 use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
 use crate::filter::histogram::{Extent, HistogramModel, PlanarBins, PlanarHistogram};
-use crate::filter::particle::{ParticleFilter, PoseRegion};
+use crate::filter::particle::{Particle, ParticleFilter, PoseRegion};
 use crate::model::ObjectIdx;
-use crate::model::geometry::GeometricModel;
+use crate::model::geometry::{GeometricMap, GeometricModel};
 use crate::occupancy::{InverseModel, log_likelihood};
 use crate::pose::Pose;
 use crate::reading::Reading;
@@ -36,13 +36,15 @@ pub(super) struct PrintedBelief {
     inverse: InverseModel,
     log_prior: Vec<f64>,
     space: Space,
+    n_readings: usize,
     filter: Filter,
 }
 
 #[derive(Clone, Debug)]
 enum Filter {
     Histogram(PlanarHistogram, PlanarBins),
-    Particles(ParticleFilter),
+    /// With the likelihood's exponent.
+    Particles(ParticleFilter, f64),
 }
 
 /// The poses that are possible.
@@ -75,15 +77,14 @@ impl PrintedBelief {
             (PrintedFilter::Histogram { .. }, Space::Solid { .. }) => {
                 return Err(GeometricError::PlanarOnly);
             }
-            (PrintedFilter::Particles(options), _) => Filter::Particles(ParticleFilter::new(
-                *options,
-                space.region(),
-                model.maps.len(),
-                seed,
-            )),
+            (PrintedFilter::Particles(options), _) => {
+                let (region, n_objects) = (space.region(), model.maps.len());
+                let filter = ParticleFilter::new(*options, region, n_objects, seed);
+                Filter::Particles(filter, options.exponent)
+            }
         };
         let (inverse, log_prior) = (InverseModel::default(), log_prior.to_vec());
-        Ok(Self { model: Arc::clone(model), inverse, log_prior, space, filter })
+        Ok(Self { model: Arc::clone(model), inverse, log_prior, space, n_readings: 0, filter })
     }
 
     pub(super) fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
@@ -91,84 +92,103 @@ impl PrintedBelief {
         let press = self.inverse.classified(&reading.moved_by(frame_from_session), sensor);
         match &mut self.filter {
             Filter::Histogram(filter, _) => filter.add(press),
-            Filter::Particles(filter) => {
+            Filter::Particles(filter, exponent) => {
                 let (maps, table) = (&self.model.maps, &self.model.table);
-                filter.add(|object, pose| {
-                    log_likelihood(&press, &maps[object].occupancy, table, pose)
+                // The prior weighs once: what is drawn from it later has it already.
+                let weight = if self.n_readings == 0 { exponent.recip() } else { 0.0 };
+                filter.add(|object, pose| match self.log_prior[object] {
+                    f64::NEG_INFINITY => f64::NEG_INFINITY,
+                    prior => {
+                        weight * prior
+                            + log_likelihood(&press, &maps[object].occupancy, table, pose)
+                    }
                 });
             }
         }
+        self.n_readings += 1;
     }
 
     /// Bins answer their centres (equation 3.17), particles the means of their clusters.
     pub(super) fn answer(&self, n_modes: usize, n_readings: usize) -> Answer {
-        let objects = 0..self.model.maps.len();
-        let weighted = |object: usize, frame_from_object: Pose, log: f64| WeightedPose {
-            object: ObjectIdx(object as u32),
-            session_from_object: self.session_from_object(object, frame_from_object),
-            log_weight: log + self.log_prior[object],
+        let (logs, poses, scale) = match &self.filter {
+            Filter::Histogram(filter, bins) => self.of_bins(filter, bins),
+            Filter::Particles(filter, _) => self.of_particles(filter),
         };
-        let with_prior =
-            |logs: Vec<f64>| logs.iter().zip(&self.log_prior).map(|(a, b)| a + b).collect();
-        match &self.filter {
-            Filter::Histogram(filter, bins) => {
-                let logs: Vec<f64> = with_prior(filter.log_identities());
-                let best = |object| filter.mode(object).map(|(pose, log)| (object, pose, log));
-                let poses = objects.filter_map(best);
-                let poses = poses.map(|(object, pose, log)| weighted(object, pose, log)).collect();
-                let root = 12.0_f64.sqrt();
-                let scale = ModeScale {
-                    distance: 0.0,
-                    angle: 0.0,
-                    position_deviation: bins.sides().max_element() / root,
-                    rotation_deviation: TAU / bins.n[2] as f64 / root,
-                };
-                answer(&logs, poses, n_modes, &scale, n_readings)
-            }
-            Filter::Particles(filter) => {
-                let logs: Vec<f64> =
-                    with_prior(filter.identities().into_iter().map(f64::ln).collect());
-                let poses = filter.particles().iter();
-                let poses = poses.map(|p| weighted(p.object, p.session_from_object, p.log_weight));
-                let scale = ModeScale {
-                    distance: MODE_REACH[0],
-                    angle: MODE_REACH[1],
-                    position_deviation: SMEAR[0],
-                    rotation_deviation: SMEAR[1],
-                };
-                answer(&logs, poses.collect(), n_modes, &scale, n_readings)
-            }
-        }
+        answer(&logs, poses, n_modes, &scale, n_readings)
+    }
+
+    fn of_bins(
+        &self,
+        filter: &PlanarHistogram,
+        bins: &PlanarBins,
+    ) -> (Vec<f64>, Vec<WeightedPose>, ModeScale) {
+        let logs = filter.log_identities();
+        let logs = logs.iter().zip(&self.log_prior).map(|(log, prior)| log + prior).collect();
+        let best = |object| {
+            let (pose, log) = filter.mode(object)?;
+            Some(self.weighted(object, pose, log + self.log_prior[object]))
+        };
+        let poses = (0..self.model.maps.len()).filter_map(best).collect();
+        let scale = ModeScale {
+            distance: 0.0,
+            angle: 0.0,
+            position_deviation: bins.sides().max_element() / 12.0_f64.sqrt(),
+            rotation_deviation: TAU / bins.n[2] as f64 / 12.0_f64.sqrt(),
+        };
+        (logs, poses, scale)
+    }
+
+    fn of_particles(&self, filter: &ParticleFilter) -> (Vec<f64>, Vec<WeightedPose>, ModeScale) {
+        let prior = |object: usize| if self.n_readings == 0 { self.log_prior[object] } else { 0.0 };
+        let identities = filter.identities();
+        let log = |(object, identity): (usize, &f64)| identity.ln() + prior(object);
+        let logs = identities.iter().enumerate().map(log).collect();
+        let weighted = |particle: &Particle| {
+            let log = particle.log_weight + prior(particle.object);
+            self.weighted(particle.object, particle.session_from_object, log)
+        };
+        let scale = ModeScale {
+            distance: MODE_REACH[0],
+            angle: MODE_REACH[1],
+            position_deviation: SMEAR[0],
+            rotation_deviation: SMEAR[1],
+        };
+        (logs, filter.particles().iter().map(weighted).collect(), scale)
+    }
+
+    fn weighted(&self, object: usize, frame_from_object: Pose, log_weight: f64) -> WeightedPose {
+        let session_from_object = self.session_from_object(object, frame_from_object);
+        WeightedPose { object: ObjectIdx(object as u32), session_from_object, log_weight }
     }
 
     /// The marginals of one object; `None` when it is impossible.
     pub(super) fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
         let object = object.0 as usize;
         self.model.maps.get(object)?;
-        let boxes: Vec<([f64; 6], [f64; 6], f64)> = match &self.filter {
+        let boxes: Vec<PoseBox> = match &self.filter {
             Filter::Histogram(filter, bins) => {
-                let half = 0.5 * bins.sides();
-                let half = [half.x, half.y, PI / bins.n[2] as f64, 0.0, 0.0, 0.0];
+                let side = 0.5 * bins.sides();
+                let half = [side.x, side.y, PI / bins.n[2] as f64, 0.0, 0.0, 0.0];
                 let logs = filter.logs(object);
                 let best = logs.iter().map(|(_, log)| *log).fold(f64::NEG_INFINITY, f64::max);
-                let centers = logs.iter().map(|(bin, log)| {
-                    (self.space.coordinates(&bins.session_from_object(*bin)), (log - best).exp())
-                });
-                centers.map(|(center, weight)| around(center, half, weight)).collect()
+                let around = |(bin, log): &(usize, f64)| {
+                    let center = self.space.coordinates(&bins.session_from_object(*bin));
+                    pose_box(center, half, (log - best).exp())
+                };
+                logs.iter().map(around).collect()
             }
-            Filter::Particles(filter) => {
+            Filter::Particles(filter, _) => {
+                let [place, turn] = SMEAR;
                 let half = match self.space {
-                    Space::Plane { .. } => [SMEAR[0], SMEAR[0], SMEAR[1], 0.0, 0.0, 0.0],
-                    Space::Solid { .. } => {
-                        [SMEAR[0], SMEAR[0], SMEAR[0], SMEAR[1], SMEAR[1], SMEAR[1]]
-                    }
+                    Space::Plane { .. } => [place, place, turn, 0.0, 0.0, 0.0],
+                    Space::Solid { .. } => [place, place, place, turn, turn, turn],
+                };
+                let around = |particle: &Particle| {
+                    let center = self.space.coordinates(&particle.session_from_object);
+                    pose_box(center, half, particle.log_weight.exp())
                 };
                 let own = filter.particles().iter().filter(|particle| particle.object == object);
-                let centers = own.map(|particle| {
-                    let center = self.space.coordinates(&particle.session_from_object);
-                    (center, particle.log_weight.exp())
-                });
-                centers.map(|(center, weight)| around(center, half, weight)).collect()
+                own.map(around).collect()
             }
         };
         if boxes.iter().all(|(_, _, weight)| *weight <= 0.0) {
@@ -195,7 +215,11 @@ impl PrintedBelief {
     }
 }
 
-fn around(center: [f64; 6], half: [f64; 6], weight: f64) -> ([f64; 6], [f64; 6], f64) {
+/// A box along the axes that are plotted, from its lowest to its highest corner, and its
+/// weight.
+type PoseBox = ([f64; 6], [f64; 6], f64);
+
+fn pose_box(center: [f64; 6], half: [f64; 6], weight: f64) -> PoseBox {
     let ends = |sign: f64| std::array::from_fn(|axis| center[axis] + sign * half[axis]);
     (ends(-1.0), ends(1.0), weight)
 }
@@ -204,10 +228,7 @@ impl Space {
     /// # Errors
     /// [`GeometricError`] when the maps are of the other kind, or not every turn is possible.
     fn new(model: &GeometricModel, prior: &PosePrior) -> Result<Self, GeometricError> {
-        let is_planar = |map: &Arc<_>| {
-            let map: &crate::model::geometry::GeometricMap = map;
-            map.occupancy.shape().is_planar()
-        };
+        let is_planar = |map: &Arc<GeometricMap>| map.occupancy.shape().is_planar();
         match *prior {
             PosePrior::Planar { session_from_plane, center, half_extent, angle, half_angle } => {
                 if !model.maps.iter().all(is_planar) {
@@ -292,3 +313,6 @@ impl Space {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
