@@ -111,8 +111,7 @@ impl Robot {
 
     /// How high the sensor is when it presses straight down, in the mesh.
     fn pressed_height(&self) -> f64 {
-        let below_top =
-            INDENTATION * self.simulator.sensor().parameters().covering_thickness;
+        let below_top = INDENTATION * self.simulator.sensor().parameters().covering_thickness;
         self.simulator.mesh().bounds().1.z - below_top
     }
 

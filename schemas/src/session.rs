@@ -277,7 +277,7 @@ pub enum SessionEvent {
     #[schema(title = "ClosedEvent")]
     Closed {
         /// The session as it is now.
-        session: Session,
+        session: Box<Session>,
     },
     /// The session was deleted.
     #[schema(title = "DeletedEvent")]

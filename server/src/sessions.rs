@@ -113,7 +113,7 @@ impl Sessions {
         let closing = tokio::spawn(async move {
             live.close(&sessions.store).await?;
             let session = sessions.show(&sessions.store.sessions().get(id)?)?;
-            live.publish(SessionEvent::Closed { session: session.clone() });
+            live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
             Ok(session)
         });
         closing.await.unwrap_or(Err(Refusal::Panicked))

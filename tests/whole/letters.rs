@@ -111,12 +111,11 @@ async fn a_letter_is_recognised_in_its_plane() {
     let report = client.catalogue_version("default", 1).await.unwrap().report;
     let object = report.objects.iter().find(|object| object.name == "U").unwrap();
     assert!(object.geometry.is_some_and(|geometry| geometry.has_force), "{object:?}");
-    let letter_from_object =
-        Pose { translation: object.origin_in_mesh.into(), ..Pose::IDENTITY };
+    let letter_from_object = Pose { translation: object.origin_in_mesh.into(), ..Pose::IDENTITY };
     let truth = plane_from_letter * letter_from_object;
     let found = belief.poses[0].pose;
-    let found = session_from_plane.inverse()
-        * Pose::new(found.position, found.orientation).unwrap();
+    let found =
+        session_from_plane.inverse() * Pose::new(found.position, found.orientation).unwrap();
     let off = (found.translation - truth.translation).truncate().length();
     assert!(off < 1.5 * MM, "{off} m");
     assert!(found.angle_to(&truth) < 5.0 * DEG, "{found:?} {truth:?}");

@@ -127,7 +127,8 @@ fn the_prior_over_objects_weighs_the_answer() {
         let found = belief.answer(1, 0).probabilities;
         // Particles of 8,000 that name an object: 4,000 ± 45.
         assert!((found[1] - 0.75).abs() < 0.02, "{found:?}");
-        let certain = PrintedBelief::new(&model(), &prior(PI), &filter, 1, &[f64::NEG_INFINITY, 0.0]);
+        let certain =
+            PrintedBelief::new(&model(), &prior(PI), &filter, 1, &[f64::NEG_INFINITY, 0.0]);
         let mut certain = certain.unwrap();
         for press in presses(&sensor) {
             belief.add(&press, &sensor);
