@@ -6,12 +6,14 @@
 //! Readings are folded in the order given; the order matters only through what the filter
 //! chose to look at. The answer does not depend on the number of threads.
 
+mod blur;
 mod error;
 mod marginals;
 mod options;
 mod planar;
 mod polish;
 mod printed;
+mod solid;
 
 use std::sync::Arc;
 
@@ -27,6 +29,7 @@ pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior,
 
 use planar::PlanarBelief;
 use printed::PrintedBelief;
+use solid::SolidBelief;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
@@ -41,6 +44,7 @@ pub struct GeometricBelief {
 enum State {
     Planar(Box<PlanarBelief>),
     Printed(Box<PrintedBelief>),
+    Solid(Box<SolidBelief>),
 }
 
 impl GeometricBelief {
@@ -62,13 +66,13 @@ impl GeometricBelief {
             (plane @ PosePrior::Planar { .. }, GeometricFilter::Adaptive(filter)) => {
                 State::Planar(Box::new(PlanarBelief::new(model, *plane, *filter, &log_prior)?))
             }
+            (solid @ PosePrior::Bounded { .. }, GeometricFilter::Adaptive(filter)) => {
+                State::Solid(Box::new(SolidBelief::new(model, *solid, *filter, &log_prior)?))
+            }
             (pose, GeometricFilter::Printed(filter)) => {
                 let seed = options.seed;
                 let belief = PrintedBelief::new(model, pose, filter, seed, &log_prior)?;
                 State::Printed(Box::new(belief))
-            }
-            (PosePrior::Bounded { .. }, GeometricFilter::Adaptive(_)) => {
-                return Err(GeometricError::NotSolid);
             }
         };
         Ok(Self { pose: options.pose, n_readings: 0, state })
@@ -99,6 +103,7 @@ impl GeometricBelief {
                 self.pose.check_press(&reading.session_from_sensor())?;
                 belief.add(reading, sensor);
             }
+            State::Solid(belief) => belief.add(reading, sensor),
         }
         self.n_readings += 1;
         Ok(())
@@ -110,6 +115,7 @@ impl GeometricBelief {
         match &self.state {
             State::Planar(belief) => belief.answer(n_modes, self.n_readings),
             State::Printed(belief) => belief.answer(n_modes, self.n_readings),
+            State::Solid(belief) => belief.answer(n_modes, self.n_readings),
         }
     }
 
@@ -120,6 +126,7 @@ impl GeometricBelief {
         match &self.state {
             State::Planar(belief) => belief.marginals(object),
             State::Printed(belief) => belief.marginals(object),
+            State::Solid(belief) => belief.marginals(object),
         }
     }
 

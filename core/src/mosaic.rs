@@ -6,6 +6,7 @@
 
 pub mod learn;
 pub mod press_fit;
+pub mod screen;
 pub mod tile;
 
 use crate::occupancy::{GridError, GridShape};

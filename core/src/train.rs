@@ -6,7 +6,7 @@
 //! Frames: a training reading's pose is `object_from_sensor` in the frame of the mesh or of
 //! the robot that took it. Not here: where readings come from, and storing the result.
 
-pub mod force;
+mod force;
 pub mod geometry;
 
 use glam::DVec3;

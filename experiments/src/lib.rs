@@ -6,6 +6,7 @@
 
 pub mod contact_rates;
 pub mod coverage;
+pub mod letters_geometric;
 pub mod objects;
 pub mod plot;
 pub mod report;

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use palpate_core::belief::answer::Answer;
-use palpate_core::filter::particle::{Injection, ParticleOptions, Resampling};
+use palpate_core::filter::particle::ParticleOptions;
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals,
     PrintedFilter,
@@ -15,7 +15,7 @@ use palpate_core::model::ObjectIdx;
 use palpate_core::reading::Reading;
 use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
-use palpate_schemas::{FieldError, Method, PosePrior};
+use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::Session;
 use thiserror::Error;
 
@@ -65,12 +65,7 @@ impl SessionBelief {
             Method::SvaLiteral => {
                 return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::literal(), prior)?));
             }
-            Method::Geometric => match options.pose_prior {
-                Some(PosePrior::Bounded { .. }) => {
-                    GeometricFilter::Printed(PrintedFilter::Particles(solid_particles()))
-                }
-                _ => GeometricFilter::Adaptive(AdaptiveOptions::default()),
-            },
+            Method::Geometric => GeometricFilter::Adaptive(AdaptiveOptions::default()),
             Method::GeometricHistogram => {
                 let n = options.bins.ok_or(BeliefError::OptionMissing)?.map(|n| n as usize);
                 GeometricFilter::Printed(PrintedFilter::Histogram { n })
@@ -116,19 +111,6 @@ impl SessionBelief {
         let object = object.or_else(|| answer.best_object())?;
         let probability = answer.probabilities[object.0 as usize];
         Some(ObjectMarginals { object, probability, marginals: belief.marginals(object)? })
-    }
-}
-
-/// The particle filter of solid maps: what its printed form lacks (`docs/equations.md`).
-fn solid_particles() -> ParticleOptions {
-    ParticleOptions {
-        resampling: Resampling::Systematic,
-        resample_below: 0.5,
-        rotation_noise: 0.03,
-        injection: Injection::Share(0.02),
-        // Taxels of one press are not independent.
-        exponent: 0.25,
-        ..ParticleOptions::literal(20_000)
     }
 }
 

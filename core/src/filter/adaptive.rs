@@ -18,6 +18,9 @@ pub trait BinLikelihood<const D: usize> {
         depth: usize,
         reading: usize,
     ) -> f64;
+
+    /// A cheap stand-in for [`BinLikelihood::log_likelihood`], right in what it puts far behind.
+    fn screen(&mut self, object: u32, center: &[f64; D], depth: usize, reading: usize) -> f64;
 }
 
 /// How a box of poses is divided: counts of the first bins, and the axes of each split.
@@ -27,6 +30,8 @@ pub struct Division<const D: usize> {
     n: [usize; D],
     /// Widths of a bin by depth, in the axes' own units.
     widths: Vec<[f64; D]>,
+    /// ln of the share of the box that a bin fills, by depth.
+    log_shares: Vec<f64>,
 }
 
 impl<const D: usize> Division<D> {
@@ -61,7 +66,13 @@ impl<const D: usize> Division<D> {
             }
             widths.push(width);
         }
-        Self { low, n, widths }
+        let log_first: f64 = n.iter().map(|n| -(*n as f64).ln()).sum();
+        let log_share = |here: &[f64; D]| {
+            let ratio = here.iter().zip(&widths[0]).map(|(here, first)| (here / first).ln());
+            log_first + ratio.sum::<f64>()
+        };
+        let log_shares = widths.iter().map(log_share).collect();
+        Self { low, n, widths, log_shares }
     }
 
     /// The widths of a bin at a depth, in the axes' own units.
@@ -79,8 +90,7 @@ impl<const D: usize> Division<D> {
     /// The share of the box that a bin of this depth fills, as ln.
     #[must_use]
     pub fn log_share(&self, depth: usize) -> f64 {
-        let (first, here) = (self.widths[0], self.widths(depth));
-        (0..D).map(|axis| (here[axis] / first[axis]).ln() - (self.n[axis] as f64).ln()).sum()
+        self.log_shares[depth.min(self.log_shares.len() - 1)]
     }
 
     fn first_centers(&self) -> impl Iterator<Item = [f64; D]> + '_ {
@@ -126,6 +136,10 @@ pub struct Effort {
     pub split: f64,
     /// No reading counts more than this against a bin, nats.
     pub floor: f64,
+    /// When more bins than this are in play, the best of a screening are evaluated, this many.
+    pub screened_max: usize,
+    /// The exponent of the screening where it decides, 0 to 1.
+    pub screen_temper: f64,
     /// The most evaluations that splitting may cost a reading.
     pub evaluations_max: usize,
     /// The most bins that are kept.
@@ -195,13 +209,18 @@ impl<const D: usize> AdaptiveHistogram<D> {
     pub fn add(&mut self, model: &mut impl BinLikelihood<D>, effort: &Effort) {
         let reading = self.typical.len();
         let best = self.best_score();
-        let mut scored = Vec::new();
-        for (at, bin) in self.bins.iter().enumerate() {
-            if bin.n_scored as usize == reading && bin.score >= best - effort.keep {
-                let log =
-                    model.log_likelihood(bin.object, &bin.center, bin.depth as usize, reading);
-                scored.push((at, log));
-            }
+        let awake =
+            |bin: &Bin<D>| bin.n_scored as usize == reading && bin.score >= best - effort.keep;
+        let mut active: Vec<usize> =
+            (0..self.bins.len()).filter(|at| awake(&self.bins[*at])).collect();
+        if active.len() > effort.screened_max {
+            active = self.screen(active, model, effort);
+        }
+        let mut scored = Vec::with_capacity(active.len());
+        for at in active {
+            let bin = &self.bins[at];
+            let log = model.log_likelihood(bin.object, &bin.center, bin.depth as usize, reading);
+            scored.push((at, log));
         }
         self.typical.push(self.typical_of(&scored));
         for (at, log) in scored {
@@ -211,6 +230,37 @@ impl<const D: usize> AdaptiveHistogram<D> {
         self.wake(model, effort);
         self.split(model, effort);
         self.limit(effort);
+    }
+
+    /// The best of many bins by a screening; the others are scored by it.
+    fn screen(
+        &mut self,
+        active: Vec<usize>,
+        model: &mut impl BinLikelihood<D>,
+        effort: &Effort,
+    ) -> Vec<usize> {
+        let reading = self.typical.len();
+        let mut screened: Vec<(usize, f64)> = active
+            .into_iter()
+            .map(|at| {
+                let bin = &self.bins[at];
+                let log = model.screen(bin.object, &bin.center, bin.depth as usize, reading);
+                (at, effort.screen_temper * log)
+            })
+            .collect();
+        let total = |entry: &(usize, f64)| self.bins[entry.0].score + entry.1;
+        screened.select_nth_unstable_by(effort.screened_max, |a, b| {
+            total(b).total_cmp(&total(a)).then(a.0.cmp(&b.0))
+        });
+        let left_out = screened.split_off(effort.screened_max);
+        let best = screened.iter().map(|entry| entry.1).fold(f64::NEG_INFINITY, f64::max);
+        for (at, log) in left_out {
+            self.bins[at].score += (log - best).clamp(-effort.floor, 0.0);
+            self.bins[at].n_scored += 1;
+        }
+        let mut chosen: Vec<usize> = screened.into_iter().map(|entry| entry.0).collect();
+        chosen.sort_unstable();
+        chosen
     }
 
     /// What the bin that explains everything best got from this reading.
@@ -320,5 +370,108 @@ impl<const D: usize> AdaptiveHistogram<D> {
             self.bins.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.object.cmp(&b.object)));
             self.bins.truncate(effort.bins_max);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Readings of a point on a line, each with deviation `sigma`; object 1 is never seen. A
+    /// bin is as likely as its best point.
+    struct Points {
+        readings: Vec<f64>,
+        sigma: f64,
+        half: Vec<f64>,
+        evaluated: usize,
+    }
+
+    impl BinLikelihood<1> for Points {
+        fn log_likelihood(&mut self, object: u32, c: &[f64; 1], depth: usize, at: usize) -> f64 {
+            self.evaluated += 1;
+            let off = ((self.readings[at] - c[0]).abs() - self.half[depth]).max(0.0);
+            let wrong = if object == 1 { 5.0 } else { 0.0 };
+            (-0.5 * (off / self.sigma).powi(2)).max(-200.0) - wrong
+        }
+
+        fn screen(&mut self, object: u32, center: &[f64; 1], depth: usize, at: usize) -> f64 {
+            self.log_likelihood(object, center, depth, at)
+        }
+    }
+
+    const EFFORT: Effort = Effort {
+        keep: 30.0,
+        split: 10.0,
+        floor: 50.0,
+        screened_max: 1_000,
+        screen_temper: 1.0,
+        evaluations_max: 400,
+        bins_max: 1_000,
+    };
+
+    fn run(readings: &[f64], effort: &Effort) -> (AdaptiveHistogram<1>, Points) {
+        let division = Division::new([0.0], [1.0], [10], [1.0], 0.001, 1);
+        let half = (0..=division.depth_max()).map(|d| 0.5 * division.widths(d)[0]).collect();
+        let mut model = Points { readings: readings.to_vec(), sigma: 0.01, half, evaluated: 0 };
+        let mut histogram = AdaptiveHistogram::new(division, &[0.5_f64.ln(); 2]);
+        for _ in readings {
+            histogram.add(&mut model, effort);
+        }
+        (histogram, model)
+    }
+
+    fn best(histogram: &AdaptiveHistogram<1>) -> Bin<1> {
+        *histogram.bins().iter().max_by(|a, b| a.score.total_cmp(&b.score)).unwrap()
+    }
+
+    #[test]
+    fn widths_halve_down_to_the_smallest_and_shares_with_them() {
+        let division = Division::new([0.0; 2], [1.0, 4.0], [2, 2], [1.0, 1.0], 0.5, 2);
+        // 0.5 × 2 → only y is widest: 0.5 × 1, 0.5 × 0.5.
+        assert_eq!(division.depth_max(), 2);
+        assert_eq!(division.widths(2).map(f64::to_bits), [0.5, 0.5].map(f64::to_bits));
+        assert!((division.log_share(2) - (1.0_f64 / 16.0).ln()).abs() < 1e-12);
+        let children = division.children(&[0.25, 1.0], 0);
+        assert_eq!(children, vec![[0.25, 0.5], [0.25, 1.5]]);
+    }
+
+    #[test]
+    fn the_place_is_found_finer_than_the_first_bins() {
+        let (histogram, _) = run(&[0.333, 0.331, 0.335], &EFFORT);
+        let found = best(&histogram);
+        assert_eq!(found.object, 0);
+        assert!((found.center[0] - 0.333).abs() < 0.01, "{found:?}");
+        // Splitting replaces a bin by its children: the shares still add up to the objects'.
+        let total: f64 = histogram
+            .bins()
+            .iter()
+            .map(|bin| histogram.division().log_share(bin.depth as usize).exp())
+            .sum();
+        assert!((total - 2.0).abs() < 1e-9, "{total}");
+    }
+
+    #[test]
+    fn a_sleeping_bin_wakes_when_the_best_falls_back() {
+        // One reading far off puts the truth 50 nats behind; it sleeps, and comes back.
+        let (histogram, _) = run(&[0.9, 0.1, 0.1, 0.1], &EFFORT);
+        let found = best(&histogram);
+        assert!((found.center[0] - 0.1).abs() < 0.02, "{found:?}");
+        assert_eq!(found.n_scored, 4);
+    }
+
+    #[test]
+    fn no_more_is_evaluated_than_the_budget() {
+        let none = Effort { evaluations_max: 0, ..EFFORT };
+        let (histogram, model) = run(&[0.5], &none);
+        assert_eq!(model.evaluated, 20);
+        assert_eq!(histogram.bins().len(), 20);
+    }
+
+    #[test]
+    fn a_screening_leaves_out_what_is_far_behind() {
+        let few = Effort { screened_max: 4, evaluations_max: 0, ..EFFORT };
+        let (histogram, model) = run(&[0.33], &few);
+        assert_eq!(model.evaluated, 24);
+        assert!((best(&histogram).center[0] - 0.35).abs() < 1e-12);
     }
 }

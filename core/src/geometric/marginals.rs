@@ -1,5 +1,9 @@
 //! What a belief says about one axis of the pose at a time, for plotting.
 
+use crate::filter::adaptive::{AdaptiveHistogram, Bin};
+use crate::log_prob::normalize;
+use crate::model::ObjectIdx;
+
 /// The distribution along one axis of the pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisMarginal {
@@ -33,6 +37,42 @@ pub struct Marginals {
     pub axes: Vec<AxisMarginal>,
     /// x against y, for planar poses.
     pub plane: Option<PlaneMarginal>,
+}
+
+/// The marginals of one object of a histogram over the box from `low` to `high`, with `n`
+/// cells an axis; `None` when the object has no bins.
+pub(super) fn of_object<const D: usize>(
+    histogram: &AdaptiveHistogram<D>,
+    object: ObjectIdx,
+    names: &[&'static str; D],
+    low: [f64; D],
+    high: [f64; D],
+    n: usize,
+) -> Option<Marginals> {
+    let bins: Vec<&Bin<D>> =
+        histogram.bins().iter().filter(|bin| bin.object == object.0).collect();
+    if bins.is_empty() {
+        return None;
+    }
+    let logs: Vec<f64> = bins.iter().map(|bin| histogram.log_mass(bin)).collect();
+    let probabilities = normalize(&logs);
+    let edge = |bin: &Bin<D>, side: f64| -> [f64; D] {
+        let widths = histogram.division().widths(bin.depth as usize);
+        std::array::from_fn(|axis| bin.center[axis] + side * widths[axis])
+    };
+    let spans: Vec<([f64; D], [f64; D])> =
+        bins.iter().map(|bin| (edge(bin, -0.5), edge(bin, 0.5))).collect();
+    let boxes: Vec<Share<'_>> = spans
+        .iter()
+        .zip(&probabilities)
+        .map(|((low, high), probability)| Share { low, high, probability: *probability })
+        .collect();
+    let one = |(index, name): (usize, &&'static str)| {
+        axis(name, index, (low[index], high[index]), n, &boxes)
+    };
+    let axes = names.iter().enumerate().map(one).collect();
+    let joint = || plane([low[0], low[1]], [high[0], high[1]], n, &boxes);
+    Some(Marginals { axes, plane: (D == 3).then(joint) })
 }
 
 /// A box of poses with its probability.

@@ -87,6 +87,10 @@ pub struct AdaptiveOptions {
     pub split: f64,
     /// No reading counts more than this against a pose, nats.
     pub floor: f64,
+    /// Bins that are evaluated in full after a screening, for every object.
+    pub screened: usize,
+    /// The exponent of the screening for the others, 0 to 1.
+    pub screen_temper: f64,
     /// Evaluations a reading that splitting may cost, for every object.
     pub evaluations: usize,
     /// The exponent of the likelihood: what is correlated beyond the press's own unknowns.
@@ -99,12 +103,14 @@ impl Default for AdaptiveOptions {
     fn default() -> Self {
         Self {
             first: [7, 7, 20],
-            smallest: 0.8 * MM,
+            smallest: 1.6 * MM,
             keep: 30.0,
             split: 12.0,
             floor: 60.0,
-            evaluations: 200,
-            temper: 1.0,
+            screened: 60,
+            screen_temper: 0.5,
+            evaluations: 40,
+            temper: 0.7,
             press: PressPrior::default(),
         }
     }
@@ -164,6 +170,8 @@ impl GeometricOptions {
         within("keep", filter.keep, 1.0, 1e4)?;
         within("split", filter.split, 0.0, 1e4)?;
         within("floor", filter.floor, 1.0, 1e4)?;
+        within("screened", filter.screened as f64, 1.0, 1e6)?;
+        within("screen_temper", filter.screen_temper, 0.0, 1.0)?;
         within("evaluations", filter.evaluations as f64, 0.0, 1e6)?;
         within("temper", filter.temper, 0.01, 1.0)?;
         within("press.amplitude", filter.press.amplitude, 1e-4, 10.0)?;

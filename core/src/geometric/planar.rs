@@ -9,16 +9,17 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use nalgebra::{Matrix3, Matrix6, Matrix6x3};
 
-use super::marginals::{self, Marginals, Share};
+use super::marginals::{self, Marginals};
 use super::polish::{Mode, PressAtPose, polish};
 use super::{AdaptiveOptions, GeometricError, PosePrior};
 use crate::belief::answer::{Answer, PoseMode};
-use crate::filter::adaptive::{AdaptiveHistogram, BinLikelihood, Division, Effort};
+use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, Effort};
 use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
 use crate::model::ObjectIdx;
 use crate::model::geometry::GeometricModel;
 use crate::mosaic::learn::lay_down;
 use crate::mosaic::press_fit::{Placement, Press, PressPrior, Workspace, fit};
+use crate::mosaic::screen::{ScreenTile, TurnedPress};
 use crate::mosaic::tile::Tile;
 use crate::pose::Pose;
 use crate::reading::Reading;
@@ -31,12 +32,17 @@ const LEVER: f64 = 9.0 * MM;
 /// The most a press may be tilted from the plane's normal.
 const TILT_MAX: f64 = 30.0 * DEG;
 
-/// Bins that are polished for an answer, and how far behind the best they may be, nats.
-const POLISHED_MAX: usize = 24;
-const POLISHED_REACH: f64 = 8.0;
+/// Bins this far behind the best are no modes, and hold no probability, nats.
+const MODE_REACH: f64 = 12.0;
+const FORGOTTEN: f64 = 40.0;
+
+/// Cells of the screening, metres: well below the point spread.
+const SCREEN_CELL: f64 = 0.5 * MM;
 
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
+
+const AXES: [&str; 3] = ["x", "y", "theta"];
 
 /// Refuses presses that do not come along the plane's normal.
 pub(super) fn check_tilt(plane_from_sensor: &Pose) -> Result<(), GeometricError> {
@@ -55,7 +61,7 @@ pub(super) struct PlanarBelief {
     effort: Effort,
     model: PlanarModel,
     histogram: AdaptiveHistogram<3>,
-    log_prior: Vec<f64>,
+    n_objects: usize,
 }
 
 /// The plane and the box of poses in it.
@@ -76,12 +82,16 @@ pub(super) struct PlanarModel {
     /// Spread of a bin by depth: of x and y (m) and of θ (rad).
     spreads: Vec<[f64; 2]>,
     workspace: Workspace,
+    turned: TurnedPress,
+    /// Which reading and angle `turned` holds.
+    turned_as: Option<(usize, u64)>,
 }
 
 /// One object: its tiles by depth, and the height of its plane, metres.
 #[derive(Clone, Debug)]
 struct PlanarMap {
     tiles: Vec<Arc<Tile>>,
+    screen: Arc<ScreenTile>,
     height: f64,
 }
 
@@ -115,10 +125,20 @@ impl PlanarModel {
             let tile = |spread| Arc::new(Tile::new(mosaic, reach(spread)));
             let mut tiles: Vec<Arc<Tile>> = spreads.iter().take(2).map(tile).collect();
             tiles.push(Arc::new(Tile::new(mosaic, 0.0)));
-            maps.push(PlanarMap { tiles, height: mosaic.shape().min().z });
+            let first = reach(&spreads[0]).hypot(options.press.shift);
+            let screen = Arc::new(ScreenTile::new(mosaic, SCREEN_CELL, first));
+            maps.push(PlanarMap { tiles, screen, height: mosaic.shape().min().z });
         }
-        let (readings, workspace) = (Vec::new(), Workspace::default());
-        Ok(Self { geometry: geometry.clone(), maps, readings, options, spreads, workspace })
+        Ok(Self {
+            geometry: geometry.clone(),
+            maps,
+            readings: Vec::new(),
+            options,
+            spreads,
+            workspace: Workspace::default(),
+            turned: TurnedPress::default(),
+            turned_as: None,
+        })
     }
 
     /// Where a reading lies on an object at a pose.
@@ -136,23 +156,19 @@ impl PlanarModel {
         PressPrior { shift, turn: press.turn.hypot(spread[1]), ..press }
     }
 
-    fn tile(&self, object: u32, depth: usize) -> Arc<Tile> {
-        let tiles = &self.maps[object as usize].tiles;
-        tiles[depth.min(tiles.len() - 1)].clone()
-    }
-
     /// Polishes a pose on all readings.
-    fn polish(&mut self, object: u32, start: [f64; 3]) -> Mode {
-        let tile = self.tile(object, usize::MAX);
+    fn polish(&self, object: u32, start: [f64; 3], workspace: &mut Workspace) -> Mode {
+        let Some(tile) = self.maps[object as usize].tiles.last() else {
+            return Mode::unpolished(start, [0.0; 3]);
+        };
         let (press, temper) = (self.options.press, self.options.temper);
-        let (readings, workspace) = (&self.readings, &mut self.workspace);
         let fit_at = |pose: &[f64; 3], reading: usize| {
-            let reading = &readings[reading];
+            let reading = &self.readings[reading];
             let place = Self::placement(reading.center, pose);
-            let fitted = fit(&reading.press, &place, &tile, &press, workspace);
+            let fitted = fit(&reading.press, &place, tile, &press, workspace);
             PressAtPose { fitted, place, prior: press, temper }
         };
-        polish(start, readings.len(), fit_at)
+        polish(start, self.readings.len(), fit_at)
     }
 }
 
@@ -170,6 +186,19 @@ impl BinLikelihood<3> for PlanarModel {
         let tile = &tiles[depth.min(tiles.len() - 1)];
         let press = &self.readings[reading].press;
         self.options.temper * fit(press, &place, tile, &prior, &mut self.workspace).log_likelihood
+    }
+
+    fn screen(&mut self, object: u32, center: &[f64; 3], _depth: usize, reading: usize) -> f64 {
+        let PlanarReading { center: at, press } = &self.readings[reading];
+        let place = Self::placement(*at, center);
+        let name = (reading, center[2].to_bits());
+        if self.turned_as != Some(name) {
+            self.turned.turn(press, &place);
+            self.turned_as = Some(name);
+        }
+        let screen = &self.maps[object as usize].screen;
+        let amplitude = self.options.press.amplitude as f32;
+        self.options.temper * screen.log_likelihood(&mut self.turned, place.center, amplitude)
     }
 }
 
@@ -197,12 +226,14 @@ impl PlanarBelief {
             keep: options.keep,
             split: options.split,
             floor: options.floor,
+            screened_max: options.screened * n_alive,
+            screen_temper: options.screen_temper,
             evaluations_max: options.evaluations * n_alive,
             bins_max: 4 * first * n_alive,
         };
         let histogram = AdaptiveHistogram::new(division, log_prior);
         let plane = Plane { session_from_plane, low, high };
-        Ok(Self { plane, effort, model, histogram, log_prior: log_prior.to_vec() })
+        Ok(Self { plane, effort, model, histogram, n_objects: log_prior.len() })
     }
 
     pub(super) fn add(
@@ -225,11 +256,15 @@ impl PlanarBelief {
 
     /// Probabilities of the objects and polished poses.
     pub(super) fn answer(&self, n_modes: usize, n_readings: usize) -> Answer {
-        let mut log_objects = vec![f64::NEG_INFINITY; self.log_prior.len()];
-        for (object, log) in log_objects.iter_mut().enumerate() {
-            let bins = self.histogram.bins().iter().filter(|bin| bin.object as usize == object);
-            *log = log_sum_exp(bins.map(|bin| self.histogram.log_mass(bin)));
+        let masses = || self.histogram.bins().iter().map(|bin| self.histogram.log_mass(bin));
+        let best = masses().fold(f64::NEG_INFINITY, f64::max);
+        let mut sums = vec![0.0; self.n_objects];
+        for (bin, log_mass) in self.histogram.bins().iter().zip(masses()) {
+            if log_mass > best - FORGOTTEN {
+                sums[bin.object as usize] += (log_mass - best).exp();
+            }
         }
+        let log_objects: Vec<f64> = sums.into_iter().map(|sum: f64| best + sum.ln()).collect();
         let probabilities = normalize(&log_objects);
         let total = log_sum_exp(log_objects.iter().copied());
         let modes = self.modes(n_modes, total);
@@ -237,36 +272,37 @@ impl PlanarBelief {
         Answer { probabilities, modes, entropy_bits, n_readings }
     }
 
-    /// Polishes the most massive bins and gathers those that end at the same pose.
+    /// Polishes the most massive bin and gathers those around it, time and again.
     fn modes(&self, n_modes: usize, log_total: f64) -> Vec<PoseMode> {
-        let mut bins: Vec<_> =
+        let mut bins: Vec<(f64, Bin<3>)> =
             self.histogram.bins().iter().map(|bin| (self.histogram.log_mass(bin), *bin)).collect();
+        let best = bins.iter().map(|bin| bin.0).fold(f64::NEG_INFINITY, f64::max);
+        bins.retain(|bin| bin.0 >= best - MODE_REACH);
         bins.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.object.cmp(&b.1.object)));
-        let best = bins.first().map_or(0.0, |bin| bin.0);
-        bins.truncate(POLISHED_MAX.max(n_modes));
-        bins.retain(|bin| bin.0 >= best - POLISHED_REACH);
-        let mut model = self.model.clone();
-        let mut found: Vec<(u32, Mode, f64)> = Vec::new();
-        for (log_mass, bin) in bins {
+        let mut workspace = Workspace::default();
+        let mut modes = Vec::new();
+        while modes.len() < n_modes
+            && let Some((_, first)) = bins.first().copied()
+        {
+            let widths = self.histogram.division().widths(first.depth as usize);
             let mode = match self.model.readings.is_empty() {
-                true => Mode::unpolished(bin.center, self.histogram.division().widths(0)),
-                false => model.polish(bin.object, bin.center),
+                true => Mode::unpolished(first.center, widths),
+                false => self.model.polish(first.object, first.center, &mut workspace),
             };
-            let same = found.iter_mut().find(|known| known.0 == bin.object && known.1.is(&mode));
-            let weight = (log_mass - log_total).exp();
-            match same {
-                Some(known) => {
-                    known.2 += weight;
-                    if mode.log_likelihood > known.1.log_likelihood {
-                        known.1 = mode;
-                    }
+            let mut weight = 0.0;
+            bins.retain(|(log_mass, bin)| {
+                let widths = self.histogram.division().widths(bin.depth as usize);
+                let here = bin.object == first.object
+                    && (bin.center == first.center || mode.holds(&bin.center, &widths));
+                if here {
+                    weight += (log_mass - log_total).exp();
                 }
-                None => found.push((bin.object, mode, weight)),
-            }
+                !here
+            });
+            modes.push(self.pose_mode(first.object, &mode, weight));
         }
-        found.sort_by(|a, b| b.2.total_cmp(&a.2));
-        found.truncate(n_modes);
-        found.iter().map(|(object, mode, weight)| self.pose_mode(*object, mode, *weight)).collect()
+        modes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        modes
     }
 
     fn pose_mode(&self, object: u32, mode: &Mode, weight: f64) -> PoseMode {
@@ -284,38 +320,8 @@ impl PlanarBelief {
     }
 
     pub(super) fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
-        let of = |bin: &&_| -> bool {
-            let bin: &crate::filter::adaptive::Bin<3> = bin;
-            bin.object == object.0
-        };
-        let bins: Vec<_> = self.histogram.bins().iter().filter(of).collect();
-        let logs: Vec<f64> = bins.iter().map(|bin| self.histogram.log_mass(bin)).collect();
-        if bins.is_empty() {
-            return None;
-        }
-        let probabilities = normalize(&logs);
-        let spans: Vec<([f64; 3], [f64; 3])> = bins
-            .iter()
-            .map(|bin| {
-                let widths = self.histogram.division().widths(bin.depth as usize);
-                let edge = |side: f64| [0, 1, 2].map(|a: usize| bin.center[a] + side * widths[a]);
-                (edge(-0.5), edge(0.5))
-            })
-            .collect();
-        let boxes: Vec<Share<'_>> = spans
-            .iter()
-            .zip(&probabilities)
-            .map(|((low, high), probability)| Share { low, high, probability: *probability })
-            .collect();
         let (low, high) = (self.plane.low, self.plane.high);
-        let axis = |name, index: usize| {
-            marginals::axis(name, index, (low[index], high[index]), MARGINAL_CELLS, &boxes)
-        };
-        let corner = |corner: [f64; 3]| [corner[0], corner[1]];
-        Some(Marginals {
-            axes: vec![axis("x", 0), axis("y", 1), axis("theta", 2)],
-            plane: Some(marginals::plane(corner(low), corner(high), MARGINAL_CELLS, &boxes)),
-        })
+        marginals::of_object(&self.histogram, object, &AXES, low, high, MARGINAL_CELLS)
     }
 }
 

@@ -24,24 +24,23 @@ pub(super) struct Mode {
     pub pose: [f64; 3],
     /// Their covariance.
     pub covariance: Matrix3<f64>,
-    /// ln of the likelihood of all readings there.
-    pub log_likelihood: f64,
 }
 
 impl Mode {
     /// A bin's own pose and spread.
     pub(super) fn unpolished(pose: [f64; 3], widths: [f64; 3]) -> Self {
         let variances = Vector3::from(widths).map(|width| width * width / 12.0);
-        Self { pose, covariance: Matrix3::from_diagonal(&variances), log_likelihood: 0.0 }
+        Self { pose, covariance: Matrix3::from_diagonal(&variances) }
     }
 
-    /// Whether two modes are one: within two deviations, or bins of the finest kind.
-    pub(super) fn is(&self, other: &Self) -> bool {
-        let mut off = Vector3::from(self.pose) - Vector3::from(other.pose);
-        off[2] = wrapped(off[2]);
-        let floor = Vector3::new(0.5 * MM, 0.5 * MM, 3.0 * DEG).map(|value: f64| value * value);
-        let within = self.covariance + Matrix3::from_diagonal(&floor);
-        within.cholesky().is_some_and(|factor| off.dot(&factor.solve(&off)) < 4.0)
+    /// Whether a bin belongs to this mode: it is within three of the mode's deviations and
+    /// its own width.
+    pub(super) fn holds(&self, center: &[f64; 3], widths: &[f64; 3]) -> bool {
+        (0..3).all(|axis| {
+            let off = center[axis] - self.pose[axis];
+            let off = if axis == 2 { wrapped(off) } else { off };
+            off.abs() <= 3.0 * self.covariance[(axis, axis)].sqrt() + widths[axis]
+        })
     }
 }
 
@@ -85,7 +84,7 @@ pub(super) fn polish(
     }
     let covariance = (system.information + stiffness(1.0)).try_inverse();
     let covariance = covariance.unwrap_or_else(Matrix3::zeros);
-    Mode { pose, covariance, log_likelihood: system.log_likelihood }
+    Mode { pose, covariance }
 }
 
 /// As if the start were known to 3 mm and 20 degrees, over the square root of `damping`.

@@ -9,6 +9,7 @@ use crate::occupancy::{GridError, GridShape};
 use crate::pose::Pose;
 use crate::reading::{Reading, SensorId};
 use crate::sensor::SensorDescription;
+use crate::units::MM;
 
 use super::ForceMosaic;
 use super::press_fit::{Placement, Press, PressPrior, Workspace, fit};
@@ -32,7 +33,8 @@ pub struct MosaicOptions {
     pub kernel: f64,
     /// Rounds of alternating least squares.
     pub rounds: usize,
-    /// How far presses stray.
+    /// How far presses stray. The cells are fitted with their amplitudes alone: slips that are
+    /// fitted together with the cells warp the map, tilts lean the gains.
     pub press: PressPrior,
     /// A cell with fewer presses (in kernel weights) than this is unknown.
     pub weight_min: f64,
@@ -40,7 +42,15 @@ pub struct MosaicOptions {
 
 impl Default for MosaicOptions {
     fn default() -> Self {
-        Self { kernel: 0.0008, rounds: 4, press: PressPrior::default(), weight_min: 1.0 }
+        let (kernel, press) = (0.8 * MM, PressPrior::default());
+        Self { kernel, rounds: 4, press, weight_min: 1.0 }
+    }
+}
+
+impl MosaicOptions {
+    /// Presses that stray in amplitude alone.
+    fn amplitude_alone(&self) -> PressPrior {
+        PressPrior { tilt: 1e-3, shift: 1e-9, turn: 1e-6, ..self.press }
     }
 }
 
@@ -71,13 +81,14 @@ pub fn learn_gains(
         }
     }
     gains.sort_by_key(|known| known.sensor);
+    let mut presses: Vec<Presses> = sets.iter().map(|set| Presses::new(set, &gains)).collect();
     for _round in 0..options.rounds {
         let mut sums: Vec<Vec<[f64; 2]>> =
             gains.iter().map(|known| vec![[0.0; 2]; known.gains.len()]).collect();
-        for set in sets {
-            let mut presses = Presses::new(set, &gains);
-            let mosaic = presses.alternate(set, options, 2)?;
-            presses.sum_gains(&Tile::new(&mosaic, 0.0), &gains, &mut sums);
+        for (presses, set) in presses.iter_mut().zip(sets) {
+            presses.calibrate(&gains);
+            let tile = presses.alternate(set, options)?;
+            presses.sum_gains(&tile, &mut sums, &gains);
         }
         for (known, sums) in gains.iter_mut().zip(&sums) {
             update_gains(&mut known.gains, sums);
@@ -95,7 +106,12 @@ pub fn build_mosaic(
     gains: &[TaxelGains],
     options: &MosaicOptions,
 ) -> Result<ForceMosaic, GridError> {
-    Presses::new(set, gains).alternate(set, options, options.rounds)
+    let mut presses = Presses::new(set, gains);
+    let mut tile = presses.alternate(set, options)?;
+    for _round in 1..options.rounds {
+        tile = presses.alternate(set, options)?;
+    }
+    presses.mosaic(set, &tile, options)
 }
 
 /// New gains from Σ pressure × expected and Σ expected² a taxel, scaled to mean 1.
@@ -110,9 +126,18 @@ fn update_gains(gains: &mut [f64], sums: &[[f64; 2]]) {
     gains.iter_mut().for_each(|gain| *gain /= mean);
 }
 
+/// A taxel is stuck when it is off by this many deviations, which grow with the pressure by
+/// this share (gains that are not yet known, slips on a slope).
+const STUCK_DEVIATIONS: f64 = 4.0;
+const STUCK_SHARE: f64 = 0.2;
+
 /// A training press as it is understood so far.
 struct Trained {
     press: Press,
+    /// Pressures as measured, Pa.
+    raw: Vec<f64>,
+    /// Taxels that read nothing of the object: stuck at the time.
+    stuck: Vec<bool>,
     taxels: Vec<usize>,
     sensor: SensorId,
     place: Placement,
@@ -160,28 +185,40 @@ impl Presses {
     fn new(set: &MosaicSet<'_>, gains: &[TaxelGains]) -> Self {
         let trained = |reading: &Reading| {
             let object_from_sensor = reading.session_from_sensor();
-            let known = gains_of(gains, reading);
-            let (center, press, taxels) = lay_down(&object_from_sensor, reading, set.sensor, known);
+            let (center, press, taxels) = lay_down(&object_from_sensor, reading, set.sensor, None);
+            let raw = press.pressures.iter().map(|pressure| f64::from(*pressure)).collect();
             let place = Placement { center, turn: [1.0, 0.0] };
             let strays = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-            Trained { press, taxels, sensor: reading.sensor(), place, strays }
+            let stuck = vec![false; raw.len()];
+            Trained { press, raw, stuck, taxels, sensor: reading.sensor(), place, strays }
         };
-        Self(set.readings.iter().map(trained).collect())
+        let mut presses = Self(set.readings.iter().map(trained).collect());
+        presses.calibrate(gains);
+        presses
     }
 
-    /// Fits cells and strays in turn.
+    /// Divides the measured pressures by the gains, where they are known.
+    fn calibrate(&mut self, gains: &[TaxelGains]) {
+        for trained in &mut self.0 {
+            let known = gains.iter().find(|known| known.sensor == trained.sensor);
+            for (at, taxel) in trained.taxels.iter().enumerate() {
+                let gain = known.and_then(|known| known.gains.get(*taxel)).copied();
+                trained.press.pressures[at] = (trained.raw[at] / gain.unwrap_or(1.0)) as f32;
+            }
+        }
+    }
+
+    /// Fits cells, then amplitudes, then cells again.
     fn alternate(
         &mut self,
         set: &MosaicSet<'_>,
         options: &MosaicOptions,
-        rounds: usize,
-    ) -> Result<ForceMosaic, GridError> {
-        let mut mosaic = self.mosaic(&set.shape, set.sensor, options)?;
-        for _round in 0..rounds {
-            self.fit_strays(&Tile::new(&mosaic, 0.0), &options.press);
-            mosaic = self.mosaic(&set.shape, set.sensor, options)?;
-        }
-        Ok(mosaic)
+    ) -> Result<Tile, GridError> {
+        let first = self.pressures(set, options)?;
+        let tile = Tile::new(&first, 0.0);
+        self.fit_strays(&tile, &options.amplitude_alone());
+        self.find_stuck(&tile);
+        Ok(Tile::new(&self.pressures(set, options)?, 0.0))
     }
 
     fn fit_strays(&mut self, tile: &Tile, prior: &PressPrior) {
@@ -205,88 +242,115 @@ impl Presses {
         }
     }
 
-    fn sum_gains(&self, tile: &Tile, gains: &[TaxelGains], sums: &mut [Vec<[f64; 2]>]) {
+    /// Marks the taxels whose residuals are beyond anything that a press does.
+    fn find_stuck(&mut self, tile: &Tile) {
+        let residual = |trained: &Trained, at: usize| {
+            let (place, amplitude) = trained.taxel(at);
+            let expected = tile.at(place[0] as f32, place[1] as f32).pressure;
+            let expected = amplitude * f64::from(expected);
+            (f64::from(trained.press.pressures[at]) - expected, expected.abs())
+        };
+        let mut sizes: Vec<f64> = self
+            .0
+            .iter()
+            .flat_map(|trained| (0..trained.raw.len()).map(|at| residual(trained, at).0.abs()))
+            .collect();
+        if sizes.is_empty() {
+            return;
+        }
+        let middle = sizes.len() / 2;
+        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        for trained in &mut self.0 {
+            for at in 0..trained.raw.len() {
+                let (off, expected) = residual(trained, at);
+                let limit = STUCK_DEVIATIONS * (1.48 * median + STUCK_SHARE * expected);
+                trained.stuck[at] = off.abs() > limit;
+            }
+        }
+    }
+
+    fn sum_gains(&self, tile: &Tile, sums: &mut [Vec<[f64; 2]>], gains: &[TaxelGains]) {
         for trained in &self.0 {
             let Some(of) = gains.iter().position(|known| known.sensor == trained.sensor) else {
                 continue;
             };
             for (at, taxel) in trained.taxels.iter().enumerate() {
+                if trained.stuck[at] {
+                    continue;
+                }
                 let (place, amplitude) = trained.taxel(at);
                 let expected = tile.at(place[0] as f32, place[1] as f32);
                 let mean = amplitude * f64::from(expected.pressure);
-                let raw = f64::from(trained.press.pressures[at]) * gains[of].gains[*taxel];
-                sums[of][*taxel][0] += raw * mean;
+                sums[of][*taxel][0] += trained.raw[at] * mean;
                 sums[of][*taxel][1] += mean * mean;
             }
         }
     }
 
-    /// Kernel-weighted least squares of every cell, and the residuals about it.
-    fn mosaic(
+    /// Kernel-weighted least squares of every cell's pressure; deviations are 1 Pa, or
+    /// infinite where too little is known.
+    fn pressures(
         &self,
-        shape: &GridShape,
-        sensor: &SensorDescription,
+        set: &MosaicSet<'_>,
         options: &MosaicOptions,
     ) -> Result<ForceMosaic, GridError> {
-        let n = shape.n_cells();
         // Σ K m z, Σ K m², Σ K.
-        let mut sums = vec![[0.0f64; 3]; n];
-        self.share_out(shape, options.kernel, |cell, weight, pressure, amplitude| {
-            let sum = &mut sums[cell];
-            sum[0] += weight * amplitude * pressure;
-            sum[1] += weight * amplitude * amplitude;
-            sum[2] += weight;
+        let mut sums = vec![[0.0f64; 3]; set.shape.n_cells()];
+        self.each_taxel(|place, pressure, amplitude| {
+            share(&set.shape, options.kernel, place, |cell, weight| {
+                let sum = &mut sums[cell];
+                sum[0] += weight * amplitude * pressure;
+                sum[1] += weight * amplitude * amplitude;
+                sum[2] += weight;
+            });
         });
-        let pressure: Vec<f64> =
-            sums.iter().map(|[product, square, _]| product / square.max(1e-9)).collect();
-        let means = ForceMosaic::from_parts(
-            *shape,
-            pressure.iter().map(|value| *value as f32).collect(),
-            vec![1.0; n],
-        )?;
-        let tile = Tile::new(&means, 0.0);
-        let mut squares = vec![0.0f64; n];
+        let pressure = sums.iter().map(|[cross, square, _]| (cross / square.max(1e-9)) as f32);
+        let known = |sum: f64| if sum < options.weight_min { f32::INFINITY } else { 1.0 };
+        let deviation = sums.iter().map(|[_, _, weight]| known(*weight)).collect();
+        ForceMosaic::from_parts(set.shape, pressure.collect(), deviation)
+    }
+
+    /// The cells' pressures, and the residuals about them that a press's own strays leave.
+    fn mosaic(
+        &mut self,
+        set: &MosaicSet<'_>,
+        tile: &Tile,
+        options: &MosaicOptions,
+    ) -> Result<ForceMosaic, GridError> {
+        let means = self.pressures(set, options)?;
+        self.fit_strays(tile, &options.press);
+        let mut sums = vec![[0.0f64; 2]; set.shape.n_cells()];
         self.each_taxel(|place, pressure, amplitude| {
             let expected = tile.at(place[0] as f32, place[1] as f32).pressure;
             let residual = pressure - amplitude * f64::from(expected);
-            share(shape, options.kernel, place, |cell, weight| {
-                squares[cell] += weight * residual * residual;
+            share(&set.shape, options.kernel, place, |cell, weight| {
+                sums[cell][0] += weight * residual * residual;
+                sums[cell][1] += weight;
             });
         });
-        let parameters = sensor.parameters();
+        let parameters = set.sensor.parameters();
         let floor = parameters.noise.powi(2) + parameters.quantisation.powi(2) / 12.0;
-        let floor = floor.max((1e-3 * parameters.saturation).powi(2));
-        let deviation = |(square, sum): (&f64, &[f64; 3])| {
-            if sum[2] < options.weight_min {
-                return f32::INFINITY;
-            }
-            // One taxel of a typical deviation's weight keeps a lucky cell from certainty.
-            (square / sum[2]).max(floor).sqrt() as f32
+        let floor = floor.max((1e-2 * parameters.saturation).powi(2));
+        let spread = |([square, weight], known): (&[f64; 2], &f32)| {
+            // Unknown cells stay so; what slips moved out of a cell leaves it to the floor.
+            let deviation = (square / weight.max(1e-9)).max(floor).sqrt() as f32;
+            if known.is_finite() { deviation } else { f32::INFINITY }
         };
-        let deviation = squares.iter().zip(&sums).map(deviation).collect();
-        let pressure = pressure.iter().map(|value| *value as f32).collect();
-        ForceMosaic::from_parts(*shape, pressure, deviation)
+        let deviation = sums.iter().zip(means.deviation()).map(spread).collect();
+        ForceMosaic::from_parts(set.shape, means.pressure().to_vec(), deviation)
     }
 
-    /// Calls with (place, pressure over gain, amplitude) of every taxel.
+    /// Calls with (place, pressure over gain, amplitude) of every taxel that is not stuck.
     fn each_taxel(&self, mut take: impl FnMut([f64; 2], f64, f64)) {
         for trained in &self.0 {
             for (at, pressure) in trained.press.pressures.iter().enumerate() {
+                if trained.stuck[at] {
+                    continue;
+                }
                 let (place, amplitude) = trained.taxel(at);
                 take(place, f64::from(*pressure), amplitude);
             }
         }
-    }
-
-    fn share_out(
-        &self,
-        shape: &GridShape,
-        kernel: f64,
-        mut take: impl FnMut(usize, f64, f64, f64),
-    ) {
-        self.each_taxel(|place, pressure, amplitude| {
-            share(shape, kernel, place, |cell, weight| take(cell, weight, pressure, amplitude));
-        });
     }
 }
 
@@ -314,10 +378,13 @@ fn share(shape: &GridShape, kernel: f64, place: [f64; 2], mut take: impl FnMut(u
         low..(high + 1.0).max(low as f64) as usize
     };
     let scale = -0.5 * (cell / kernel).powi(2);
+    // The kernel is a product of one along x and one along y.
+    let weight = |axis: usize, index: usize| (scale * (index as f64 - at[axis]).powi(2)).exp();
+    let along: Vec<f64> = range(0).map(|x| weight(0, x)).collect();
     for y in range(1) {
-        for x in range(0) {
-            let squared = (x as f64 - at[0]).powi(2) + (y as f64 - at[1]).powi(2);
-            take(x + n[0] * y, (scale * squared).exp());
+        let up = weight(1, y);
+        for (x, along) in range(0).zip(&along) {
+            take(x + n[0] * y, up * along);
         }
     }
 }

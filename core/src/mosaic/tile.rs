@@ -87,16 +87,18 @@ impl Tile {
     pub fn at(&self, x: f32, y: f32) -> Expected {
         let along = ((x - self.origin[0]) * self.per_cell).clamp(0.0, self.limit[0]);
         let up = ((y - self.origin[1]) * self.per_cell).clamp(0.0, self.limit[1]);
-        let (col, row) = (along as usize, up as usize);
+        // Within the clamped range; by way of i32, which is one instruction.
+        let (col, row) = (along as i32, up as i32);
         let (fx, fy) = (along - col as f32, up - row as f32);
-        let first = col + row * self.n[0];
-        let below = &self.cells[first..first + 2];
-        let above = &self.cells[first + self.n[0]..first + self.n[0] + 2];
+        let first = col as usize + row as usize * self.n[0];
+        let window = &self.cells[first..first + self.n[0] + 2];
+        let (a, b) = (window[0], window[1]);
+        let (c, d) = (window[self.n[0]], window[self.n[0] + 1]);
         let mut value = [0.0f32; 4];
-        for (channel, value) in value.iter_mut().enumerate() {
-            let low = below[0][channel] + fx * (below[1][channel] - below[0][channel]);
-            let high = above[0][channel] + fx * (above[1][channel] - above[0][channel]);
-            *value = low + fy * (high - low);
+        for channel in 0..4 {
+            let low = a[channel] + fx * (b[channel] - a[channel]);
+            let high = c[channel] + fx * (d[channel] - c[channel]);
+            value[channel] = low + fy * (high - low);
         }
         let [pressure, along_x, along_y, precision] = value;
         Expected { pressure, along_x, along_y, precision }

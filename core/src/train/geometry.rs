@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::force::add_force;
 use super::{TrainError, TrainingSet};
 use crate::model::MapError;
 use crate::model::geometry::{GeometricMap, GeometricModel};
@@ -98,6 +99,7 @@ pub fn map_geometry(
     }
     let mut presses = Vec::new();
     let mut maps = Vec::new();
+    let mut pressed = Vec::new();
     for (object, (set, origin)) in sets.iter().zip(origins_in_training).enumerate() {
         let readings = in_object_frame(set, *origin);
         if config.dimensions == Dimensions::Planar {
@@ -106,17 +108,23 @@ pub fn map_geometry(
         let (map, classified) = map_one(&readings, set, config)?;
         presses.push(classified);
         maps.push(map);
+        pressed.push((readings, set.sensor));
     }
     let table = match config.table {
         TableRule::Learnt => learn_table(&presses, &maps),
         TableRule::Literal => ClassTable::literal(),
     };
     let geometric = |occupancy| Arc::new(GeometricMap { occupancy, mosaic: None });
-    Ok(GeometricModel { table, gains: Vec::new(), maps: maps.into_iter().map(geometric).collect() })
+    let maps = maps.into_iter().map(geometric).collect();
+    let mut model = GeometricModel { table, gains: Vec::new(), maps };
+    if config.dimensions == Dimensions::Planar {
+        add_force(&mut model, &pressed)?;
+    }
+    Ok(model)
 }
 
 /// The readings of a set in the object frame.
-pub(super) fn in_object_frame(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Vec<Reading> {
+fn in_object_frame(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Vec<Reading> {
     let object_from_training = Pose { translation: -origin_in_training, ..Pose::IDENTITY };
     set.readings.iter().map(|reading| reading.moved_by(object_from_training)).collect()
 }

@@ -9,7 +9,6 @@ use palpate_core::model::geometry::GeometricModel;
 use palpate_core::occupancy::grid::CELLS_MAX;
 use palpate_core::occupancy::mapping::shape_around;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::train::force::{ForceConfig, learn_force};
 use palpate_core::train::geometry::{Dimensions, GeometryConfig, map_geometry};
 use palpate_core::train::{TrainError, TrainingSet};
 use palpate_schemas::JobStage;
@@ -49,15 +48,7 @@ pub(super) fn learn(
     check_size(config, materials)?;
     let sets: Vec<TrainingSet<'_>> = materials.iter().map(Material::pressed).collect();
     let origins: Vec<DVec3> = maps.iter().map(ObjectMap::origin_in_training).collect();
-    let named = |error| named(error, materials);
-    let model = map_geometry(&sets, &origins, config).map_err(named)?;
-    step(progress, JobStage::Geometry, total / 2, total)?;
-    let model = match config.dimensions {
-        Dimensions::Planar => {
-            learn_force(model, &sets, &origins, &ForceConfig::default()).map_err(named)?
-        }
-        Dimensions::Solid => model,
-    };
+    let model = map_geometry(&sets, &origins, config).map_err(|error| named(error, materials))?;
     step(progress, JobStage::Geometry, total, total)?;
     Ok(model)
 }
@@ -76,7 +67,8 @@ fn check_size(config: &GeometryConfig, materials: &[Material]) -> Result<(), Tra
         let margin = set.sensor.parameters().point_spread;
         let shape = shape_around(set.readings, set.sensor, cell, margin, plane)
             .map_err(|source| TrainingFailure::Grid { object: object(), cell, source })?;
-        n_cells += shape.n_cells();
+        // A mosaic has four cells for each of a planar map.
+        n_cells += shape.n_cells() * if plane.is_some() { 5 } else { 1 };
         if n_cells > CELLS_MAX {
             return Err(TrainingFailure::Cells { object: object(), cell, found: n_cells });
         }
