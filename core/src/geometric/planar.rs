@@ -282,18 +282,19 @@ impl PlanarBelief {
         let mut workspace = Workspace::default();
         let mut modes = Vec::new();
         while modes.len() < n_modes
-            && let Some((_, first)) = bins.first().copied()
+            && let Some((log_first, first)) = bins.first().copied()
         {
             let widths = self.histogram.division().widths(first.depth as usize);
             let mode = match self.model.readings.is_empty() {
                 true => Mode::unpolished(first.center, widths),
                 false => self.model.polish(first.object, first.center, &mut workspace),
             };
-            let mut weight = 0.0;
+            // The best bin is a member, wherever polishing has moved the mode.
+            bins.remove(0);
+            let mut weight = (log_first - log_total).exp();
             bins.retain(|(log_mass, bin)| {
                 let widths = self.histogram.division().widths(bin.depth as usize);
-                let here = bin.object == first.object
-                    && (bin.center == first.center || mode.holds(&bin.center, &widths));
+                let here = bin.object == first.object && mode.holds(&bin.center, &widths);
                 if here {
                     weight += (log_mass - log_total).exp();
                 }
