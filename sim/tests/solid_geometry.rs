@@ -56,7 +56,11 @@ fn catalogue() -> Arc<Catalogue> {
 }
 
 fn options(pose: PosePrior) -> GeometricOptions {
-    GeometricOptions { pose, filter: GeometricFilter::Adaptive(AdaptiveOptions::default()), seed: 0 }
+    GeometricOptions {
+        pose,
+        filter: GeometricFilter::Adaptive(AdaptiveOptions::default()),
+        seed: 0,
+    }
 }
 
 #[test]

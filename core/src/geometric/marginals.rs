@@ -49,8 +49,7 @@ pub(super) fn of_object<const D: usize>(
     high: [f64; D],
     n: usize,
 ) -> Option<Marginals> {
-    let bins: Vec<&Bin<D>> =
-        histogram.bins().iter().filter(|bin| bin.object == object.0).collect();
+    let bins: Vec<&Bin<D>> = histogram.bins().iter().filter(|bin| bin.object == object.0).collect();
     if bins.is_empty() {
         return None;
     }

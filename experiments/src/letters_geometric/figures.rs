@@ -78,7 +78,8 @@ fn summarise(report: &mut Report, config: &LettersGeometric, method: &Method, st
         .map(|idx| readings_to_100(config, config.seed + idx, steps) as f64)
         .collect();
     let mut state = |name: &str, value: f64| {
-        let key = if method.key.is_empty() { name.into() } else { format!("{}_{name}", method.key) };
+        let key =
+            if method.key.is_empty() { name.into() } else { format!("{}_{name}", method.key) };
         report.summarise(&key, value);
     };
     state("readings_to_100_median", median(&to_all_right));

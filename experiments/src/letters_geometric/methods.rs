@@ -118,7 +118,9 @@ impl Method {
     /// How many hypotheses the method begins with, of all letters.
     pub(super) fn hypotheses(&self, n_letters: usize) -> usize {
         match self.kind {
-            Kind::Adaptive => n_letters * AdaptiveOptions::default().first.iter().product::<usize>(),
+            Kind::Adaptive => {
+                n_letters * AdaptiveOptions::default().first.iter().product::<usize>()
+            }
             Kind::Histogram(n, _) => n_letters * n.iter().product::<usize>(),
             Kind::Particles { n, per_object } => {
                 if per_object {
