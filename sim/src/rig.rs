@@ -25,8 +25,9 @@ use crate::letters::Letter;
 use crate::press::in_row_major_order;
 
 /// How far a letter is pressed into the covering, as a part of the covering's thickness: under
-/// the presets' straight force curve the face reads 16 of 20 kPa where it fills the blur, and
-/// the strokes of a 25 mm letter 5 to 11 kPa, so that gains and depths rarely saturate.
+/// the presets' straight force curve the face reads 16 of 20 kPa where it fills the blur, and the
+/// strongest taxel of a press on an A 11 kPa in the mean, so that gains and depths rarely
+/// saturate.
 pub const INDENTATION: f64 = 0.8;
 
 /// A sensor in the rig: its taxels' gains stay the same for every letter and repetition.

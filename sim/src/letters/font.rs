@@ -15,7 +15,7 @@ use super::{CAP_HEIGHT, Letter, Polygon, SYMBOLS, bounds};
 const TOLERANCE: f64 = 0.01 * MM;
 
 /// Width of the cross-bars of a capital I that has none of its own, as a part of its height:
-/// that of the dissertation's second font.
+/// that of a usual slab serif.
 const CROSS_BAR_WIDTH: f64 = 0.42;
 
 /// An I narrower than this many strokes has no cross-bars.
@@ -48,8 +48,8 @@ impl Font {
         built_in()
     }
 
-    /// The font of a file's bytes. An I without cross-bars is given two, as wide as the
-    /// dissertation's and as thick as its stem.
+    /// The font of a file's bytes. An I without cross-bars is given two, 0.42 of its height
+    /// wide and as thick as its stem.
     ///
     /// # Errors
     /// [`FontError`] when the bytes are not a font or a letter has no outline.

@@ -2,8 +2,7 @@
 //!
 //! Blur commutes with rigid motion, so the mask and its first moments are blurred in the
 //! letter's frame, and every press, tilted a little or not, is a bilinear look-up. The taxel's
-//! mean is folded into the point spread by its variance (width² / 12), which makes it round:
-//! against the true square the field is within 0.2 % of full contact.
+//! mean is folded into the point spread by its variance (width² / 12), which makes it round.
 
 use palpate_core::sensor::SensorDescription;
 use palpate_core::sensor::point_spread::gaussian_kernel;
