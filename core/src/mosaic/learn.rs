@@ -186,7 +186,8 @@ impl Presses {
         let trained = |reading: &Reading| {
             let object_from_sensor = reading.session_from_sensor();
             let (center, press, taxels) = lay_down(&object_from_sensor, reading, set.sensor, None);
-            let raw: Vec<f64> = press.pressures.iter().map(|pressure| f64::from(*pressure)).collect();
+            let raw: Vec<f64> =
+                press.pressures.iter().map(|pressure| f64::from(*pressure)).collect();
             let place = Placement { center, turn: [1.0, 0.0] };
             let strays = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
             let stuck = vec![false; raw.len()];
