@@ -4,8 +4,8 @@ use clap::{Parser, Subcommand};
 
 use crate::commands::{
     analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs,
-    letters::LettersArgs, objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs,
-    sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
+    letters::LettersArgs, maps::MapsArgs, objects::ObjectsArgs, sensors::SensorsArgs,
+    serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -66,6 +66,8 @@ pub(crate) enum Command {
     Train(TrainArgs),
     /// Trainings: list, follow, cancel.
     Jobs(JobsArgs),
+    /// Trained maps of contact: show, export, merge.
+    Maps(MapsArgs),
     /// Let a simulated robot touch a mesh and see whether it is recognised.
     Touch(TouchArgs),
     /// Sessions: objects being touched, and what is known of them.
@@ -109,6 +111,13 @@ mod tests {
             "palpate sensors add finger --preset digitacts-6x6",
             "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
             "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
+            "palpate touch --object A --mesh A.stl --method geometric --sensor digitacts-6x6-thin",
+            "palpate train --geometry planar --cell-mm 0.5 A E I O U",
+            "palpate train --geometry solid",
+            "palpate maps show --object A",
+            "palpate maps export --object A --png A.png --slice 0 --ply A.ply --form mesh",
+            "palpate maps merge --catalogue lab-1 --with-catalogue lab-2 --with-version 3",
+            "palpate sessions marginals 0198a0d0-0000-7000-8000-000000000000 --object A",
             "palpate sessions list --json",
             "palpate jobs cancel 0198a0d0-0000-7000-8000-000000000000",
             "palpate sensors indent finger --out indentation.json --seed 3",
@@ -142,6 +151,12 @@ mod tests {
             "palpate sensors calibrate finger",
             "palpate analyses covering --thickness-mm 1 --spread-mm 2",
             "palpate experiment sva-objects --size-mm 0.08",
+            "palpate train --cell-mm 0.5",
+            "palpate train --geometry flat",
+            "palpate touch --object A --mesh A.stl --method geometric --sensor digitacts-6x6-thin",
+            "palpate train --geometry planar --cell-mm 0",
+            "palpate maps export --object A",
+            "palpate maps merge",
         ] {
             let error = parse(line).expect_err(line);
             assert_eq!(error.exit_code(), 2, "{line}");

@@ -6,6 +6,7 @@ pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod jobs;
 pub(crate) mod letters;
+pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod openapi;
 pub(crate) mod sensors;
@@ -40,6 +41,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Objects(args) => objects::run(args, &context()?).await,
         Command::Letters(args) => letters::run(args, output),
         Command::Train(args) => train::run(args, &context()?).await,
+        Command::Maps(args) => maps::run(args, &context()?).await,
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,

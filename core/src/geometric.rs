@@ -12,6 +12,7 @@ mod marginals;
 mod options;
 mod planar;
 mod polish;
+mod printed;
 mod solid;
 
 use std::sync::Arc;
@@ -24,14 +25,16 @@ use crate::sensor::SensorDescription;
 
 pub use error::GeometricError;
 pub use marginals::{AxisMarginal, Marginals, PlaneMarginal};
-pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior};
+pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior, PrintedFilter};
 
 use planar::PlanarBelief;
+use printed::PrintedBelief;
 use solid::SolidBelief;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
 pub struct GeometricBelief {
+    pose: PosePrior,
     n_readings: usize,
     state: State,
 }
@@ -40,6 +43,7 @@ pub struct GeometricBelief {
 #[derive(Clone, Debug)]
 enum State {
     Planar(Box<PlanarBelief>),
+    Printed(Box<PrintedBelief>),
     Solid(Box<SolidBelief>),
 }
 
@@ -65,8 +69,13 @@ impl GeometricBelief {
             (solid @ PosePrior::Bounded { .. }, GeometricFilter::Adaptive(filter)) => {
                 State::Solid(Box::new(SolidBelief::new(model, *solid, *filter, &log_prior)?))
             }
+            (pose, GeometricFilter::Printed(filter)) => {
+                let seed = options.seed;
+                let belief = PrintedBelief::new(model, pose, filter, seed, &log_prior)?;
+                State::Printed(Box::new(belief))
+            }
         };
-        Ok(Self { n_readings: 0, state })
+        Ok(Self { pose: options.pose, n_readings: 0, state })
     }
 
     /// Takes a reading into account.
@@ -90,6 +99,10 @@ impl GeometricBelief {
         }
         match &mut self.state {
             State::Planar(belief) => belief.add(reading, sensor)?,
+            State::Printed(belief) => {
+                self.pose.check_press(&reading.session_from_sensor())?;
+                belief.add(reading, sensor);
+            }
             State::Solid(belief) => belief.add(reading, sensor),
         }
         self.n_readings += 1;
@@ -101,6 +114,7 @@ impl GeometricBelief {
     pub fn answer(&self, n_modes: usize) -> Answer {
         match &self.state {
             State::Planar(belief) => belief.answer(n_modes, self.n_readings),
+            State::Printed(belief) => belief.answer(n_modes, self.n_readings),
             State::Solid(belief) => belief.answer(n_modes, self.n_readings),
         }
     }
@@ -111,6 +125,7 @@ impl GeometricBelief {
     pub fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
         match &self.state {
             State::Planar(belief) => belief.marginals(object),
+            State::Printed(belief) => belief.marginals(object),
             State::Solid(belief) => belief.marginals(object),
         }
     }

@@ -4,6 +4,7 @@ pub mod classify;
 pub mod grid;
 pub mod likelihood;
 pub mod mapping;
+mod shifted;
 pub mod table;
 
 pub use classify::{CONTACT_THRESHOLD, ContactClass, classify};

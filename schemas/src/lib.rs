@@ -6,6 +6,7 @@
 
 pub mod analysis;
 pub mod calibration;
+pub mod geometry;
 pub mod health;
 pub mod object;
 pub mod page;
@@ -21,6 +22,11 @@ pub use calibration::{
     CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
     TaxelState,
+};
+pub use geometry::{
+    AxisUnit, GeometryKind, GeometryReport, GeometryTraining, Marginal, Marginals, MarginalsQuery,
+    MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior, SliceQuery,
+    VersionReference,
 };
 pub use health::{Check, Liveness, Readiness, Version};
 pub use object::{

@@ -11,6 +11,7 @@ pub mod server;
 
 mod admission;
 mod app;
+mod belief;
 mod calibrations;
 mod catalogues;
 mod clock;

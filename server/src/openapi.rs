@@ -29,6 +29,11 @@ pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
+/// A map of contact as an image or a model.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
+
 #[derive(utoipa::OpenApi)]
 #[openapi(
     info(

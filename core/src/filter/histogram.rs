@@ -192,6 +192,19 @@ impl PlanarHistogram {
         Some((pose, f64::from(log)))
     }
 
+    /// The bins of one object that are left, with their logarithms (as [`Self::mode`]'s).
+    #[must_use]
+    pub fn logs(&self, object: usize) -> Vec<(usize, f64)> {
+        let ([x, y, n_angles], mut left) = (self.bins.n, Vec::new());
+        for (angle, slab) in self.slabs[object * n_angles..][..n_angles].iter().enumerate() {
+            left.extend(slab.logs.iter().enumerate().map(|(idx, log)| {
+                let bin = slab.active.as_ref().map_or(idx, |active| active[idx] as usize);
+                (angle * x * y + bin, f64::from(*log))
+            }));
+        }
+        left
+    }
+
     /// How many bins are left, of all objects.
     #[must_use]
     pub fn n_active(&self) -> usize {

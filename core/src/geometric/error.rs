@@ -20,6 +20,15 @@ pub enum GeometricError {
     /// A planar pose prior, but solid maps.
     #[error("a prior over poses in a plane, expected planar maps in the catalogue")]
     NotPlanar,
+    /// The printed histogram filter has no solid form.
+    #[error("a bounded prior over solid poses, expected a planar one: the histogram is planar")]
+    PlanarOnly,
+    /// The printed filters know no bounds of the turn.
+    #[error("half_angle is {found}, expected π: the printed filters consider every turn")]
+    EveryTurn {
+        /// What was given, rad.
+        found: f64,
+    },
     /// The prior over objects does not fit the catalogue.
     #[error(
         "prior over {found} objects, expected {expected} finite weights of at least 0, not all 0"

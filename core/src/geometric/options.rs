@@ -5,6 +5,8 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::GeometricError;
+use super::planar::check_tilt;
+use crate::filter::particle::ParticleOptions;
 use crate::mosaic::press_fit::PressPrior;
 use crate::pose::Pose;
 use crate::units::MM;
@@ -36,11 +38,40 @@ pub enum PosePrior {
     },
 }
 
+impl PosePrior {
+    /// Whether a belief with this prior can take a press at `session_from_sensor`.
+    ///
+    /// # Errors
+    /// [`GeometricError::Tilt`] when a press on a plane is tilted by more than 30 degrees.
+    pub fn check_press(&self, session_from_sensor: &Pose) -> Result<(), GeometricError> {
+        match self {
+            Self::Planar { session_from_plane, .. } => {
+                check_tilt(&(session_from_plane.inverse() * *session_from_sensor))
+            }
+            Self::Bounded { .. } => Ok(()),
+        }
+    }
+}
+
 /// How the belief is carried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GeometricFilter {
     /// The adaptive histogram, with force where there are mosaics.
     Adaptive(AdaptiveOptions),
+    /// The filters of chapter 3, over maps of contact.
+    Printed(PrintedFilter),
+}
+
+/// A filter of chapter 3.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PrintedFilter {
+    /// The histogram filter, in the plane alone.
+    Histogram {
+        /// Bins of an object along x, y and the full turn (Table 3.1).
+        n: [usize; 3],
+    },
+    /// The particle filter.
+    Particles(ParticleOptions),
 }
 
 /// The work of the adaptive histogram.
@@ -120,7 +151,18 @@ impl GeometricOptions {
                 within("half_angle", *half_angle, 1e-3, PI)?;
             }
         }
-        let GeometricFilter::Adaptive(filter) = &self.filter;
+        let filter = match &self.filter {
+            GeometricFilter::Adaptive(filter) => filter,
+            GeometricFilter::Printed(PrintedFilter::Histogram { n }) => {
+                for (field, n) in ["bins x", "bins y", "bins angle"].into_iter().zip(*n) {
+                    within(field, n as f64, 1.0, 200.0)?;
+                }
+                return Ok(());
+            }
+            GeometricFilter::Printed(PrintedFilter::Particles(options)) => {
+                return within("particles", options.n as f64, 1.0, 1e7);
+            }
+        };
         for (field, n) in ["first x", "first y", "first angle"].into_iter().zip(filter.first) {
             within(field, n as f64, 1.0, 200.0)?;
         }

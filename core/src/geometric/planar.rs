@@ -44,6 +44,16 @@ const MARGINAL_CELLS: usize = 72;
 
 const AXES: [&str; 3] = ["x", "y", "theta"];
 
+/// Refuses presses that do not come along the plane's normal.
+pub(super) fn check_tilt(plane_from_sensor: &Pose) -> Result<(), GeometricError> {
+    // The sensor looks at the object: its z points into the plane.
+    let tilt = (-plane_from_sensor.turn(DVec3::Z).z).clamp(-1.0, 1.0).acos();
+    if tilt > TILT_MAX {
+        return Err(GeometricError::Tilt { degrees: tilt / DEG });
+    }
+    Ok(())
+}
+
 /// A belief over identity and planar pose.
 #[derive(Clone, Debug)]
 pub(super) struct PlanarBelief {
@@ -233,11 +243,7 @@ impl PlanarBelief {
     ) -> Result<(), GeometricError> {
         let plane_from_sensor =
             self.plane.session_from_plane.inverse() * reading.session_from_sensor();
-        // The sensor looks at the object: its z points into the plane.
-        let tilt = (-plane_from_sensor.turn(DVec3::Z).z).clamp(-1.0, 1.0).acos();
-        if tilt > TILT_MAX {
-            return Err(GeometricError::Tilt { degrees: tilt / DEG });
-        }
+        check_tilt(&plane_from_sensor)?;
         let known = self.model.geometry.gains.iter().find(|g| g.sensor == reading.sensor());
         let gains = known
             .map(|known| &known.gains[..])
@@ -276,20 +282,19 @@ impl PlanarBelief {
         let mut workspace = Workspace::default();
         let mut modes = Vec::new();
         while modes.len() < n_modes
-            && let Some((_, first)) = bins.first().copied()
+            && let Some((log_first, first)) = bins.first().copied()
         {
             let widths = self.histogram.division().widths(first.depth as usize);
             let mode = match self.model.readings.is_empty() {
                 true => Mode::unpolished(first.center, widths),
                 false => self.model.polish(first.object, first.center, &mut workspace),
             };
-            let mut weight = 0.0;
-            // The first bin always leaves, also when its mode does not hold it.
-            let center = first.center.map(f64::to_bits);
+            // The best bin is a member, wherever polishing has moved the mode.
+            bins.remove(0);
+            let mut weight = (log_first - log_total).exp();
             bins.retain(|(log_mass, bin)| {
                 let widths = self.histogram.division().widths(bin.depth as usize);
-                let here = bin.object == first.object
-                    && (bin.center.map(f64::to_bits) == center || mode.holds(&bin.center, &widths));
+                let here = bin.object == first.object && mode.holds(&bin.center, &widths);
                 if here {
                     weight += (log_mass - log_total).exp();
                 }

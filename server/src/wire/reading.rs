@@ -17,7 +17,7 @@ pub(crate) const READINGS_MAX: usize = 1000;
 /// The most taxels of one request, over all its readings: one commit must hold them.
 pub(crate) const TAXELS_MAX: usize = 4_000_000;
 /// The most wrong fields that one answer lists.
-const ERRORS_MAX: usize = 20;
+pub(crate) const ERRORS_MAX: usize = 20;
 /// The largest coordinate of a position, in metres.
 const POSITION_MAX: f64 = 1e6;
 /// The longest name of a frame, in characters.

@@ -5,6 +5,7 @@
 
 mod bad_input;
 mod calibration;
+mod geometry;
 mod harness;
 mod msgpack;
 mod objects;
