@@ -40,7 +40,7 @@ fn pressure(object: usize, x: f64, y: f64) -> f64 {
 
 /// Half of the taxels are a fifth stronger.
 fn gain(taxel: usize) -> f64 {
-    if taxel % 2 == 0 { 1.1 } else { 0.9 }
+    if taxel.is_multiple_of(2) { 1.1 } else { 0.9 }
 }
 
 fn press(object: usize, stream: &mut Stream) -> Reading {
