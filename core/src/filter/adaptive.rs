@@ -19,6 +19,10 @@ pub trait BinLikelihood<const D: usize> {
         reading: usize,
     ) -> f64;
 
+    /// What [`BinLikelihood::log_likelihood`] gives a pose that explains the reading well
+    /// enough: bins in play that do worse all fall back against sleeping ones.
+    fn expected(&self, reading: usize) -> f64;
+
     /// A cheap stand-in for [`BinLikelihood::log_likelihood`], right in what it puts far behind.
     fn screen(&mut self, object: u32, center: &[f64; D], depth: usize, reading: usize) -> f64;
 }
@@ -222,7 +226,8 @@ impl<const D: usize> AdaptiveHistogram<D> {
             let log = model.log_likelihood(bin.object, &bin.center, bin.depth as usize, reading);
             scored.push((at, log));
         }
-        self.typical.push(self.typical_of(&scored));
+        let expected = model.expected(reading);
+        self.typical.push(self.typical_of(&scored).max(expected));
         for (at, log) in scored {
             self.bins[at].score += self.relative(log, reading, effort);
             self.bins[at].n_scored += 1;
@@ -263,11 +268,11 @@ impl<const D: usize> AdaptiveHistogram<D> {
         chosen
     }
 
-    /// What the bin that explains everything best got from this reading.
+    /// What the bin that explains everything best got from this reading; −∞ without any.
     fn typical_of(&self, scored: &[(usize, f64)]) -> f64 {
         let total = |entry: &(usize, f64)| self.bins[entry.0].score + entry.1;
         let best = scored.iter().max_by(|a, b| total(a).total_cmp(&total(b)));
-        best.map_or(0.0, |entry| entry.1)
+        best.map_or(f64::NEG_INFINITY, |entry| entry.1)
     }
 
     fn relative(&self, log: f64, reading: usize, effort: &Effort) -> f64 {
@@ -392,6 +397,10 @@ mod tests {
             let off = ((self.readings[at] - c[0]).abs() - self.half[depth]).max(0.0);
             let wrong = if object == 1 { 5.0 } else { 0.0 };
             (-0.5 * (off / self.sigma).powi(2)).max(-200.0) - wrong
+        }
+
+        fn expected(&self, _reading: usize) -> f64 {
+            -2.0
         }
 
         fn screen(&mut self, object: u32, center: &[f64; 1], depth: usize, at: usize) -> f64 {

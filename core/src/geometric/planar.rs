@@ -42,6 +42,12 @@ const SCREEN_CELL: f64 = 0.5 * MM;
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
 
+/// Bins of pressure in which precisions are averaged.
+const PRESSURE_BINS: usize = 24;
+
+/// About what the volume of a press's unknowns takes from a good fit, nats.
+const UNKNOWNS_VOLUME: f64 = 6.0;
+
 const AXES: [&str; 3] = ["x", "y", "theta"];
 
 /// Refuses presses that do not come along the plane's normal.
@@ -79,6 +85,7 @@ pub(super) struct PlanarModel {
     maps: Vec<PlanarMap>,
     readings: Vec<PlanarReading>,
     options: AdaptiveOptions,
+    precision: PrecisionByPressure,
     /// Spread of a bin by depth: of x and y (m) and of θ (rad).
     spreads: Vec<[f64; 2]>,
     workspace: Workspace,
@@ -134,6 +141,7 @@ impl PlanarModel {
             maps,
             readings: Vec::new(),
             options,
+            precision: PrecisionByPressure::new(geometry),
             spreads,
             workspace: Workspace::default(),
             turned: TurnedPress::default(),
@@ -172,7 +180,54 @@ impl PlanarModel {
     }
 }
 
+/// Mean ln precision over all maps' cells by pressure.
+#[derive(Clone, Debug)]
+struct PrecisionByPressure {
+    per_bin: f32,
+    logs: Vec<f64>,
+}
+
+impl PrecisionByPressure {
+    fn new(geometry: &GeometricModel) -> Self {
+        let mosaics = || geometry.maps.iter().filter_map(|map| map.mosaic.as_ref());
+        let largest = mosaics().flat_map(|m| m.pressure().iter().copied()).fold(1.0, f32::max);
+        let per_bin = largest / PRESSURE_BINS as f32;
+        let mut sums = vec![(0.0, 0.0); PRESSURE_BINS];
+        for mosaic in mosaics() {
+            for (pressure, deviation) in mosaic.pressure().iter().zip(mosaic.deviation()) {
+                if deviation.is_finite() {
+                    let sum = &mut sums[Self::bin(*pressure, per_bin)];
+                    sum.0 -= f64::from(*deviation).ln();
+                    sum.1 += 1.0;
+                }
+            }
+        }
+        let mut logs: Vec<f64> = Vec::with_capacity(PRESSURE_BINS);
+        for (sum, n) in sums {
+            let before = logs.last().copied().unwrap_or(0.0);
+            logs.push(if n > 0.0 { sum / n } else { before });
+        }
+        Self { per_bin, logs }
+    }
+
+    fn bin(pressure: f32, per_bin: f32) -> usize {
+        ((pressure.max(0.0) / per_bin) as usize).min(PRESSURE_BINS - 1)
+    }
+
+    fn of(&self, pressure: f32) -> f64 {
+        self.logs[Self::bin(pressure, self.per_bin)]
+    }
+}
+
 impl BinLikelihood<3> for PlanarModel {
+    fn expected(&self, reading: usize) -> f64 {
+        let press = &self.readings[reading].press;
+        let precision: f64 = press.pressures.iter().map(|z| self.precision.of(*z)).sum();
+        let n = press.pressures.len() as f64;
+        // Half a nat a taxel, four of their deviations, and the volume of the unknowns.
+        self.options.temper * (precision - 0.5 * n - 4.0 * (0.5 * n).sqrt() - UNKNOWNS_VOLUME)
+    }
+
     fn log_likelihood(
         &mut self,
         object: u32,

@@ -83,6 +83,13 @@ impl BinLikelihood<6> for SolidModel {
         TEMPER * log_likelihood(press, map, &self.geometry.table, &self.pose(at))
     }
 
+    fn expected(&self, reading: usize) -> f64 {
+        // A map that knows nothing: every class with its share where the log-odds are 0.
+        let table = &self.geometry.table;
+        let taxels = self.presses[reading].taxels().iter();
+        TEMPER * taxels.map(|(_, class)| table.probability(*class, 0.0).ln()).sum::<f64>()
+    }
+
     fn screen(&mut self, object: u32, center: &[f64; 6], depth: usize, reading: usize) -> f64 {
         self.log_likelihood(object, center, depth, reading)
     }

@@ -320,24 +320,23 @@ impl Presses {
     ) -> Result<ForceMosaic, GridError> {
         let means = self.pressures(set, options)?;
         self.fit_strays(tile, &options.press);
-        let mut sums = vec![[0.0f64; 2]; set.shape.n_cells()];
+        // What cells differ in beyond their pressure is luck: deviations are a function of
+        // the pressure, or identity would follow the luck of thirty taxels.
+        let mut squares = Vec::new();
         self.each_taxel(|place, pressure, amplitude| {
             let expected = tile.at(place[0] as f32, place[1] as f32).pressure;
-            let residual = pressure - amplitude * f64::from(expected);
-            share(&set.shape, options.kernel, place, |cell, weight| {
-                sums[cell][0] += weight * residual * residual;
-                sums[cell][1] += weight;
-            });
+            let expected = amplitude * f64::from(expected);
+            squares.push((expected * expected, (pressure - expected).powi(2)));
         });
         let parameters = set.sensor.parameters();
         let floor = parameters.noise.powi(2) + parameters.quantisation.powi(2) / 12.0;
         let floor = floor.max((1e-2 * parameters.saturation).powi(2));
-        let spread = |([square, weight], known): (&[f64; 2], &f32)| {
-            // Unknown cells stay so; what slips moved out of a cell leaves it to the floor.
-            let deviation = (square / weight.max(1e-9)).max(floor).sqrt() as f32;
-            if known.is_finite() { deviation } else { f32::INFINITY }
+        let [constant, share] = variance_by_pressure(&squares, floor);
+        let spread = |(pressure, known): (&f32, &f32)| {
+            let variance = constant + share * f64::from(*pressure).powi(2);
+            if known.is_finite() { variance.sqrt() as f32 } else { f32::INFINITY }
         };
-        let deviation = sums.iter().zip(means.deviation()).map(spread).collect();
+        let deviation = means.pressure().iter().zip(means.deviation()).map(spread).collect();
         ForceMosaic::from_parts(set.shape, means.pressure().to_vec(), deviation)
     }
 
@@ -368,6 +367,37 @@ impl Trained {
     }
 }
 
+/// The variance of a residual as a constant (Pa², at least `floor`) and a share of the squared
+/// pressure, from pairs of squared pressure and squared residual.
+///
+/// Least squares, weighed by what the fit before expects, without what is beyond four
+/// deviations of it.
+fn variance_by_pressure(squares: &[(f64, f64)], floor: f64) -> [f64; 2] {
+    let mean = squares.iter().map(|(_, residual)| residual).sum::<f64>();
+    let mut found = [(mean / squares.len().max(1) as f64).max(floor), 0.0];
+    for _round in 0..4 {
+        // Σ w, Σ w x, Σ w x², Σ w y, Σ w x y.
+        let mut sums = [0.0; 5];
+        for (x, y) in squares {
+            let expected = found[0] + found[1] * x;
+            if *y <= 16.0 * expected {
+                let w = expected.powi(-2);
+                for (sum, term) in sums.iter_mut().zip([1.0, *x, x * x, *y, x * y]) {
+                    *sum += w * term;
+                }
+            }
+        }
+        let [w, wx, wxx, wy, wxy] = sums;
+        let determinant = w * wxx - wx * wx;
+        if determinant <= 1e-9 * w * wxx || w <= 0.0 {
+            break;
+        }
+        let constant = ((wxx * wy - wx * wxy) / determinant).max(floor);
+        found = [constant, ((wxy - constant * wx) / wxx).max(0.0)];
+    }
+    found
+}
+
 /// Calls with (cell, kernel weight) of the cells within three deviations of a place.
 fn share(shape: &GridShape, kernel: f64, place: [f64; 2], mut take: impl FnMut(usize, f64)) {
     let (min, cell, n) = (shape.min(), shape.cell(), shape.n());
@@ -387,5 +417,31 @@ fn share(shape: &GridShape, kernel: f64, place: [f64; 2], mut take: impl FnMut(u
         for (x, along) in range(0).zip(&along) {
             take(x + n[0] * y, up * along);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variances_are_told_apart_by_pressure_and_outliers_do_not_count() {
+        // Residuals of ±√(400 + 0.01 p²) at 0 to 4 kPa, and one taxel in a hundred stuck.
+        let pair = |index: usize| {
+            let squared = (f64::from((index % 5) as u32) * 1_000.0).powi(2);
+            (squared, if index % 100 == 7 { 4e8 } else { 400.0 + 0.01 * squared })
+        };
+        let squares: Vec<(f64, f64)> = (0..1_000).map(pair).collect();
+        let [constant, share] = variance_by_pressure(&squares, 1.0);
+        assert!((constant / 400.0 - 1.0).abs() < 0.01, "{constant}");
+        assert!((share / 0.01 - 1.0).abs() < 0.01, "{share}");
+    }
+
+    #[test]
+    fn gains_have_mean_one_and_a_dead_taxel_is_bounded() {
+        let mut gains = vec![1.0; 3];
+        update_gains(&mut gains, &[[2.0, 1.0], [4.0, 2.0], [0.0, 5.0]]);
+        // 2, 2 and 0.05 over their mean of 1.35.
+        assert!((gains[0] - 2.0 / 1.35).abs() < 1e-12 && (gains[2] - 0.05 / 1.35).abs() < 1e-12);
     }
 }

@@ -337,7 +337,8 @@ mod tests {
         let deep = fitted(&press(1.2, 0.0), &prior).unknowns;
         // 0.2 / 0.25 = 0.8, less the prior's small pull.
         assert!((deep[0] - 0.8).abs() < 0.03 && deep[3].abs() < 0.05, "{deep:?}");
-        let slipped = fitted(&press(1.0, 0.3 * MM), &prior).unknowns;
+        let upright = PressPrior { tilt: 0.1, ..prior };
+        let slipped = fitted(&press(1.0, 0.3 * MM), &upright).unknowns;
         // 0.3 mm of 0.4 mm.
         assert!((slipped[3] - 0.75).abs() < 0.06 && slipped[4].abs() < 0.05, "{slipped:?}");
     }
