@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec2};
 
-use super::planes::{ObjectPlanes, center_of_angle};
+use super::planes::{BinShare, ObjectPlanes, center_of_angle};
 use crate::log_prob::log_sum_exp;
 use crate::occupancy::{ClassTable, ClassifiedPress, OccupancyGrid, log_likelihood};
 use crate::pose::Pose;
@@ -69,11 +69,17 @@ pub struct HistogramModel {
 
 impl HistogramModel {
     /// Prepares planar maps (object frames) for bins of these sides and number of angles.
+    /// `share` says what a bin stands for; the literal extent always takes its centre.
     #[must_use]
-    pub fn new(maps: Vec<OccupancyGrid>, table: ClassTable, bins: &PlanarBins) -> Self {
+    pub fn new(
+        maps: Vec<OccupancyGrid>,
+        table: ClassTable,
+        bins: &PlanarBins,
+        share: BinShare,
+    ) -> Self {
         let (sides, n_angles) = (bins.sides(), bins.n[2]);
         let planes =
-            maps.iter().map(|map| ObjectPlanes::new(map, &table, sides, n_angles)).collect();
+            maps.iter().map(|map| ObjectPlanes::new(map, &table, sides, n_angles, share)).collect();
         Self { maps, table, planes, sides, n_angles }
     }
 

@@ -43,11 +43,20 @@ impl<'a> Relative<'a> {
     }
 
     fn at(&self, place: DVec2) -> [f32; N_CLASSES] {
-        let log_odds = self.map.log_odds_at(place.extend(self.map.shape().min().z));
-        let relative = |class: ContactClass| {
-            (self.table.probability(class, log_odds).ln() - self.unknown[class as usize]) as f32
-        };
-        CLASSES.map(relative)
+        self.mean_at(std::iter::once(place))
+    }
+
+    /// The mean probability over several places, relative to one that the map does not know.
+    fn mean_at(&self, places: impl Iterator<Item = DVec2>) -> [f32; N_CLASSES] {
+        let (mut sums, mut n) = ([0.0; N_CLASSES], 0.0);
+        for place in places {
+            let log_odds = self.map.log_odds_at(place.extend(self.map.shape().min().z));
+            for (sum, class) in sums.iter_mut().zip(CLASSES) {
+                *sum += self.table.probability(class, log_odds);
+            }
+            n += 1.0;
+        }
+        std::array::from_fn(|class| ((sums[class] / n).ln() - self.unknown[class]) as f32)
     }
 
     /// How far from the object's origin the map says anything, metres.
@@ -109,6 +118,26 @@ impl ClassField {
     }
 }
 
+/// What a bin stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BinShare {
+    /// Its centre, as printed: a coarse bin contradicts the truth that lies off its centre.
+    Center,
+    /// All of it: a taxel's probability is the mean over the bin's extent along x, y and
+    /// angle, by 27 places (the centre and a third of the sides to each side of it).
+    Extent,
+}
+
+impl BinShare {
+    /// The steps along one axis of unit length at which a bin is sampled.
+    fn steps(self) -> &'static [f64] {
+        match self {
+            Self::Center => &[0.0],
+            Self::Extent => &[-1.0 / 3.0, 0.0, 1.0 / 3.0],
+        }
+    }
+}
+
 /// How many samples of a plane lie in one bin, and how far they are apart.
 #[derive(Clone, Copy, Debug)]
 struct Phases {
@@ -152,6 +181,7 @@ impl ObjectPlanes {
         table: &ClassTable,
         bin: DVec2,
         n_angles: usize,
+        share: BinShare,
     ) -> Self {
         let relative = Relative::new(map, table);
         let radius = relative.radius();
@@ -164,7 +194,10 @@ impl ObjectPlanes {
         let plane = row * y.per_bin * slots[1];
         let mut values = vec![0.0f32; n_angles * N_CLASSES * plane];
         values.par_chunks_mut(N_CLASSES * plane).enumerate().for_each(|(k, planes)| {
-            let object_from_session = DVec2::from_angle(-center_of_angle(k, n_angles));
+            let turned = |step: f64| {
+                DVec2::from_angle(-center_of_angle(k, n_angles) - step * TAU / n_angles as f64)
+            };
+            let turns: Vec<DVec2> = share.steps().iter().map(|step| turned(*step)).collect();
             for idx in 0..plane {
                 let (at_y, at_x) = (idx / row, idx % row);
                 // Sample = slot · per_bin + phase, stored phase first.
@@ -172,7 +205,13 @@ impl ObjectPlanes {
                 let line = at_y % slots[1] * y.per_bin + at_y / slots[1];
                 // Samples count the translation less the taxel's place.
                 let shift = DVec2::new(col as f64 * x.step, line as f64 * y.step) - radius;
-                let value = relative.at(object_from_session.rotate(-shift));
+                let moved = share
+                    .steps()
+                    .iter()
+                    .flat_map(|x| share.steps().iter().map(move |y| DVec2::new(*x, *y) * bin));
+                let places = moved
+                    .flat_map(|moved| turns.iter().map(move |turn| turn.rotate(-(shift + moved))));
+                let value = relative.mean_at(places);
                 for class in 0..N_CLASSES {
                     planes[class * plane + idx] = value[class];
                 }

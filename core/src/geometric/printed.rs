@@ -14,6 +14,7 @@ use super::{GeometricError, PosePrior, PrintedFilter};
 use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
 use crate::filter::histogram::{Extent, HistogramModel, PlanarBins, PlanarHistogram};
 use crate::filter::particle::{Particle, ParticleFilter, PoseRegion};
+use crate::filter::planes::BinShare;
 use crate::model::ObjectIdx;
 use crate::model::geometry::{GeometricMap, GeometricModel};
 use crate::occupancy::{InverseModel, log_likelihood};
@@ -70,7 +71,8 @@ impl PrintedBelief {
                 let (center, half) = (DVec2::from_array(*center), DVec2::splat(*half));
                 let bins = PlanarBins { n: *n, center, half };
                 let maps = model.maps.iter().map(|map| map.occupancy.clone()).collect();
-                let planes = HistogramModel::new(maps, model.table.clone(), &bins);
+                let planes =
+                    HistogramModel::new(maps, model.table.clone(), &bins, BinShare::Center);
                 let filter = PlanarHistogram::new(Arc::new(planes), bins, Extent::Exhaustive, 1.0);
                 Filter::Histogram(filter, bins)
             }

@@ -168,7 +168,7 @@ pub(super) fn plot(config: &LettersGeometric, methods: &[&Method], steps: &[Step
         let errors = steps.iter().filter_map(|step| step.error);
         mean(&errors.map(|error| error.inertial / MM).collect::<Vec<f64>>())
     };
-    let (histograms, ours) = (&["histogram"][..], &["balanced", "learnt"][..]);
+    let (histograms, ours) = (&["histogram"][..], &["balanced", "learnt", "extents"][..]);
     let particles = &["particles"][..];
     svg(&[
         panel("histogram filters", "share right", histograms, &accuracy),

@@ -10,7 +10,7 @@ use palpate_core::filter::histogram::{
 use palpate_core::filter::particle::{
     Injection, ParticleFilter, ParticleOptions, PoseRegion, Resampling,
 };
-use palpate_core::filter::planes::ClassField;
+use palpate_core::filter::planes::{BinShare, ClassField};
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
 };
@@ -56,6 +56,8 @@ pub(super) struct Method {
 pub(super) enum Kind {
     /// Bins an object along x, y and angle.
     Histogram([usize; 3], Extent),
+    /// The same, each bin standing for its extent.
+    Extents([usize; 3]),
     /// Particles as printed, `n` in all or an object.
     Particles { n: usize, per_object: bool },
     /// The service's default: forces and the adaptive histogram.
@@ -77,7 +79,7 @@ const fn bins(n: [usize; 3]) -> Kind {
 }
 
 /// All methods; Table 3.1's first.
-pub(super) const METHODS: [Method; 17] = [
+pub(super) const METHODS: [Method; 19] = [
     learnt("adaptive-force", "", 1.0, Kind::Adaptive),
     literal("histogram-100", "histogram_100", bins([5, 5, 4])),
     literal("histogram-1000", "histogram_1000", bins([10, 10, 10])),
@@ -88,6 +90,8 @@ pub(super) const METHODS: [Method; 17] = [
     learnt("learnt-980", "learnt_980", 1.0, bins([7, 7, 20])),
     learnt("learnt-10000", "learnt_10000", 1.0, bins([25, 25, 16])),
     learnt("learnt-10140", "learnt", 1.0, bins([13, 13, 60])),
+    literal("extents-10000", "extents", Kind::Extents([25, 25, 16])),
+    learnt("learnt-extents-10140", "learnt_extents", 1.0, Kind::Extents([13, 13, 60])),
     literal("particles-100", "particles_100", Kind::Particles { n: 100, per_object: false }),
     literal("particles-1000", "particles_1000", Kind::Particles { n: 1_000, per_object: false }),
     literal("particles-10000", "particles_10000", Kind::Particles { n: 10_000, per_object: false }),
@@ -121,7 +125,7 @@ impl Method {
             Kind::Adaptive => {
                 n_letters * AdaptiveOptions::default().first.iter().product::<usize>()
             }
-            Kind::Histogram(n, _) => n_letters * n.iter().product::<usize>(),
+            Kind::Histogram(n, _) | Kind::Extents(n) => n_letters * n.iter().product::<usize>(),
             Kind::Particles { n, per_object } => {
                 if per_object {
                     n * n_letters
@@ -166,13 +170,15 @@ impl<'a> Prepared<'a> {
             Table::Learnt => lab.model.table.clone(),
         };
         let maps = || lab.model.maps.iter().map(|map| &map.occupancy);
+        let histogram = |n, extent, share| {
+            let bins = planar_bins(n);
+            let maps: Vec<OccupancyGrid> = maps().cloned().collect();
+            (Arc::new(HistogramModel::new(maps, table.clone(), &bins, share)), bins, extent)
+        };
         let (histogram, fields) = match method.kind {
-            Kind::Histogram(n, extent) => {
-                let bins = planar_bins(n);
-                let maps: Vec<OccupancyGrid> = maps().cloned().collect();
-                (Some((Arc::new(HistogramModel::new(maps, table, &bins)), bins, extent)), vec![])
-            }
             Kind::Adaptive => (None, vec![]),
+            Kind::Histogram(n, extent) => (Some(histogram(n, extent, BinShare::Center)), vec![]),
+            Kind::Extents(n) => (Some(histogram(n, Extent::Exhaustive, BinShare::Extent)), vec![]),
             Kind::Particles { .. } | Kind::ParticlesWithOptions { .. } => {
                 (None, maps().map(|map| ClassField::new(map, &table)).collect())
             }

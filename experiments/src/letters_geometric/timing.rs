@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use palpate_core::filter::histogram::{Extent, HistogramModel, PlanarHistogram};
+use palpate_core::filter::planes::BinShare;
 use palpate_core::occupancy::{ClassTable, InverseModel, OccupancyGrid};
 
 use super::methods::{SPARSE, adaptive_belief, planar_bins};
@@ -21,7 +22,7 @@ pub(super) fn updates(report: &mut Report, config: &LettersGeometric, lab: &Lab)
     let bins = planar_bins([25, 25, 16]);
     let maps: Vec<OccupancyGrid> = lab.model.maps.iter().map(|map| map.occupancy.clone()).collect();
     let n_letters = maps.len();
-    let model = Arc::new(HistogramModel::new(maps, ClassTable::literal(), &bins));
+    let model = Arc::new(HistogramModel::new(maps, ClassTable::literal(), &bins, BinShare::Center));
     let times = |extent: Extent, n_letters: usize, n_readings: usize| {
         let mut times = Vec::new();
         for letter in 0..n_letters {

@@ -46,7 +46,7 @@ fn press(session_from_object: &Pose, stream: &mut Stream) -> ClassifiedPress {
 }
 
 fn filter(extent: Extent) -> PlanarHistogram {
-    let model = HistogramModel::new(maps(), ClassTable::literal(), &bins());
+    let model = HistogramModel::new(maps(), ClassTable::literal(), &bins(), BinShare::Center);
     PlanarHistogram::new(Arc::new(model), bins(), extent, 1.0)
 }
 
@@ -122,7 +122,7 @@ fn a_press_on_the_planes_samples_is_summed_exactly() {
     // Taxels whose distances from every bin are whole samples have nothing to round.
     let bins = PlanarBins { n: [10, 10, 4], center: DVec2::ZERO, half: DVec2::splat(10.0 * MM) };
     let table = ClassTable::literal();
-    let model = Arc::new(HistogramModel::new(maps(), table.clone(), &bins));
+    let model = Arc::new(HistogramModel::new(maps(), table.clone(), &bins, BinShare::Center));
     let radius = DVec2::new(10.5, 12.5).length() * MM;
     // 2 mm bins are five samples of 0.4 mm; first + radius − place must be whole samples.
     let place = |samples: f64| -9.0 * MM + radius - samples * 0.4 * MM;
@@ -176,5 +176,35 @@ fn a_wide_margin_leaves_the_answer_as_it_is() {
         assert!((a[0] - b[0]).abs() < 1e-4, "{a:?} {b:?}");
         let best = usize::from(a[1] > a[0]);
         assert_eq!(all.mode(best).unwrap().0, some.mode(best).unwrap().0);
+    }
+}
+
+#[test]
+fn a_bin_that_stands_for_its_extent_averages_over_it() {
+    // One angle only would turn the map round; 360 angles turn it by a third of a degree.
+    let bins = PlanarBins { n: [4, 4, 360], center: DVec2::ZERO, half: DVec2::splat(4.0 * MM) };
+    let table = ClassTable::literal();
+    let model = HistogramModel::new(maps(), table.clone(), &bins, BinShare::Extent);
+    let mut belief = PlanarHistogram::new(Arc::new(model), bins, Extent::Exhaustive, 1.0);
+    // first + radius − place is a whole number of samples of 0.4 mm.
+    let radius = DVec2::new(10.5, 12.5).length() * MM;
+    let place = |samples: f64| -3.0 * MM + radius - samples * 0.4 * MM;
+    let point = DVec3::new(place(45.0), place(30.0), 0.0);
+    belief.add(ClassifiedPress::from_taxels(vec![(point, ContactClass::InContact)]));
+    let expected = |bin: usize| {
+        let pose = bins.session_from_object(bin);
+        let (mut sum, thirds) = (0.0, [-1.0, 0.0, 1.0]);
+        for (x, y) in thirds.iter().flat_map(|x| thirds.map(|y| (*x, y))) {
+            let moved = pose.translation + DVec3::new(x, y, 0.0) * 2.0 * MM / 3.0;
+            let at = pose.rotation.conjugate() * (point - moved);
+            sum += table.probability(ContactClass::InContact, maps()[0].log_odds_at(at)) / 9.0;
+        }
+        sum.ln()
+    };
+    // Against bin 0, all of the first angle.
+    for bin in 1..16 {
+        let found = f64::from(belief.slabs[0].logs[bin] - belief.slabs[0].logs[0]);
+        let expected = expected(bin) - expected(0);
+        assert!((found - expected).abs() < 1e-3, "{bin}: {found} {expected}");
     }
 }
