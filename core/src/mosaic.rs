@@ -8,6 +8,7 @@ pub mod learn;
 pub mod press_fit;
 pub mod screen;
 pub mod tile;
+mod variance;
 
 use crate::occupancy::{GridError, GridShape};
 

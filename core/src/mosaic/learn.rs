@@ -14,6 +14,7 @@ use crate::units::MM;
 use super::ForceMosaic;
 use super::press_fit::{Placement, Press, PressPrior, Workspace, fit};
 use super::tile::Tile;
+use super::variance::Variance;
 
 /// The presses of one object by one sensor, and the grid of its mosaic.
 #[derive(Clone, Copy, Debug)]
@@ -126,10 +127,8 @@ fn update_gains(gains: &mut [f64], sums: &[[f64; 2]]) {
     gains.iter_mut().for_each(|gain| *gain /= mean);
 }
 
-/// A taxel is stuck when it is off by this many deviations, which grow with the pressure by
-/// this share (gains that are not yet known, slips on a slope).
+/// A taxel is stuck when it is off by this many deviations.
 const STUCK_DEVIATIONS: f64 = 4.0;
-const STUCK_SHARE: f64 = 0.2;
 
 /// A training press as it is understood so far.
 struct Trained {
@@ -145,7 +144,11 @@ struct Trained {
     strays: [f64; 6],
 }
 
-struct Presses(Vec<Trained>);
+/// The presses of one object, and the variance of their residuals by pressure.
+struct Presses {
+    all: Vec<Trained>,
+    variance: Variance,
+}
 
 /// The sensor's centre and the turn of its image in a plane: `plane_from_sensor` seen from
 /// above, with the offsets of its taxels in the plane's axes.
@@ -193,14 +196,18 @@ impl Presses {
             let stuck = vec![false; raw.len()];
             Trained { press, raw, stuck, taxels, sensor: reading.sensor(), place, strays }
         };
-        let mut presses = Self(set.readings.iter().map(trained).collect());
+        let all = set.readings.iter().map(trained).collect();
+        let saturation = set.sensor.parameters().saturation;
+        // A guess to begin with: a tenth of the range, and of the pressure.
+        let variance = Variance { constant: (0.1 * saturation).powi(2), share: 0.01 };
+        let mut presses = Self { all, variance };
         presses.calibrate(gains);
         presses
     }
 
     /// Divides the measured pressures by the gains, where they are known.
     fn calibrate(&mut self, gains: &[TaxelGains]) {
-        for trained in &mut self.0 {
+        for trained in &mut self.all {
             let known = gains.iter().find(|known| known.sensor == trained.sensor);
             for (at, taxel) in trained.taxels.iter().enumerate() {
                 let gain = known.and_then(|known| known.gains.get(*taxel)).copied();
@@ -218,7 +225,7 @@ impl Presses {
         let first = self.pressures(set, options)?;
         let tile = Tile::new(&first, 0.0);
         self.fit_strays(&tile, &options.amplitude_alone());
-        self.find_stuck(&tile);
+        self.find_stuck(&tile, floor(set.sensor));
         Ok(Tile::new(&self.pressures(set, options)?, 0.0))
     }
 
@@ -226,8 +233,8 @@ impl Presses {
         let mut workspace = Workspace::default();
         let deviations = prior.deviations();
         let mut mean = [0.0; 6];
-        let share = 1.0 / self.0.len().max(1) as f64;
-        for trained in &mut self.0 {
+        let share = 1.0 / self.all.len().max(1) as f64;
+        for trained in &mut self.all {
             let fitted = fit(&trained.press, &trained.place, tile, prior, &mut workspace);
             for (k, stray) in trained.strays.iter_mut().enumerate() {
                 *stray = f64::from(fitted.unknowns[k] * deviations[k]);
@@ -235,7 +242,7 @@ impl Presses {
             }
         }
         // Strays have mean 0 over a set: their mean belongs to the map.
-        for trained in &mut self.0 {
+        for trained in &mut self.all {
             for (k, mean) in mean.iter().enumerate() {
                 trained.strays[k] -= mean;
             }
@@ -243,35 +250,32 @@ impl Presses {
         }
     }
 
-    /// Marks the taxels whose residuals are beyond anything that a press does.
-    fn find_stuck(&mut self, tile: &Tile) {
-        let residual = |trained: &Trained, at: usize| {
-            let (place, amplitude) = trained.taxel(at);
-            let expected = tile.at(place[0] as f32, place[1] as f32).pressure;
-            let expected = amplitude * f64::from(expected);
-            (f64::from(trained.press.pressures[at]) - expected, expected.abs())
-        };
-        let mut sizes: Vec<f64> = self
-            .0
-            .iter()
-            .flat_map(|trained| (0..trained.raw.len()).map(|at| residual(trained, at).0.abs()))
-            .collect();
-        if sizes.is_empty() {
-            return;
-        }
-        let middle = sizes.len() / 2;
-        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-        for trained in &mut self.0 {
-            for at in 0..trained.raw.len() {
-                let (off, expected) = residual(trained, at);
-                let limit = STUCK_DEVIATIONS * (1.48 * median + STUCK_SHARE * expected);
-                trained.stuck[at] = off.abs() > limit;
+    /// Learns the variance of residuals and marks the taxels that are beyond it.
+    fn find_stuck(&mut self, tile: &Tile, floor: f64) {
+        self.all.iter_mut().for_each(|trained| trained.stuck.fill(false));
+        let squares = self.squares(tile);
+        self.variance = Variance::of(&squares, floor);
+        let mut left = squares.into_iter();
+        for trained in &mut self.all {
+            for (stuck, (expected, residual)) in trained.stuck.iter_mut().zip(&mut left) {
+                *stuck = residual > STUCK_DEVIATIONS.powi(2) * self.variance.at(expected);
             }
         }
     }
 
+    /// Squared expected pressure and squared residual of every taxel that is not stuck.
+    fn squares(&self, tile: &Tile) -> Vec<(f64, f64)> {
+        let mut squares = Vec::new();
+        self.each_taxel(|place, pressure, amplitude| {
+            let expected = tile.at(place[0] as f32, place[1] as f32).pressure;
+            let expected = amplitude * f64::from(expected);
+            squares.push((expected * expected, (pressure - expected).powi(2)));
+        });
+        squares
+    }
+
     fn sum_gains(&self, tile: &Tile, sums: &mut [Vec<[f64; 2]>], gains: &[TaxelGains]) {
-        for trained in &self.0 {
+        for trained in &self.all {
             let Some(of) = gains.iter().position(|known| known.sensor == trained.sensor) else {
                 continue;
             };
@@ -288,8 +292,8 @@ impl Presses {
         }
     }
 
-    /// Kernel-weighted least squares of every cell's pressure; deviations are 1 Pa, or
-    /// infinite where too little is known.
+    /// Kernel-weighted least squares of every cell's pressure, with the deviation that goes
+    /// with it; infinite where too little is known.
     fn pressures(
         &self,
         set: &MosaicSet<'_>,
@@ -305,10 +309,14 @@ impl Presses {
                 sum[2] += weight;
             });
         });
-        let pressure = sums.iter().map(|[cross, square, _]| (cross / square.max(1e-9)) as f32);
-        let known = |sum: f64| if sum < options.weight_min { f32::INFINITY } else { 1.0 };
-        let deviation = sums.iter().map(|[_, _, weight]| known(*weight)).collect();
-        ForceMosaic::from_parts(set.shape, pressure.collect(), deviation)
+        let pressure = |[cross, square, _]: &[f64; 3]| cross / square.max(1e-9);
+        let deviation = |sum: &[f64; 3]| match sum[2] < options.weight_min {
+            true => f32::INFINITY,
+            false => self.variance.at(pressure(sum).powi(2)).sqrt() as f32,
+        };
+        let deviations = sums.iter().map(deviation).collect();
+        let pressures = sums.iter().map(|sum| pressure(sum) as f32).collect();
+        ForceMosaic::from_parts(set.shape, pressures, deviations)
     }
 
     /// The cells' pressures, and the residuals about them that a press's own strays leave.
@@ -318,23 +326,14 @@ impl Presses {
         tile: &Tile,
         options: &MosaicOptions,
     ) -> Result<ForceMosaic, GridError> {
-        let means = self.pressures(set, options)?;
-        self.fit_strays(tile, &options.press);
         // What cells differ in beyond their pressure is luck: deviations are a function of
         // the pressure, or identity would follow the luck of thirty taxels.
-        let mut squares = Vec::new();
-        self.each_taxel(|place, pressure, amplitude| {
-            let expected = tile.at(place[0] as f32, place[1] as f32).pressure;
-            let expected = amplitude * f64::from(expected);
-            squares.push((expected * expected, (pressure - expected).powi(2)));
-        });
-        let parameters = set.sensor.parameters();
-        let floor = parameters.noise.powi(2) + parameters.quantisation.powi(2) / 12.0;
-        let floor = floor.max((1e-2 * parameters.saturation).powi(2));
-        let [constant, share] = variance_by_pressure(&squares, floor);
-        let spread = |(pressure, known): (&f32, &f32)| {
-            let variance = constant + share * f64::from(*pressure).powi(2);
-            if known.is_finite() { variance.sqrt() as f32 } else { f32::INFINITY }
+        let means = self.pressures(set, options)?;
+        self.fit_strays(tile, &options.press);
+        self.variance = Variance::of(&self.squares(tile), floor(set.sensor));
+        let spread = |(pressure, known): (&f32, &f32)| match known.is_finite() {
+            true => self.variance.at(f64::from(*pressure).powi(2)).sqrt() as f32,
+            false => f32::INFINITY,
         };
         let deviation = means.pressure().iter().zip(means.deviation()).map(spread).collect();
         ForceMosaic::from_parts(set.shape, means.pressure().to_vec(), deviation)
@@ -342,7 +341,7 @@ impl Presses {
 
     /// Calls with (place, pressure over gain, amplitude) of every taxel that is not stuck.
     fn each_taxel(&self, mut take: impl FnMut([f64; 2], f64, f64)) {
-        for trained in &self.0 {
+        for trained in &self.all {
             for (at, pressure) in trained.press.pressures.iter().enumerate() {
                 if trained.stuck[at] {
                     continue;
@@ -367,35 +366,11 @@ impl Trained {
     }
 }
 
-/// The variance of a residual as a constant (Pa², at least `floor`) and a share of the squared
-/// pressure, from pairs of squared pressure and squared residual.
-///
-/// Least squares, weighed by what the fit before expects, without what is beyond four
-/// deviations of it.
-fn variance_by_pressure(squares: &[(f64, f64)], floor: f64) -> [f64; 2] {
-    let mean = squares.iter().map(|(_, residual)| residual).sum::<f64>();
-    let mut found = [(mean / squares.len().max(1) as f64).max(floor), 0.0];
-    for _round in 0..4 {
-        // Σ w, Σ w x, Σ w x², Σ w y, Σ w x y.
-        let mut sums = [0.0; 5];
-        for (x, y) in squares {
-            let expected = found[0] + found[1] * x;
-            if *y <= 16.0 * expected {
-                let w = expected.powi(-2);
-                for (sum, term) in sums.iter_mut().zip([1.0, *x, x * x, *y, x * y]) {
-                    *sum += w * term;
-                }
-            }
-        }
-        let [w, wx, wxx, wy, wxy] = sums;
-        let determinant = w * wxx - wx * wx;
-        if determinant <= 1e-9 * w * wxx || w <= 0.0 {
-            break;
-        }
-        let constant = ((wxx * wy - wx * wxy) / determinant).max(floor);
-        found = [constant, ((wxy - constant * wx) / wxx).max(0.0)];
-    }
-    found
+/// The smallest variance to believe in, Pa²: what the sensor states, or 1 % of its range.
+fn floor(sensor: &SensorDescription) -> f64 {
+    let parameters = sensor.parameters();
+    let stated = parameters.noise.powi(2) + parameters.quantisation.powi(2) / 12.0;
+    stated.max((0.01 * parameters.saturation).powi(2))
 }
 
 /// Calls with (cell, kernel weight) of the cells within three deviations of a place.
@@ -423,19 +398,6 @@ fn share(shape: &GridShape, kernel: f64, place: [f64; 2], mut take: impl FnMut(u
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn variances_are_told_apart_by_pressure_and_outliers_do_not_count() {
-        // Residuals of ±√(400 + 0.01 p²) at 0 to 4 kPa, and one taxel in a hundred stuck.
-        let pair = |index: usize| {
-            let squared = (f64::from((index % 5) as u32) * 1_000.0).powi(2);
-            (squared, if index % 100 == 7 { 4e8 } else { 400.0 + 0.01 * squared })
-        };
-        let squares: Vec<(f64, f64)> = (0..1_000).map(pair).collect();
-        let [constant, share] = variance_by_pressure(&squares, 1.0);
-        assert!((constant / 400.0 - 1.0).abs() < 0.01, "{constant}");
-        assert!((share / 0.01 - 1.0).abs() < 0.01, "{share}");
-    }
 
     #[test]
     fn gains_have_mean_one_and_a_dead_taxel_is_bounded() {
