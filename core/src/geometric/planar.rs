@@ -39,6 +39,9 @@ const FORGOTTEN: f64 = 40.0;
 /// Cells of the screening, metres: well below the point spread.
 const SCREEN_CELL: f64 = 0.5 * MM;
 
+/// How far a taxel's gain may be from 1 when nobody has learnt it.
+const UNKNOWN_GAIN: f32 = 0.2;
+
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
 
@@ -303,7 +306,8 @@ impl PlanarBelief {
         let gains = known
             .map(|known| &known.gains[..])
             .filter(|gains| gains.len() == reading.image().pressures.len());
-        let (center, press, _) = lay_down(&plane_from_sensor, reading, sensor, gains);
+        let (center, mut press, _) = lay_down(&plane_from_sensor, reading, sensor, gains);
+        press.gain_deviation = if gains.is_some() { 0.0 } else { UNKNOWN_GAIN };
         self.model.readings.push(PlanarReading { center, press });
         self.histogram.add(&mut self.model, &self.effort);
         Ok(())

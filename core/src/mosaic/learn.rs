@@ -12,6 +12,7 @@ use crate::sensor::SensorDescription;
 use crate::units::MM;
 
 use super::ForceMosaic;
+use super::kernel::share;
 use super::press_fit::{Placement, Press, PressPrior, Workspace, fit};
 use super::tile::Tile;
 use super::variance::Variance;
@@ -366,33 +367,12 @@ impl Trained {
     }
 }
 
-/// The smallest variance to believe in, Pa²: what the sensor states, or 1 % of its range.
+/// The smallest variance to believe in, Pa²: what the sensor states, or 2.5 % of its range:
+/// presses of a simulator know no better than that of a real sensor's.
 fn floor(sensor: &SensorDescription) -> f64 {
     let parameters = sensor.parameters();
     let stated = parameters.noise.powi(2) + parameters.quantisation.powi(2) / 12.0;
-    stated.max((0.01 * parameters.saturation).powi(2))
-}
-
-/// Calls with (cell, kernel weight) of the cells within three deviations of a place.
-fn share(shape: &GridShape, kernel: f64, place: [f64; 2], mut take: impl FnMut(usize, f64)) {
-    let (min, cell, n) = (shape.min(), shape.cell(), shape.n());
-    let at = [(place[0] - min.x) / cell - 0.5, (place[1] - min.y) / cell - 0.5];
-    let reach = 3.0 * kernel / cell;
-    let range = |axis: usize| {
-        let low = (at[axis] - reach).ceil().max(0.0) as usize;
-        let high = (at[axis] + reach).floor().min(n[axis] as f64 - 1.0);
-        low..(high + 1.0).max(low as f64) as usize
-    };
-    let scale = -0.5 * (cell / kernel).powi(2);
-    // The kernel is a product of one along x and one along y.
-    let weight = |axis: usize, index: usize| (scale * (index as f64 - at[axis]).powi(2)).exp();
-    let along: Vec<f64> = range(0).map(|x| weight(0, x)).collect();
-    for y in range(1) {
-        let up = weight(1, y);
-        for (x, along) in range(0).zip(&along) {
-            take(x + n[0] * y, up * along);
-        }
-    }
+    stated.max((0.025 * parameters.saturation).powi(2))
 }
 
 #[cfg(test)]

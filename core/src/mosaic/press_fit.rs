@@ -49,6 +49,8 @@ pub struct Press {
     pub offsets: Vec<[f32; 2]>,
     /// Pressures divided by the taxels' gains, Pa.
     pub pressures: Vec<f32>,
+    /// Deviation of the taxels' gains that were not divided out; 0 when they are known.
+    pub gain_deviation: f32,
 }
 
 /// Where a press lies on the object: the sensor's centre and the turn of its offsets.
@@ -160,7 +162,8 @@ fn look_up(
         let ox = cos * offset[0] - sin * offset[1];
         let oy = sin * offset[0] + cos * offset[1];
         let expected = tile.at(x + ox, y + oy);
-        let precision = expected.precision;
+        let unknown_gain = expected.pressure * expected.precision * press.gain_deviation;
+        let precision = expected.precision / (1.0 + unknown_gain * unknown_gain).sqrt();
         let scaled = expected.pressure * precision;
         c0[taxel] = scaled * amplitude;
         c1[taxel] = scaled * ox * tilt;

@@ -132,7 +132,7 @@ mod tests {
         let mosaic = ForceMosaic::from_parts(shape, vec![1_000.0; 9], vec![100.0; 9]).unwrap();
         let tile = ScreenTile::new(&mosaic, 1.0 * MM, 0.0);
         let offsets = vec![[-1e-3, 0.0], [1e-3, 0.0]];
-        let press = Press { offsets, pressures: vec![1_100.0, 1_100.0] };
+        let press = Press { offsets, pressures: vec![1_100.0, 1_100.0], gain_deviation: 0.0 };
         let place = Placement { center: [0.006, 0.006], turn: [1.0, 0.0] };
         let mut turned = TurnedPress::default();
         turned.turn(&press, &place);
