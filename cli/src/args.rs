@@ -153,7 +153,6 @@ mod tests {
             "palpate experiment sva-objects --size-mm 0.08",
             "palpate train --cell-mm 0.5",
             "palpate train --geometry flat",
-            "palpate touch --object A --mesh A.stl --method geometric --sensor digitacts-6x6-thin",
             "palpate train --geometry planar --cell-mm 0",
             "palpate maps export --object A",
             "palpate maps merge",
