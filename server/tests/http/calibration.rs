@@ -87,18 +87,27 @@ async fn a_calibration_applies_to_later_readings_only_also_after_a_restart() {
         (reading["robot"], reading["seq"]) = (json!("arm"), json!(seq));
         json!({"readings": [reading]})
     };
+    // One touch says nothing of the identity: a second one, of another sensor, goes with it.
+    let pair = || {
+        let mut readings = one(1);
+        let mut second = touches(BAR, 2, 5, Pose::from_parts(glam::DQuat::IDENTITY, DVec3::ZERO));
+        let mut second = second.remove(1);
+        (second["robot"], second["seq"]) = (json!("arm"), json!(2));
+        readings["readings"].as_array_mut().unwrap().push(second);
+        readings
+    };
     let (before, after) = (it.session(json!({})).await, it.session(json!({})).await);
     let readings = |session: &str| format!("/v1/sessions/{session}/readings");
-    let plain = it.post(&readings(&before), &one(1)).await.expect(200)["belief"].clone();
+    let plain = it.post(&readings(&before), &pair()).await.expect(200)["belief"].clone();
     it.post("/v1/objects/mug/readings", &one(1)).await.expect(200);
     let path = "/v1/sensors/finger/calibration";
     let first = it.post(path, &indentations(&run())).await.expect(201);
-    let corrected = it.post(&readings(&after), &one(1)).await.expect(200)["belief"].clone();
+    let corrected = it.post(&readings(&after), &pair()).await.expect(200)["belief"].clone();
     it.post("/v1/objects/mug/readings", &one(2)).await.expect(200);
     assert_ne!(plain["objects"], corrected["objects"], "the same reading, corrected");
     // The same reading again is a repetition, not a conflict, although it would be corrected.
-    let again = it.post(&readings(&before), &one(1)).await.expect(200);
-    assert_eq!((&again["n_repeated"], &again["n_readings"]), (&json!(1), &json!(1)));
+    let again = it.post(&readings(&before), &pair()).await.expect(200);
+    assert_eq!((&again["n_repeated"], &again["n_readings"]), (&json!(2), &json!(2)));
 
     let it = it.restart().await;
     let belief =
