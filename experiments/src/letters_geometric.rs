@@ -93,9 +93,10 @@ struct TestLetter {
 
 impl TestLetter {
     fn new(letter: &Letter, sensor: &SensorDescription) -> Self {
-        let order = match letter.rotation_order() {
-            RotationOrder::Finite(n) => SymmetryOrder::Finite(n),
-            RotationOrder::Continuous => SymmetryOrder::Continuous,
+        let order = match (letter.symbol(), letter.rotation_order()) {
+            // Equation 3.21: an O has no angle.
+            ('O', _) | (_, RotationOrder::Continuous) => SymmetryOrder::Continuous,
+            (_, RotationOrder::Finite(n)) => SymmetryOrder::Finite(n),
         };
         let through = letter.centroid().extend(0.0);
         Self {
@@ -174,7 +175,7 @@ pub fn run(
 
 fn load(config: &LettersGeometric) -> anyhow::Result<Vec<TestLetter>> {
     let font = match &config.font {
-        None => Font::dejavu(),
+        None => Font::built_in(),
         Some(path) => {
             let bytes =
                 std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;

@@ -46,7 +46,7 @@ fn image(reading: &Reading) -> Vec<Option<f64>> {
 }
 
 async fn train(client: &Client) {
-    let (rig, font) = (rig(), Font::dejavu());
+    let (rig, font) = (rig(), Font::built_in());
     for symbol in LETTERS {
         let object = CreateObject { name: symbol.to_string(), description: String::new() };
         client.create_object(&object).await.unwrap();
@@ -94,7 +94,7 @@ async fn a_letter_is_recognised_in_its_plane() {
     };
     let mut session = client.touch_session(&request, "arm").await.unwrap();
     let rig = rig();
-    let field = rig.field(Font::dejavu().letter('U').unwrap());
+    let field = rig.field(Font::built_in().letter('U').unwrap());
     let mut stream = Stream::new(5, Purpose::ObjectPose, 1);
     let mut last = None;
     for _ in 0..7 {

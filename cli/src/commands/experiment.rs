@@ -71,7 +71,7 @@ enum Experiment {
         /// How far presses are from ideal.
         #[arg(long, value_enum, default_value_t = LetterNoise::Physical)]
         noise: LetterNoise,
-        /// A TrueType or OpenType font; DejaVu Sans Mono Bold when not given.
+        /// A TrueType or OpenType font; Quicksand Bold when not given.
         #[arg(long, value_name = "PATH")]
         font: Option<PathBuf>,
         /// Only methods whose names begin so; may be repeated.

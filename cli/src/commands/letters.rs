@@ -29,7 +29,7 @@ const ROBOT: &str = "letter-rig";
 pub(crate) struct LettersArgs {
     #[command(subcommand)]
     action: Action,
-    /// A font file (TrueType or OpenType) instead of DejaVu Sans Mono Bold.
+    /// A font file (TrueType or OpenType) instead of Quicksand Bold.
     #[arg(long, value_name = "FILE", global = true)]
     font: Option<PathBuf>,
 }
@@ -125,7 +125,7 @@ struct Listed {
 /// Does what was asked.
 pub(crate) fn run(args: LettersArgs, output: Output) -> anyhow::Result<()> {
     let font = match args.font {
-        None => Font::dejavu(),
+        None => Font::built_in(),
         Some(path) => {
             let bytes =
                 std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -306,7 +306,7 @@ mod tests {
 
     #[test]
     fn a_repetition_is_192_readings_that_the_wire_understands() {
-        let readings = readings(&Font::dejavu(), &args(None, None)).unwrap();
+        let readings = readings(&Font::built_in(), &args(None, None)).unwrap();
         assert_eq!(readings.len(), 192);
         assert_eq!((readings[0].seq, readings[191].seq), (Some(192), Some(383)));
         assert!(readings.iter().all(|reading| reading.image.len() == 36));
@@ -318,7 +318,7 @@ mod tests {
 
     #[test]
     fn a_letter_at_another_pose_moves_the_sensor_and_keeps_the_images() {
-        let font = Font::dejavu();
+        let font = Font::built_in();
         let still = readings(&font, &args(None, None)).unwrap();
         // A quarter turn and 5 mm along x: (−10.2, −10.2) goes to (10.2 + 5, −10.2) mm.
         let moved = parse_pose("5,0,90").unwrap();
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn readings_drawn_at_random_are_of_the_session_and_none_twice() {
-        let font = Font::dejavu();
+        let font = Font::built_in();
         let all = readings(&font, &args(None, None)).unwrap();
         let some = readings(&font, &args(None, Some(50))).unwrap();
         let mut seqs: Vec<u64> = some.iter().filter_map(|reading| reading.seq).collect();

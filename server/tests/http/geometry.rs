@@ -22,7 +22,7 @@ fn rig(seed: u64) -> Rig {
 }
 
 fn letter(symbol: char) -> Letter {
-    Font::dejavu().letter(symbol).unwrap().clone()
+    Font::built_in().letter(symbol).unwrap().clone()
 }
 
 fn wire(reading: &Reading) -> Value {

@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_field_is_the_letter_under_the_point_spread() {
         // Oracle: the sum over the letter's own cells, straight from the definition.
-        let font = Font::dejavu();
+        let font = Font::built_in();
         let letter = font.letter('A').unwrap();
         let field = LetterField::new(letter, &rig_sensor());
         let spread = ((2.725 * MM).powi(2) + (1.8 * MM).powi(2) / 12.0).sqrt();

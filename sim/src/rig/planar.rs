@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn planar_presses_of_a_letters_solid_are_those_of_the_rig() {
-        let (font, sensor) = (Font::dejavu(), quiet_sensor());
+        let (font, sensor) = (Font::built_in(), quiet_sensor());
         let letter = font.letter('E').unwrap();
         let rig = Rig::new(SensorId(1), &sensor, RigNoise::none(), 1);
         let field = rig.field(letter);
@@ -173,7 +173,9 @@ mod tests {
         assert!(cosine(&meshes, &rigs) > 0.995, "{}", cosine(&meshes, &rigs));
         assert!(cosine(&meshes, &mirrored) < 0.9, "{}", cosine(&meshes, &mirrored));
         let total = |values: &[f64]| values.iter().sum::<f64>();
-        assert!((total(&meshes) / total(&rigs) - 1.0).abs() < 0.03);
+        // The mesh is drawn at points 1 mm apart, a quarter of a stroke.
+        let ratio = total(&meshes) / total(&rigs);
+        assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
     }
 
     #[test]
