@@ -138,7 +138,7 @@ impl Default for AdaptiveOptions {
             floor: 12.0,
             screened: 45,
             screen_temper: 0.3,
-            evaluations: 30,
+            evaluations: 35,
             temper: 0.7,
             press: PressPrior::default(),
         }

@@ -43,6 +43,10 @@ const UNKNOWN_GAIN: f32 = 0.2;
 /// Fewer objects than this are looked at with the effort for so many.
 const LOOKED_AT_MIN: usize = 5;
 
+/// How much of a bin's spread widens what a map expects: slips within the bin are unknowns of
+/// the press already, and only what bends beyond them is left.
+const BEND: f64 = 0.7;
+
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
 
@@ -129,7 +133,7 @@ impl PlanarModel {
                 [x.max(y), angle]
             })
             .collect();
-        let reach = |spread: &[f64; 2]| spread[0].hypot(LEVER * spread[1]);
+        let reach = |spread: &[f64; 2]| BEND * spread[0].hypot(LEVER * spread[1]);
         let mut maps = Vec::new();
         for object in 0..geometry.maps.len() {
             let tile = |spread| prepared.tile(object, reach(spread));

@@ -1,7 +1,7 @@
 //! Maps made ready for look-up, once for all beliefs about a catalogue.
 //!
 //! What a filter looks up depends on the width of its bins: tiles and blurred maps are made
-//! when a belief first asks for them and shared from then on. Widths are rounded up to
+//! when a belief first asks for them and shared from then on. Widths are rounded to
 //! steps, so that there are few of them whatever pose priors clients choose.
 
 use std::sync::{Arc, OnceLock};
@@ -16,10 +16,10 @@ use crate::occupancy::OccupancyGrid;
 use crate::units::MM;
 
 /// The step of reaches, metres.
-const STEP: f64 = 0.25 * MM;
+const STEP: f64 = 0.1 * MM;
 
 /// Reaches beyond so many steps count as that: by then nothing of a map is left.
-const STEPS_MAX: usize = 40;
+const STEPS_MAX: usize = 100;
 
 /// Cells of the screening, metres: well below the point spread.
 const SCREEN_CELL: f64 = 0.5 * MM;
@@ -97,8 +97,7 @@ impl PreparedGeometry {
 }
 
 fn steps(reach: f64) -> usize {
-    // A hair's breadth more must not add a step.
-    ((reach / STEP - 1e-6).ceil().max(0.0) as usize).min(STEPS_MAX)
+    ((reach / STEP).round().max(0.0) as usize).min(STEPS_MAX)
 }
 
 #[cfg(test)]
@@ -106,10 +105,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reaches_are_rounded_up_to_steps() {
+    fn reaches_are_rounded_to_steps() {
         assert_eq!(steps(0.0), 0);
-        assert_eq!(steps(0.1 * MM), 1);
-        assert_eq!(steps(0.5 * MM), 2);
+        assert_eq!(steps(0.14 * MM), 1);
+        assert_eq!(steps(0.16 * MM), 2);
         assert_eq!(steps(1.0), STEPS_MAX);
     }
 }

@@ -33,7 +33,7 @@ const FIRST_MAX: usize = 4;
 const TEMPER: f64 = 0.3;
 
 /// Six axes take so many times the evaluations of a plane's three.
-const EVALUATIONS: usize = 54;
+const EVALUATIONS: usize = 46;
 
 /// Bins that an answer is made of.
 const ANSWERED_MAX: usize = 400;
