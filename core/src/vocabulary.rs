@@ -6,6 +6,8 @@
 //! `docs/equations.md`, rows of 4.3.2 and 5.3.2).
 
 pub mod association;
+pub mod gmm;
+pub mod kmeans;
 pub mod medoids;
 
 pub use association::{Association, AssociationRule};
