@@ -25,6 +25,10 @@ pub enum Purpose {
     ReadingChoice = 5,
     /// Shapes of generated objects.
     Shape = 6,
+    /// Noise and placement of the letter rig's presses.
+    RigNoise = 7,
+    /// Gains of the letter rig's taxels.
+    RigGains = 10,
 }
 
 /// A reproducible stream of random numbers.

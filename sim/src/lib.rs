@@ -1,9 +1,9 @@
 //! A simulated tactile sensor, the controllers that bring it to rest, and objects to touch.
 //!
 //! Everything comes from a seed. Source: Pezzementi (2011), section 2.5 (imaging), section
-//! 4.2.2 (contact control) and section 4.4.1.2 (training touches), with the corrections in
-//! `docs/equations.md`. Lengths in metres, pressures in pascal; poses are
-//! `object_from_sensor`, in the frame of the mesh.
+//! 3.2.3 (letters and the rig that presses them), section 4.2.2 (contact control) and section
+//! 4.4.1.2 (training touches), with the corrections in `docs/equations.md`. Lengths in metres,
+//! pressures in pascal; poses are `object_from_sensor`, in the frame of the mesh.
 //! Not here: recognising (`palpate-core`), arms that explore on their own.
 
 pub mod mesh;
@@ -17,5 +17,9 @@ pub mod controller;
 pub mod sampler;
 
 pub mod shapes;
+
+pub mod letters;
+
+pub mod rig;
 
 pub mod render;
