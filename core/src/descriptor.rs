@@ -13,6 +13,7 @@ pub mod mnti;
 pub mod moment_normalized;
 pub mod mr8;
 pub mod polar_fourier;
+pub mod polar_spectrum;
 pub mod schmid;
 pub mod sift;
 pub mod steerable;

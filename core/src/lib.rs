@@ -41,3 +41,5 @@ pub mod belief;
 pub mod train;
 
 pub mod recognise;
+
+pub mod appearance;

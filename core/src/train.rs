@@ -6,6 +6,8 @@
 //! Frames: a training reading's pose is `object_from_sensor` in the frame of the mesh or of
 //! the robot that took it. Not here: where readings come from, and storing the result.
 
+pub mod appearance;
+
 use glam::DVec3;
 use thiserror::Error;
 

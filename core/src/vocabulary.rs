@@ -6,9 +6,13 @@
 //! `docs/equations.md`, rows of 4.3.2 and 5.3.2).
 
 pub mod association;
+pub mod bag;
+pub mod choice;
+pub mod discriminant;
 pub mod gmm;
 pub mod kmeans;
 pub mod medoids;
+pub mod pca;
 
 pub use association::{Association, AssociationRule};
 

@@ -60,7 +60,13 @@ fn train() -> Arc<Catalogue> {
         .iter()
         .map(|set| Arc::new(map_object(set, &vocabulary, &config, Some(DVec3::ZERO)).unwrap()))
         .collect();
-    Arc::new(Catalogue { vocabulary, association: config.association, objects, geometry: None })
+    Arc::new(Catalogue {
+        vocabulary,
+        association: config.association,
+        objects,
+        geometry: None,
+        appearance: None,
+    })
 }
 
 fn recognise(

@@ -110,6 +110,7 @@ pub(crate) fn train(
         association: plan.config.association,
         objects: maps,
         geometry: None,
+        appearance: None,
     };
     Ok(Trained { model, objects })
 }

@@ -122,7 +122,7 @@ pub fn model_from_blocks(
         }
     };
     let objects = objects.iter().map(map).collect::<Result<_, _>>()?;
-    Ok(Catalogue { vocabulary, association, objects, geometry: None })
+    Ok(Catalogue { vocabulary, association, objects, geometry: None, appearance: None })
 }
 
 /// The block of a model's vocabulary and association rule.
@@ -372,6 +372,7 @@ mod tests {
             association: AssociationRule { threshold: 0.75, max_classes: 4 },
             objects: vec![Arc::new(map(30, 1)), Arc::new(map(12, 2))],
             geometry: None,
+            appearance: None,
         }
     }
 

@@ -44,6 +44,7 @@ const CORE_ORDER: &[&str] = &[
     "belief",
     "train",
     "recognise",
+    "appearance",
 ];
 
 fn root() -> PathBuf {

@@ -4,6 +4,7 @@ use super::mnti::Mnti;
 use super::moment_normalized::MomentNormalizer;
 use super::mr8::Mr8;
 use super::polar_fourier::{PolarFourier, PolarFourierForm};
+use super::polar_spectrum::PolarSpectrum;
 use super::schmid::Schmid;
 use super::sift::Sift;
 use super::steerable::Steerable;
@@ -33,6 +34,8 @@ pub enum DescriptorKind {
     PolarFourierSigned,
     /// Moment-normalised, translation-invariant (section 4.3.2.5.2).
     Mnti,
+    /// Strengths of spatial frequencies without place and direction: beyond the dissertation.
+    PolarSpectrum,
     /// Derivatives at the centre, steered to the gradient: a control that performed poorly.
     Steerable,
     /// Responses of round filters: a control that performed poorly.
@@ -41,7 +44,7 @@ pub enum DescriptorKind {
 
 impl DescriptorKind {
     /// Every descriptor.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Vectorize,
         Self::Sift,
         Self::Mr8,
@@ -51,6 +54,7 @@ impl DescriptorKind {
         Self::PolarFourierNi,
         Self::PolarFourierSigned,
         Self::Mnti,
+        Self::PolarSpectrum,
         Self::Steerable,
         Self::Schmid,
     ];
@@ -68,6 +72,7 @@ impl DescriptorKind {
             Self::PolarFourierNi => "polar_fourier_ni",
             Self::PolarFourierSigned => "polar_fourier_signed",
             Self::Mnti => "mnti",
+            Self::PolarSpectrum => "polar_spectrum",
             Self::Steerable => "steerable",
             Self::Schmid => "schmid",
         }
@@ -100,6 +105,7 @@ impl DescriptorKind {
             Self::PolarFourierNi => polar(PolarFourierForm::NonInterleaved),
             Self::PolarFourierSigned => polar(PolarFourierForm::Signed),
             Self::Mnti => Box::new(Mnti::new(rows, cols)),
+            Self::PolarSpectrum => Box::new(PolarSpectrum::new(rows, cols)),
             Self::Steerable => Box::new(Steerable::new(rows, cols)),
             Self::Schmid => Box::new(Schmid::new(rows, cols)),
         }

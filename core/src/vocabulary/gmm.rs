@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix};
 use thiserror::Error;
 
 use crate::log_prob;
-pub use fit::{MixtureConfig, MixtureFit, fit_mixture};
+pub use fit::{Covariances, MixtureConfig, MixtureFit, fit_mixture};
 
 /// One Gaussian of a mixture.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,11 +11,23 @@ use super::steps::{Blocks, Expectation, blocks, expect, maximize, raise_eigenval
 use super::{Component, Mixture};
 use crate::vocabulary::kmeans::{KMeansConfig, one_start};
 
+/// Which covariances components have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Covariances {
+    /// One each, as printed (equation 4.16).
+    Full,
+    /// One that all components share, beyond print: for few features.
+    Shared,
+}
+
 /// How a mixture is fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MixtureConfig {
-    /// How many components; fewer when there are fewer than (dimension + 1) features each.
+    /// How many components; fewer when there are fewer than (dimension + 1) features each, or
+    /// two where they share a covariance.
     pub n_components: usize,
+    /// Which covariances they have.
+    pub covariances: Covariances,
     /// Independent starts; the likeliest after `short_steps` goes on.
     pub n_starts: usize,
     /// EM steps by which starts are compared.
@@ -35,6 +47,7 @@ impl MixtureConfig {
     pub fn with_components(n_components: usize) -> Self {
         Self {
             n_components,
+            covariances: Covariances::Full,
             n_starts: 4,
             short_steps: 8,
             max_steps: 200,
@@ -61,9 +74,13 @@ pub struct MixtureFit {
 #[must_use]
 pub fn fit_mixture(features: &[Vec<f64>], config: &MixtureConfig, seed: u64) -> MixtureFit {
     let dimension = features[0].len();
-    let bound = (features.len() / (dimension + 1)).max(1);
+    let features_each = match config.covariances {
+        Covariances::Full => dimension + 1,
+        Covariances::Shared => 2,
+    };
+    let bound = (features.len() / features_each).max(1);
     let n_components = config.n_components.clamp(1, bound);
-    let data = Data::new(features, config.variance_floor);
+    let data = Data::new(features, config);
     let short = config.short_steps.min(config.max_steps);
     let starts: Vec<Run> = (0..config.n_starts.max(1) as u64)
         .into_par_iter()
@@ -86,11 +103,12 @@ struct Data {
     blocks: Blocks,
     /// The covariance of all features together, row-major.
     covariance: Vec<f64>,
+    covariances: Covariances,
     floor: f64,
 }
 
 impl Data {
-    fn new(features: &[Vec<f64>], variance_floor: f64) -> Self {
+    fn new(features: &[Vec<f64>], config: &MixtureConfig) -> Self {
         let blocks = blocks(features);
         let dimension = features[0].len();
         let ones: Vec<_> =
@@ -99,10 +117,32 @@ impl Data {
         let covariance = whole.map_or(vec![0.0; dimension * dimension], |all| all.covariance);
         let trace: f64 = covariance.iter().step_by(dimension + 1).sum();
         // Features that are all equal have no variance; any positive floor serves them.
-        let floor = (variance_floor * trace / dimension as f64).max(1e-12);
+        let floor = (config.variance_floor * trace / dimension as f64).max(1e-12);
         let raised =
             raise_eigenvalues(DMatrix::from_row_slice(dimension, dimension, &covariance), floor);
-        Self { blocks, covariance: raised.as_slice().to_vec(), floor }
+        let covariance = raised.as_slice().to_vec();
+        Self { blocks, covariance, covariances: config.covariances, floor }
+    }
+
+    /// The M step. A covariance that is shared is the mean of the components', by weight.
+    fn maximize(&self, shares: &[DMatrix<f64>]) -> Vec<Option<Component>> {
+        let floor = match self.covariances {
+            Covariances::Full => self.floor,
+            Covariances::Shared => 0.0,
+        };
+        let mut parts = maximize(&self.blocks, shares, floor);
+        if self.covariances == Covariances::Shared {
+            let dimension = self.blocks[0].nrows();
+            let total: f64 = parts.iter().flatten().map(|part| part.weight).sum();
+            let mut mean = DMatrix::zeros(dimension, dimension);
+            for part in parts.iter().flatten() {
+                let own = DMatrix::from_row_slice(dimension, dimension, &part.covariance);
+                mean += own * (part.weight / total);
+            }
+            let shared = raise_eigenvalues(mean, self.floor).as_slice().to_vec();
+            parts.iter_mut().flatten().for_each(|part| part.covariance.clone_from(&shared));
+        }
+        parts
     }
 }
 
@@ -133,7 +173,7 @@ impl Run {
                 shares
             })
             .collect();
-        let parts = maximize(&data.blocks, &shares, data.floor).into_iter().flatten().collect();
+        let parts = data.maximize(&shares).into_iter().flatten().collect();
         let mixture = Mixture::new(parts).expect("every class has a member and a floor");
         let expectation = expect(&mixture, &data.blocks);
         let trace = vec![expectation.mean_log_density()];
@@ -157,7 +197,7 @@ impl Run {
 
     /// One step of EM; true when a component had lost its features and started anew.
     fn step(&mut self, data: &Data) -> bool {
-        let maximized = maximize(&data.blocks, &self.expectation.shares, data.floor);
+        let maximized = data.maximize(&self.expectation.shares);
         let lost = maximized.iter().filter(|part| part.is_none()).count();
         let mut parts: Vec<Component> = maximized.into_iter().flatten().collect();
         if lost > 0 {
@@ -211,7 +251,9 @@ mod tests {
     #[test]
     fn the_likelihood_never_falls() {
         for seed in 0..6 {
+            let even = seed % 2 == 0;
             let config = MixtureConfig {
+                covariances: if even { Covariances::Full } else { Covariances::Shared },
                 tolerance: 0.0,
                 max_steps: 60,
                 ..MixtureConfig::with_components(7)
@@ -240,6 +282,17 @@ mod tests {
     }
 
     #[test]
+    fn a_shared_covariance_is_that_within_all_groups() {
+        let settings =
+            MixtureConfig { covariances: Covariances::Shared, ..MixtureConfig::with_components(2) };
+        let fit = fit_mixture(&clouds(4_000, 2, 1), &settings, 1);
+        let [a, b] = fit.mixture.components() else { panic!("two components") };
+        assert_eq!(a.covariance, b.covariance);
+        assert!((a.covariance[0] - 4.0).abs() < 0.4, "{:?}", a.covariance);
+        assert!((a.covariance[8] - 1.0).abs() < 0.1, "{:?}", a.covariance);
+    }
+
+    #[test]
     fn few_features_bound_the_number_of_components() {
         // 19 features of 3 dimensions: at most 19 / 4 = 4 components.
         let fit = fit_mixture(&clouds(19, 3, 2), &MixtureConfig::with_components(30), 1);
@@ -263,7 +316,8 @@ mod tests {
     fn a_component_without_features_starts_anew_at_the_worst_explained_one() {
         let mut features = clouds(300, 2, 4);
         features.push(vec![500.0, 500.0, 500.0]);
-        let data = Data::new(&features, 1e-9);
+        let config = MixtureConfig { variance_floor: 1e-9, ..MixtureConfig::with_components(2) };
+        let data = Data::new(&features, &config);
         let mut run = Run::start(&features, &data, 2, 1, 0);
         let far = Component {
             weight: 0.5,
