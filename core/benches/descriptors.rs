@@ -28,10 +28,8 @@ fn images(side: usize) -> Vec<TactileImage> {
 }
 
 fn descriptors_per_second(criterion: &mut Criterion) {
-    let one_core = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .expect("one thread can be started");
+    let one_core =
+        rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be started");
     for side in [6, 26] {
         let images = images(side);
         let images: Vec<&TactileImage> = images.iter().collect();

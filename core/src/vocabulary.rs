@@ -7,6 +7,7 @@
 
 pub mod association;
 pub mod medoids;
+pub mod pca;
 
 pub use association::{Association, AssociationRule};
 
