@@ -190,6 +190,27 @@ fn too_few_touches_make_no_map() {
 }
 
 #[test]
+fn every_descriptor_of_one_feature_a_reading_trains_and_mr8_is_refused() {
+    let sensor = SensorDescription::digitacts_6x6();
+    let readings = touches(0, 40, 1);
+    let set = TrainingSet { readings: &readings, sensor: &sensor };
+    for descriptor in DescriptorKind::ALL {
+        let config = TrainingConfig { descriptor, n_classes: 4, ..TrainingConfig::default() };
+        match learn_vocabulary(&[set], &config, 1) {
+            Ok(vocabulary) => {
+                assert!(descriptor.gives_one_feature());
+                assert_eq!(vocabulary.mean.len(), descriptor.plan(6, 6).dimension());
+                let norm = vocabulary.medoids[0].iter().map(|value| value * value).sum::<f64>();
+                assert!((norm - 1.0).abs() < 1e-9, "{descriptor:?}");
+            }
+            Err(error) => {
+                assert_eq!(error, TrainError::SeveralFeatures { descriptor: "mr8" });
+            }
+        }
+    }
+}
+
+#[test]
 fn vectorize_trains_as_well() {
     let sensor = SensorDescription::digitacts_6x6();
     let readings = touches(0, 60, 1);

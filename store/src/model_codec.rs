@@ -98,6 +98,21 @@ pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<
     std::iter::once(vocabulary).chain(maps).collect()
 }
 
+/// Descriptors by their codes, from 1 on; a code keeps its meaning for ever.
+const DESCRIPTORS: [DescriptorKind; 11] = [
+    DescriptorKind::Vectorize,
+    DescriptorKind::Mnti,
+    DescriptorKind::Sift,
+    DescriptorKind::Mr8,
+    DescriptorKind::MomentNormalized,
+    DescriptorKind::PolarFourier,
+    DescriptorKind::PolarFourierRw,
+    DescriptorKind::PolarFourierNi,
+    DescriptorKind::PolarFourierSigned,
+    DescriptorKind::Steerable,
+    DescriptorKind::Schmid,
+];
+
 /// The model of a version's blocks. `objects` are the ids of its objects, in its order;
 /// other blocks are left alone.
 ///
@@ -158,10 +173,8 @@ pub fn vocabulary_to_block(model: &Catalogue) -> Vec<u8> {
 /// [`CodecError`] says which number is wrong.
 pub fn vocabulary_from_block(block: &[u8]) -> Result<(Vocabulary, AssociationRule), CodecError> {
     let mut reader = Reader::new(block)?;
-    let descriptor = match reader.count("descriptor", 1, 2)? {
-        1 => DescriptorKind::Vectorize,
-        _ => DescriptorKind::Mnti,
-    };
+    let code = reader.count("descriptor", 1, DESCRIPTORS.len() as u32)?;
+    let descriptor = DESCRIPTORS[code - 1];
     let rows = reader.count("rows", 1, 1024)?;
     let cols = reader.count("cols", 1, 1024)?;
     let n_values = reader.count("values of a feature", 1, 1 << 20)?;
@@ -266,11 +279,10 @@ fn posting(bytes: &[u8; 6]) -> Posting {
     }
 }
 
+/// The code of a descriptor: its place, from 1.
 fn descriptor_code(descriptor: DescriptorKind) -> u32 {
-    match descriptor {
-        DescriptorKind::Vectorize => 1,
-        DescriptorKind::Mnti => 2,
-    }
+    let place = DESCRIPTORS.iter().position(|kind| *kind == descriptor);
+    count(place.expect("every descriptor has a code: a test counts them") + 1)
 }
 
 fn count(n: usize) -> u32 {
@@ -383,6 +395,22 @@ mod tests {
         let blocks = model_to_blocks(&model(), &OBJECTS);
         assert_eq!(blocks.len(), 3);
         assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model()));
+    }
+
+    #[test]
+    fn every_descriptor_comes_back_and_codes_stay_as_they_were() {
+        let codes = DescriptorKind::ALL.map(|descriptor| {
+            let mut model = model();
+            model.vocabulary.descriptor = descriptor;
+            let block = vocabulary_to_block(&model);
+            assert_eq!(vocabulary_from_block(&block).unwrap().0.descriptor, descriptor);
+            u32::from_le_bytes(block[4..8].try_into().unwrap())
+        });
+        // In the order of DescriptorKind::ALL: vectorize 1, mnti 2, then as they came.
+        assert_eq!(codes, [1, 3, 4, 5, 6, 7, 8, 9, 2, 10, 11]);
+        let mut block = vocabulary_to_block(&model());
+        block[4] = 12;
+        assert!(vocabulary_from_block(&block).is_err());
     }
 
     #[test]

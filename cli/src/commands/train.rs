@@ -2,9 +2,9 @@
 
 use std::io::{IsTerminal, Write};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use palpate_client::Client;
-use palpate_client::schemas::{CatalogueVersion, Job, JobState, StartTraining};
+use palpate_client::schemas::{CatalogueVersion, Descriptor, Job, JobState, StartTraining};
 use serde::Serialize;
 
 use super::Context;
@@ -15,7 +15,8 @@ use crate::progress::TrainingProgress;
 /// Arguments of `palpate train`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate train\n  \
-    palpate train mug hammer --readings-per-object 500 --seed 3\n\n\
+    palpate train mug hammer --readings-per-object 500 --seed 3\n  \
+    palpate train --descriptor polar_fourier\n\n\
     Ctrl-C asks whether to cancel the training; without a terminal it goes on in the server.")]
 pub(crate) struct TrainArgs {
     /// Ids or names of the objects; all that have a mesh or readings when none is given.
@@ -35,9 +36,45 @@ pub(crate) struct TrainArgs {
     /// Number of appearance classes [default: 25].
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=255))]
     classes: Option<u32>,
+    /// How a press becomes a feature [default: mnti].
+    #[arg(long, value_enum)]
+    descriptor: Option<DescriptorName>,
     /// Do not wait: print the job and leave.
     #[arg(long)]
     detach: bool,
+}
+
+/// The descriptors of training, by their names on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum DescriptorName {
+    Vectorize,
+    Sift,
+    MomentNormalized,
+    PolarFourier,
+    PolarFourierRw,
+    PolarFourierNi,
+    PolarFourierSigned,
+    Mnti,
+    Steerable,
+    Schmid,
+}
+
+impl DescriptorName {
+    fn wire(self) -> Descriptor {
+        match self {
+            Self::Vectorize => Descriptor::Vectorize,
+            Self::Sift => Descriptor::Sift,
+            Self::MomentNormalized => Descriptor::MomentNormalized,
+            Self::PolarFourier => Descriptor::PolarFourier,
+            Self::PolarFourierRw => Descriptor::PolarFourierRw,
+            Self::PolarFourierNi => Descriptor::PolarFourierNi,
+            Self::PolarFourierSigned => Descriptor::PolarFourierSigned,
+            Self::Mnti => Descriptor::Mnti,
+            Self::Steerable => Descriptor::Steerable,
+            Self::Schmid => Descriptor::Schmid,
+        }
+    }
 }
 
 /// The answer: the job, and the version it made.
@@ -55,6 +92,7 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
         readings_per_object: args.readings_per_object,
         seed: args.seed,
         n_classes: args.classes,
+        descriptor: args.descriptor.map(DescriptorName::wire),
         ..StartTraining::default()
     };
     let job = context.client.start_training(&args.catalogue, &training).await?;

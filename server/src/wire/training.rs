@@ -167,13 +167,19 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
     if let Some(range) = request.distance_range {
         distances(range)?;
     }
+    let chosen = request.descriptor.unwrap_or(Descriptor::Mnti);
+    if !descriptor(chosen).gives_one_feature() {
+        let name = descriptor(chosen).name();
+        let detail = format!("came {name}, expected a descriptor with one feature a reading");
+        return Err(Refusal::field("/descriptor", detail));
+    }
     Ok(StartTraining {
         objects: request.objects.clone(),
         sensor: Some(request.sensor.clone().unwrap_or_else(|| "digitacts-6x6".to_owned())),
         readings_per_object: Some(count(n_readings)),
         seed: Some(seed),
         n_classes: Some(count(n_classes)),
-        descriptor: Some(request.descriptor.unwrap_or(Descriptor::Mnti)),
+        descriptor: Some(chosen),
         distance_range: request.distance_range,
         activate: Some(request.activate.unwrap_or(true)),
     })
@@ -184,13 +190,26 @@ pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Refusal
     let default = TrainingConfig::default();
     Ok(TrainingConfig {
         n_classes: training.n_classes.map_or(default.n_classes, |n| n as usize),
-        descriptor: match training.descriptor {
-            Some(Descriptor::Vectorize) => DescriptorKind::Vectorize,
-            Some(Descriptor::Mnti) | None => DescriptorKind::Mnti,
-        },
+        descriptor: training.descriptor.map_or(default.descriptor, descriptor),
         distances: training.distance_range.map_or(Ok(default.distances), distances)?,
         ..default
     })
+}
+
+fn descriptor(descriptor: Descriptor) -> DescriptorKind {
+    match descriptor {
+        Descriptor::Vectorize => DescriptorKind::Vectorize,
+        Descriptor::Sift => DescriptorKind::Sift,
+        Descriptor::Mr8 => DescriptorKind::Mr8,
+        Descriptor::MomentNormalized => DescriptorKind::MomentNormalized,
+        Descriptor::PolarFourier => DescriptorKind::PolarFourier,
+        Descriptor::PolarFourierRw => DescriptorKind::PolarFourierRw,
+        Descriptor::PolarFourierNi => DescriptorKind::PolarFourierNi,
+        Descriptor::PolarFourierSigned => DescriptorKind::PolarFourierSigned,
+        Descriptor::Mnti => DescriptorKind::Mnti,
+        Descriptor::Steerable => DescriptorKind::Steerable,
+        Descriptor::Schmid => DescriptorKind::Schmid,
+    }
 }
 
 fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Refusal> {
