@@ -224,6 +224,8 @@ pub enum Descriptor {
     Steerable,
     /// Responses of round filters: a control.
     Schmid,
+    /// Strengths of spatial frequencies without place and direction, for large arrays.
+    PolarSpectrum,
 }
 
 /// A range of distances between touches, in 40 steps.

@@ -99,7 +99,7 @@ pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<
 }
 
 /// Descriptors by their codes, from 1 on; a code keeps its meaning for ever.
-const DESCRIPTORS: [DescriptorKind; 11] = [
+const DESCRIPTORS: [DescriptorKind; 12] = [
     DescriptorKind::Vectorize,
     DescriptorKind::Mnti,
     DescriptorKind::Sift,
@@ -111,6 +111,7 @@ const DESCRIPTORS: [DescriptorKind; 11] = [
     DescriptorKind::PolarFourierSigned,
     DescriptorKind::Steerable,
     DescriptorKind::Schmid,
+    DescriptorKind::PolarSpectrum,
 ];
 
 /// The model of a version's blocks. `objects` are the ids of its objects, in its order;

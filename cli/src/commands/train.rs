@@ -58,6 +58,7 @@ enum DescriptorName {
     Mnti,
     Steerable,
     Schmid,
+    PolarSpectrum,
 }
 
 impl DescriptorName {
@@ -73,6 +74,7 @@ impl DescriptorName {
             Self::Mnti => Descriptor::Mnti,
             Self::Steerable => Descriptor::Steerable,
             Self::Schmid => Descriptor::Schmid,
+            Self::PolarSpectrum => Descriptor::PolarSpectrum,
         }
     }
 }

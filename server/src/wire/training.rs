@@ -209,6 +209,7 @@ fn descriptor(descriptor: Descriptor) -> DescriptorKind {
         Descriptor::Mnti => DescriptorKind::Mnti,
         Descriptor::Steerable => DescriptorKind::Steerable,
         Descriptor::Schmid => DescriptorKind::Schmid,
+        Descriptor::PolarSpectrum => DescriptorKind::PolarSpectrum,
     }
 }
 

@@ -157,7 +157,7 @@ struct Run {
 impl Run {
     /// Classes of one k-means start as the first components.
     fn start(features: &[Vec<f64>], data: &Data, k: usize, seed: u64, start: u64) -> Self {
-        let config = KMeansConfig { n_classes: k, n_starts: 1, max_passes: 10 };
+        let config = KMeansConfig { n_classes: k, n_starts: 1, max_passes: 100 };
         let classes = one_start(features, &config, seed, start);
         let k = classes.centers.len();
         let mut index = 0;
