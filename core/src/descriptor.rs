@@ -70,15 +70,20 @@ pub trait Descriptor: Send + Sync {
         let (dimension, per_image) = (self.dimension(), self.features_per_image());
         let stride = dimension * per_image;
         let mut values = vec![0.0; images.len() * stride];
-        values.par_chunks_mut(CHUNK * stride).zip(images.par_chunks(CHUNK)).for_each_init(
-            Workspace::default,
-            |workspace, (rows, images)| {
-                for (features, image) in rows.chunks_exact_mut(stride).zip(images) {
-                    self.write(image, workspace, features);
-                    features.chunks_exact_mut(dimension).for_each(normalize);
-                }
-            },
-        );
+        let write_all = |workspace: &mut Workspace, chunk: (&mut [f64], &[&TactileImage])| {
+            let (rows, images) = chunk;
+            for (features, image) in rows.chunks_exact_mut(stride).zip(images) {
+                self.write(image, workspace, features);
+                features.chunks_exact_mut(dimension).for_each(normalize);
+            }
+        };
+        if images.len() <= CHUNK {
+            // A session's reading does not queue behind a training's.
+            write_all(&mut Workspace::default(), (values.as_mut_slice(), images));
+        } else {
+            let chunks = values.par_chunks_mut(CHUNK * stride).zip(images.par_chunks(CHUNK));
+            chunks.for_each_init(Workspace::default, write_all);
+        }
         let owners = (0..images.len() * per_image).map(|row| row / per_image).collect();
         FeatureMatrix::from_parts(dimension, values, owners)
     }

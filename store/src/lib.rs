@@ -31,6 +31,8 @@ pub mod journal;
 
 pub mod mesh;
 
+mod descriptor_code;
+
 pub mod model_codec;
 
 pub mod catalogue;

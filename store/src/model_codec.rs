@@ -7,7 +7,6 @@
 
 use std::sync::Arc;
 
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::{Catalogue, MapPatch, ObjectMap};
 use palpate_core::patch_pair::distance::DistanceBinsError;
 use palpate_core::patch_pair::index::Posting;
@@ -15,6 +14,8 @@ use palpate_core::patch_pair::{DistanceBins, PairIndex};
 use palpate_core::vocabulary::{AssociationRule, MAX_CLASSES, Vocabulary};
 use thiserror::Error;
 use uuid::Uuid;
+
+use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
 
 /// The name of the vocabulary's block.
 pub const VOCABULARY_BLOCK: &str = "vocabulary";
@@ -97,22 +98,6 @@ pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<
         .map(|(object, map)| (map_block_name(*object), map_to_block(map)));
     std::iter::once(vocabulary).chain(maps).collect()
 }
-
-/// Descriptors by their codes, from 1 on; a code keeps its meaning for ever.
-const DESCRIPTORS: [DescriptorKind; 12] = [
-    DescriptorKind::Vectorize,
-    DescriptorKind::Mnti,
-    DescriptorKind::Sift,
-    DescriptorKind::Mr8,
-    DescriptorKind::MomentNormalized,
-    DescriptorKind::PolarFourier,
-    DescriptorKind::PolarFourierRw,
-    DescriptorKind::PolarFourierNi,
-    DescriptorKind::PolarFourierSigned,
-    DescriptorKind::Steerable,
-    DescriptorKind::Schmid,
-    DescriptorKind::PolarSpectrum,
-];
 
 /// The model of a version's blocks. `objects` are the ids of its objects, in its order;
 /// other blocks are left alone.
@@ -280,12 +265,6 @@ fn posting(bytes: &[u8; 6]) -> Posting {
     }
 }
 
-/// The code of a descriptor: its place, from 1.
-fn descriptor_code(descriptor: DescriptorKind) -> u32 {
-    let place = DESCRIPTORS.iter().position(|kind| *kind == descriptor);
-    count(place.expect("every descriptor has a code: a test counts them") + 1)
-}
-
 fn count(n: usize) -> u32 {
     u32::try_from(n).expect("a model's counts fit into 32 bits: a map has at most 65,536 patches")
 }
@@ -348,6 +327,7 @@ impl<'block> Reader<'block> {
 
 #[cfg(test)]
 mod tests {
+    use palpate_core::descriptor::DescriptorKind;
     use palpate_core::patch::Patch;
     use palpate_core::rng::{Purpose, Stream};
     use palpate_core::vocabulary::{Association, ClassIdx};
@@ -396,22 +376,6 @@ mod tests {
         let blocks = model_to_blocks(&model(), &OBJECTS);
         assert_eq!(blocks.len(), 3);
         assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model()));
-    }
-
-    #[test]
-    fn every_descriptor_comes_back_and_codes_stay_as_they_were() {
-        let codes = DescriptorKind::ALL.map(|descriptor| {
-            let mut model = model();
-            model.vocabulary.descriptor = descriptor;
-            let block = vocabulary_to_block(&model);
-            assert_eq!(vocabulary_from_block(&block).unwrap().0.descriptor, descriptor);
-            u32::from_le_bytes(block[4..8].try_into().unwrap())
-        });
-        // In the order of DescriptorKind::ALL: vectorize 1, mnti 2, then as they came.
-        assert_eq!(codes, [1, 3, 4, 5, 6, 7, 8, 9, 2, 10, 11]);
-        let mut block = vocabulary_to_block(&model());
-        block[4] = 12;
-        assert!(vocabulary_from_block(&block).is_err());
     }
 
     #[test]

@@ -85,8 +85,10 @@ pub(crate) fn one_start(
     KMeans { centers, cost }
 }
 
-/// k-means++: the first centre even, each next one with probability ∝ squared distance.
+/// Greedy k-means++: the first centre even, each next one the best of a few that are drawn
+/// with probability ∝ squared distance (Arthur and Vassilvitskii, section 7).
 fn spread_out(features: &[Vec<f64>], k: usize, stream: &mut Stream) -> Vec<Vec<f64>> {
+    let n_trials = 2 + (k as f64).ln() as usize;
     let first = features[stream.index(features.len())].clone();
     let mut distances: Vec<f64> = features.iter().map(|f| squared_distance(f, &first)).collect();
     let mut centers = vec![first];
@@ -95,19 +97,34 @@ fn spread_out(features: &[Vec<f64>], k: usize, stream: &mut Stream) -> Vec<Vec<f
         if total <= 0.0 {
             break; // every different feature is a centre already
         }
-        let mut left = stream.uniform(0.0, total);
-        let drawn = distances.iter().position(|distance| {
-            left -= distance;
-            left < 0.0
+        let drawn: Vec<usize> = (0..n_trials).map(|_| draw(&distances, total, stream)).collect();
+        let trials: Vec<(f64, Vec<f64>)> = drawn
+            .par_iter()
+            .map(|chosen| {
+                let nearer = distances.iter().zip(features).map(|(distance, feature)| {
+                    distance.min(squared_distance(feature, &features[*chosen]))
+                });
+                let nearer: Vec<f64> = nearer.collect();
+                (nearer.iter().sum(), nearer)
+            })
+            .collect();
+        let best = (1..n_trials).fold(0, |best, trial| {
+            if trials[trial].0 < trials[best].0 { trial } else { best }
         });
-        let chosen = drawn.unwrap_or_else(|| farthest(&distances));
-        let center = features[chosen].clone();
-        for (distance, feature) in distances.iter_mut().zip(features) {
-            *distance = distance.min(squared_distance(feature, &center));
-        }
-        centers.push(center);
+        centers.push(features[drawn[best]].clone());
+        distances.clone_from(&trials[best].1);
     }
     centers
+}
+
+/// An index drawn with probability ∝ its distance; `total` is their sum, above 0.
+fn draw(distances: &[f64], total: f64, stream: &mut Stream) -> usize {
+    let mut left = stream.uniform(0.0, total);
+    let drawn = distances.iter().position(|distance| {
+        left -= distance;
+        left < 0.0
+    });
+    drawn.unwrap_or_else(|| farthest(distances))
 }
 
 /// Which class every feature belongs to, and its squared distance from the centre.
