@@ -108,9 +108,8 @@ fn spread_out(features: &[Vec<f64>], k: usize, stream: &mut Stream) -> Vec<Vec<f
                 (nearer.iter().sum(), nearer)
             })
             .collect();
-        let best = (1..n_trials).fold(0, |best, trial| {
-            if trials[trial].0 < trials[best].0 { trial } else { best }
-        });
+        let best = (1..n_trials)
+            .fold(0, |best, trial| if trials[trial].0 < trials[best].0 { trial } else { best });
         centers.push(features[drawn[best]].clone());
         distances.clone_from(&trials[best].1);
     }
