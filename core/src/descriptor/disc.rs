@@ -33,14 +33,14 @@ impl Disc {
     }
 
     /// The position (x, y) of a taxel about the centre.
-    pub(super) fn from_center(self, row: usize, col: usize) -> (f64, f64) {
+    pub(super) fn about_center(self, row: usize, col: usize) -> (f64, f64) {
         let (center_row, center_col) = self.center();
         (col as f64 - center_col, row as f64 - center_row)
     }
 
     /// True when a taxel's centre lies within the circle.
     pub(super) fn contains(self, row: usize, col: usize) -> bool {
-        let (x, y) = self.from_center(row, col);
+        let (x, y) = self.about_center(row, col);
         let radius = self.diameter() as f64 / 2.0;
         x * x + y * y <= radius * radius
     }
@@ -50,7 +50,7 @@ impl Disc {
         let all = (0..self.rows).flat_map(|row| (0..self.cols).map(move |col| (row, col)));
         all.filter(|(row, col)| self.contains(*row, *col))
             .map(|(row, col)| {
-                let (x, y) = self.from_center(row, col);
+                let (x, y) = self.about_center(row, col);
                 DiscTaxel { taxel: row * self.cols + col, x, y }
             })
             .collect()

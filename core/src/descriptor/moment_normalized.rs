@@ -56,7 +56,7 @@ impl MomentNormalizer {
         let (center_row, center_col) = self.disc.center();
         for row in 0..self.disc.rows {
             for col in 0..self.disc.cols {
-                let (u, v) = self.disc.from_center(row, col);
+                let (u, v) = self.disc.about_center(row, col);
                 let (x, y) = (cos * u - sin * v, sin * u + cos * v);
                 turned[row * self.disc.cols + col] =
                     self.bilinear(masked, y + center_row, x + center_col);

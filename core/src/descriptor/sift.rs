@@ -53,7 +53,7 @@ impl Sift {
         let cell_width = disc.diameter() as f64 / n_cells as f64;
         let all = (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col)));
         let taxels = all.map(|(row, col)| {
-            let (x, y) = disc.from_center(row, col);
+            let (x, y) = disc.about_center(row, col);
             let (x, y) = (x / cell_width, y / cell_width);
             let square = x * x + y * y;
             let (left, right) = (col.saturating_sub(1), (col + 1).min(cols - 1));

@@ -62,7 +62,7 @@ mod tests {
         let image = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]; // 2 × 3
         let mut columns = [0.0; 6];
         by_columns(&image, 3, &mut columns);
-        assert_eq!(columns, [0.0, 3.0, 1.0, 4.0, 2.0, 5.0]);
+        assert_eq!(columns.as_slice(), [0.0, 3.0, 1.0, 4.0, 2.0, 5.0].as_slice());
         assert_eq!(from_columns(&columns, 2), image);
     }
 

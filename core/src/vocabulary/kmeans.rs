@@ -237,9 +237,9 @@ mod tests {
 
     #[test]
     fn restarts_start_again() {
-        // Twelve groups: single starts end in different local optima, and the best of many
-        // is the best of the single ones.
-        let features = scattered(240, 12, 1);
+        // One cloud in twelve classes: single starts end in different local optima, and the
+        // best of many is the best of the single ones.
+        let features = scattered(240, 1, 1);
         let one = KMeansConfig { n_classes: 12, n_starts: 1, max_passes: 100 };
         let costs: Vec<f64> =
             (0..8).map(|start| one_start(&features, &one, 5, start).cost).collect();
