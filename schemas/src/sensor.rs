@@ -189,6 +189,13 @@ pub struct ReadingCheck {
     pub centroid_in_session: Option<Point>,
     /// Where the sensor looks: its +z, towards the object, in the session frame.
     pub sensor_z_in_session: Point,
+    /// The number of the calibration that would correct the reading, as it did `image`; null
+    /// when the sensor has none.
+    #[serde(default)]
+    pub calibration: Option<u32>,
+    /// Taxels that the calibration leaves out (dead or cross-wired), as indices into `image`.
+    #[serde(default)]
+    pub unusable: Vec<u32>,
     /// What is unusual about the reading, in words.
     pub hints: Vec<String>,
 }
