@@ -146,6 +146,7 @@ pub(crate) fn stage_name(stage: JobStage) -> &'static str {
         JobStage::Vocabulary => "vocabulary",
         JobStage::Mapping => "mapping",
         JobStage::Geometry => "geometry",
+        JobStage::Appearance => "appearance",
         JobStage::Storing => "storing",
     }
 }
@@ -156,6 +157,7 @@ fn stage(name: &str) -> Option<JobStage> {
         JobStage::Vocabulary,
         JobStage::Mapping,
         JobStage::Geometry,
+        JobStage::Appearance,
         JobStage::Storing,
     ]
     .into_iter()
@@ -199,8 +201,62 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
         descriptor: Some(chosen),
         distance_range: request.distance_range,
         geometry: request.geometry.map(super::geometry::training).transpose()?,
+        appearance: request.appearance.as_ref().map(super::appearance::training).transpose()?,
+        pair_maps: Some(pair_maps(request)?),
+        extend: None,
         activate: Some(request.activate.unwrap_or(true)),
     })
+}
+
+/// Whether pair maps are to be learnt; without them there must be something else.
+fn pair_maps(request: &StartTraining) -> Result<bool, Refusal> {
+    let wanted = request.pair_maps.unwrap_or(true);
+    if !wanted && request.appearance.is_none() {
+        let detail = "came false without `appearance`: nothing would be learnt";
+        return Err(Refusal::field("/pair_maps", detail));
+    }
+    if !wanted && request.geometry.is_some() {
+        let detail = "came false with `geometry`, whose maps need the frames of pair maps";
+        return Err(Refusal::field("/pair_maps", detail));
+    }
+    Ok(wanted)
+}
+
+/// A training that extends a version: what it says of objects and readings, and how the
+/// version was trained. Settings of the request's own are a mistake.
+pub(crate) fn extension(
+    request: &StartTraining,
+    version: u32,
+    base: &StartTraining,
+) -> Result<StartTraining, Refusal> {
+    let given = [
+        ("/n_classes", request.n_classes.is_some()),
+        ("/descriptor", request.descriptor.is_some()),
+        ("/distance_range", request.distance_range.is_some()),
+        ("/geometry", request.geometry.is_some()),
+        ("/appearance", request.appearance.is_some()),
+        ("/pair_maps", request.pair_maps.is_some()),
+    ];
+    if let Some((field, _)) = given.iter().find(|(_, came)| *came) {
+        let detail = format!("came with `extend`: it is as version {version} has it");
+        return Err(Refusal::field(*field, detail));
+    }
+    if base.geometry.is_some() {
+        let detail = format!(
+            "version {version} has maps of contact, whose classes are learnt from all objects \
+             together: train all objects anew"
+        );
+        return Err(Refusal::field("/extend", detail));
+    }
+    let settings = StartTraining {
+        n_classes: base.n_classes,
+        descriptor: base.descriptor,
+        distance_range: base.distance_range,
+        appearance: base.appearance.clone(),
+        pair_maps: base.pair_maps,
+        ..request.clone()
+    };
+    Ok(StartTraining { extend: Some(version), ..training(&settings)? })
 }
 
 /// Core's configuration of a training that was checked.
@@ -214,7 +270,7 @@ pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Refusal
     })
 }
 
-fn descriptor(descriptor: Descriptor) -> DescriptorKind {
+pub(super) fn descriptor(descriptor: Descriptor) -> DescriptorKind {
     match descriptor {
         Descriptor::Vectorize => DescriptorKind::Vectorize,
         Descriptor::Sift => DescriptorKind::Sift,
