@@ -25,7 +25,7 @@ use crate::vocabulary::gmm::{Covariances, MixtureConfig, fit_mixture_while};
 use crate::vocabulary::kmeans::{KMeansConfig, k_means};
 use crate::vocabulary::pca::{Keep, Pca, PcaError};
 use features::{Split, source_of, split};
-pub use trials::NEAR_DUPLICATE;
+pub use trials::{CONFUSED_SHARE, NEAR_DUPLICATE};
 use trials::{count, fit_exponent, report};
 
 /// Which clustering makes the classes.
