@@ -10,7 +10,7 @@ than the same tolerance. The printed log-likelihoods say whether the two found t
     /tmp/peers/bin/python tests/peers/gmm_sklearn.py target/release/examples/gmm_peer
 
 One core each is what compares: without the three variables scikit-learn's BLAS waits for cores
-that a busy machine does not give it (8 times slower was measured).
+that a busy machine does not give it (7 to 10 times slower was measured).
 """
 
 import argparse
