@@ -4,6 +4,7 @@
 //! as JSON, CSV and SVG and one line of `docs/results.md`. Poses, noise and readings of a
 //! trial come from streams that training never uses.
 
+pub mod appearance_trials;
 pub mod contact_rates;
 pub mod coverage;
 pub mod objects;
