@@ -32,13 +32,29 @@ pub fn train(
     config: &AppearanceConfig,
     seed: u64,
 ) -> anyhow::Result<AppearanceModel> {
-    let sets: Vec<AppearanceSet<'_>> = readings
-        .iter()
-        .map(|readings| AppearanceSet::Readings(TrainingSet { readings, sensor }))
-        .collect();
-    let vocabulary = Arc::new(learn_appearance_vocabulary(&sets, config, seed)?);
-    let histogram = |set| Ok(Arc::new(object_histogram(set, &vocabulary, config)?));
-    let objects = sets.iter().map(histogram).collect::<anyhow::Result<_>>()?;
+    train_with_vocabulary_of(usize::MAX, readings, sensor, config, seed)
+}
+
+/// The same with a vocabulary of only the first `n` readings of each object: classes need
+/// fewer readings than histograms, and their time grows with them.
+///
+/// # Errors
+/// When the readings or the configuration cannot be learnt from.
+pub fn train_with_vocabulary_of(
+    n: usize,
+    readings: &[Vec<Reading>],
+    sensor: &SensorDescription,
+    config: &AppearanceConfig,
+    seed: u64,
+) -> anyhow::Result<AppearanceModel> {
+    let sets = |n: usize| -> Vec<AppearanceSet<'_>> {
+        let first = readings.iter().map(|readings| &readings[..n.min(readings.len())]);
+        first.map(|readings| AppearanceSet::Readings(TrainingSet { readings, sensor })).collect()
+    };
+    let vocabulary = Arc::new(learn_appearance_vocabulary(&sets(n), config, seed)?);
+    let histogram =
+        |set: &AppearanceSet<'_>| Ok(Arc::new(object_histogram(set, &vocabulary, config)?));
+    let objects = sets(usize::MAX).iter().map(histogram).collect::<anyhow::Result<_>>()?;
     Ok(appearance_model(vocabulary, objects, config, seed))
 }
 

@@ -20,8 +20,9 @@ use crate::model::appearance::{
 use crate::vocabulary::bag::{ClassHistogram, Clustering, joint_shares};
 use crate::vocabulary::choice::{ClassCount, best_class_count};
 use crate::vocabulary::discriminant::{Discriminant, find_discriminants};
-use crate::vocabulary::gmm::{Covariances, MixtureConfig, fit_mixture};
+use crate::vocabulary::gmm::{Covariances, MixtureConfig, MixtureError, fit_mixture};
 use crate::vocabulary::kmeans::{KMeansConfig, k_means};
+use crate::vocabulary::labelled::labelled_mixture;
 use crate::vocabulary::pca::{Keep, Pca, PcaError};
 use features::{Split, source_of, split};
 pub use trials::NEAR_DUPLICATE;
@@ -36,6 +37,8 @@ pub enum ClusteringMethod {
     Mixture,
     /// A Gaussian mixture with one covariance for all, beyond print: for few readings.
     SharedMixture,
+    /// One Gaussian for each training object, beyond print: `n_classes` plays no role.
+    PerObject,
 }
 
 /// How discriminant axes are found, beyond the dissertation.
@@ -140,6 +143,9 @@ pub enum AppearanceTrainError {
     /// The features do not vary, or are too few.
     #[error(transparent)]
     Pca(#[from] PcaError),
+    /// Features do not vary within objects, so that no class has a width.
+    #[error(transparent)]
+    Mixture(#[from] MixtureError),
     /// Images and clients' own features in one vocabulary.
     #[error("some sets are readings and others are features, expected one kind")]
     MixedSources,
@@ -174,8 +180,10 @@ pub fn learn_appearance_vocabulary(
         let objects: Vec<Vec<Vec<f64>>> = splits.par_iter().map(project).collect();
         find_discriminants(&objects, settings.n_axes, settings.shrinkage)
     });
-    let reduced: Vec<Vec<f64>> =
-        all.par_iter().map(|feature| reduce(&pca, discriminant.as_ref(), feature)).collect();
+    let reduce_all = |split: &Split| -> Vec<Vec<f64>> {
+        split.training_features().map(|f| reduce(&pca, discriminant.as_ref(), f)).collect()
+    };
+    let reduced: Vec<Vec<Vec<f64>>> = splits.par_iter().map(reduce_all).collect();
     let mut best: Option<AppearanceVocabulary> = None;
     let mut choices: Vec<ClassCount> = Vec::new();
     for n_classes in &config.n_classes {
@@ -183,7 +191,7 @@ pub fn learn_appearance_vocabulary(
             source,
             pca: pca.clone(),
             discriminant: discriminant.clone(),
-            clustering: cluster(&reduced, *n_classes, config, seed),
+            clustering: cluster(&reduced, *n_classes, config, seed)?,
             choices: Vec::new(),
         };
         let objects: Vec<Arc<ObjectAppearance>> =
@@ -257,26 +265,28 @@ fn reduce(pca: &Pca, discriminant: Option<&Discriminant>, feature: &[f64]) -> Ve
     discriminant.map_or_else(|| principal.clone(), |axes| axes.project(&principal))
 }
 
+/// Makes classes of the objects' reduced features.
 fn cluster(
-    features: &[Vec<f64>],
+    objects: &[Vec<Vec<f64>>],
     n_classes: usize,
     config: &AppearanceConfig,
     seed: u64,
-) -> Clustering {
+) -> Result<Clustering, AppearanceTrainError> {
     let n_starts = config.n_starts;
     let mixture = |covariances| {
         let settings =
             MixtureConfig { n_starts, covariances, ..MixtureConfig::with_components(n_classes) };
-        Clustering::Mixture(fit_mixture(features, &settings, seed).mixture)
+        Clustering::Mixture(fit_mixture(&objects.concat(), &settings, seed).mixture)
     };
-    match config.clustering {
+    Ok(match config.clustering {
         ClusteringMethod::KMeans => {
             let settings = KMeansConfig { n_starts, ..KMeansConfig::with_classes(n_classes) };
-            Clustering::KMeans(k_means(features, &settings, seed))
+            Clustering::KMeans(k_means(&objects.concat(), &settings, seed))
         }
         ClusteringMethod::Mixture => mixture(Covariances::Full),
         ClusteringMethod::SharedMixture => mixture(Covariances::Shared),
-    }
+        ClusteringMethod::PerObject => Clustering::Mixture(labelled_mixture(objects)?),
+    })
 }
 
 fn appearance(split: &Split, vocabulary: &AppearanceVocabulary) -> ObjectAppearance {
