@@ -9,6 +9,7 @@ pub mod contact_rates;
 pub mod coverage;
 pub mod objects;
 pub mod plot;
+pub mod real_frames;
 pub mod report;
 pub mod server_throughput;
 pub mod statistics;
