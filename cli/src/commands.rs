@@ -1,10 +1,15 @@
 //! The subcommands, one file each, and where each of them is called.
 
+pub(crate) mod analyses;
+pub(crate) mod calibrate;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod jobs;
+pub(crate) mod letters;
+pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod openapi;
+pub(crate) mod report;
 pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
@@ -33,8 +38,12 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Serve(args) => serve::run(args, output).await,
         Command::Demo(args) => demo::run(args, output).await,
         Command::Sensors(args) => sensors::run(args, &context()?).await,
+        Command::Analyses(args) => analyses::run(args, &context()?).await,
         Command::Objects(args) => objects::run(args, &context()?).await,
+        Command::Letters(args) => letters::run(args, output),
         Command::Train(args) => train::run(args, &context()?).await,
+        Command::Maps(args) => maps::run(args, &context()?).await,
+        Command::Report(args) => report::run(args, &context()?).await,
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,

@@ -105,7 +105,8 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     assert_eq!(taken.status.code(), Some(1));
     assert!(stderr(&taken).contains("taken"), "{}", stderr(&taken));
 
-    let trained = ask(&server, "train --readings-per-object 300 --json");
+    let train = "train --readings-per-object 300 --appearance --appearance-classes 12,24 --json";
+    let trained = ask(&server, train);
     let answer: serde_json::Value = serde_json::from_slice(&trained.stdout).unwrap();
     assert_eq!(answer["version"]["report"]["objects"].as_array().unwrap().len(), 3);
     let touch = "touch --object hammer --mesh meshes/hammer.stl --readings 10 --seed 7 --json";
@@ -117,17 +118,55 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     // the origin: a mistake of frames or units would be off by far more than its own 80 mm.
     assert!(answer["position_error_mm"].as_f64().unwrap() < 60.0, "{answer}");
 
+    let report = ask(&server, "report --svg report.svg");
+    assert_eq!(report.status.code(), Some(0), "{}", stderr(&report));
+    assert!(stdout(&report).contains("how alike the objects are"), "{}", stdout(&report));
+    let picture = std::fs::read_to_string(at.join("report.svg")).unwrap();
+    // Two matrices of three objects.
+    assert_eq!(picture.matches("<title>").count(), 18);
+    let touch = "touch --object mug --mesh meshes/mug.stl --readings 40 --method appearance --json";
+    let touched = ask(&server, touch);
+    assert_eq!(touched.status.code(), Some(0), "{}", stderr(&touched));
+    let answer: serde_json::Value = serde_json::from_slice(&touched.stdout).unwrap();
+    assert_eq!(answer["position_error_mm"], serde_json::Value::Null, "no pose was sent");
+
     drop(server);
     let server = Server::start(&data);
     let mistaken = ask(&server, "touch --object gear --mesh meshes/mug.stl --readings 10");
     assert_eq!(mistaken.status.code(), Some(4), "{}", stdout(&mistaken));
     let listed = ask(&server, "sessions list --json");
     let sessions: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
-    assert_eq!(sessions["items"].as_array().unwrap().len(), 2, "the first survived the restart");
+    assert_eq!(
+        sessions["items"].as_array().unwrap().len(),
+        3,
+        "the first two survived the restart"
+    );
 
     let second = palpate("serve --listen 127.0.0.1:0").arg("--data").arg(&data).output().unwrap();
     assert_eq!(second.status.code(), Some(1));
     assert!(stderr(&second).contains("in use by another process"), "{}", stderr(&second));
+}
+
+#[test]
+fn a_newcomer_calibrates_a_sensor_with_a_simulated_indentation() {
+    let folder = TempDir::new().unwrap();
+    let (at, data) = (folder.path(), folder.path().join("data"));
+    let server = Server::start(&data);
+    let ask = |arguments: &str| {
+        let output = run(at, &format!("--server {} {arguments}", server.address));
+        assert_eq!(output.status.code(), Some(0), "{arguments}: {}", stderr(&output));
+        stdout(&output)
+    };
+    ask("sensors add finger --preset digitacts-6x6");
+    let said = ask("sensors indent finger --out indentation.json --seed 3");
+    assert!(said.contains("palpate sensors calibrate finger"), "{said}");
+    let table = ask("sensors calibrate finger --file indentation.json");
+    assert!(table.contains(" dead") && table.contains(" wired"), "{table}");
+    let shown = ask("sensors calibration finger --json");
+    let calibration: serde_json::Value = serde_json::from_str(&shown).unwrap();
+    assert_eq!((&calibration["number"], &calibration["n_unusable"]), (&1.into(), &2.into()));
+    let coverings = ask("analyses covering --thickness-mm 1,2.54 --force-resolution 0.05");
+    assert!(coverings.contains("sharpest") && coverings.contains("2.54 mm"), "{coverings}");
 }
 
 #[test]

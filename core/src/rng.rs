@@ -27,6 +27,8 @@ pub enum Purpose {
     Shape = 6,
     /// Noise and placement of the letter rig's presses.
     RigNoise = 7,
+    /// Particles: where they start, how they move and which are drawn again.
+    Particles = 8,
     /// Gains of the letter rig's taxels.
     RigGains = 10,
 }

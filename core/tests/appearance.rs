@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use palpate_core::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions, Exponent};
@@ -15,7 +16,8 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::train::appearance::{
     AppearanceConfig, AppearanceSet, AppearanceTrainError, ClusteringMethod, DiscriminantConfig,
-    appearance_model, learn_appearance_vocabulary, object_histogram,
+    appearance_model, learn_appearance_vocabulary, learn_appearance_vocabulary_heard,
+    object_histogram,
 };
 use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary};
 
@@ -202,6 +204,26 @@ fn the_validation_readings_choose_the_number_of_classes() {
     assert_eq!((one.n_classes, six.n_classes), (1, 6));
     assert!(one.accuracy < 0.01 && six.accuracy > 0.9, "{one:?} {six:?}");
     assert!((one.reliability - 1.0 / 3.0).abs() < 1e-9);
+}
+
+#[test]
+fn learning_stops_when_it_is_told_to() {
+    let sensor = SensorDescription::digitacts_6x6();
+    let readings = touches(KINDS[0], 120, 1);
+    let sets = [AppearanceSet::Readings(TrainingSet { readings: &readings, sensor: &sensor })];
+    for clustering in [ClusteringMethod::Mixture, ClusteringMethod::KMeans] {
+        let config = AppearanceConfig { n_classes: vec![2, 3], clustering, ..config() };
+        let stop_at = |last: usize| {
+            let hear = move |n_done: usize| {
+                if n_done < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            };
+            learn_appearance_vocabulary_heard(&sets, &config, 1, &hear)
+        };
+        assert_eq!(stop_at(0).err(), Some(AppearanceTrainError::Stopped));
+        assert_eq!(stop_at(1).err(), Some(AppearanceTrainError::Stopped));
+        let heard = stop_at(2).unwrap();
+        assert_eq!(heard, learn_appearance_vocabulary(&sets, &config, 1).unwrap());
+    }
 }
 
 #[test]

@@ -7,6 +7,8 @@
 pub mod appearance_trials;
 pub mod contact_rates;
 pub mod coverage;
+pub mod covering;
+pub mod letters_geometric;
 pub mod objects;
 pub mod plot;
 pub mod real_frames;

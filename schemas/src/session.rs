@@ -4,10 +4,12 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::geometry::PosePrior;
 use crate::pose::Pose;
 use crate::reading::Reading;
 
-/// A new session: one object that rests in one frame and is touched.
+/// A new session: one object that is touched, and, but for the methods `appearance…`, rests
+/// in one frame.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CreateSession {
@@ -31,6 +33,26 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 10_000)]
     pub prior: Option<Vec<PriorEntry>>,
+    /// Where the object may lie, for the methods `geometric…`. With maps of kind `planar` the
+    /// planar prior's defaults when not given; with maps of kind `solid` it must be given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_prior: Option<PosePrior>,
+    /// How many bins an object has along x, y and the turn, each 2 to 200, together at most
+    /// 100000; 25, 25, 16 when not given. Only for `geometric_histogram`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Vec<u32>>, min_items = 3, max_items = 3,
+        example = json!([25, 25, 16]))]
+    pub bins: Option<[u32; 3]>,
+    /// How many particles there are, of all objects together, 100 to 100000; 10000 when not
+    /// given. Only for `geometric_particles`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 100, maximum = 100_000)]
+    pub particles: Option<u32>,
+    /// The seed of the random choices of the methods `geometric…`, up to 2⁵³ − 1; 1 when
+    /// not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
+    pub seed: Option<u64>,
     /// Seconds without a new reading after which the session closes, 1 to 31536000; it stays
     /// open when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,9 +80,21 @@ pub enum Method {
     Sva,
     /// Spatially varying appearance as the dissertation prints it, for its figures.
     SvaLiteral,
+    /// Maps of contact and pressure over poses that a prior bounds. Needs a version that was
+    /// trained with `geometry`, and takes readings of any sensor.
+    Geometric,
+    /// Maps of contact with the dissertation's histogram filter, for its figures.
+    GeometricHistogram,
+    /// Maps of contact with the dissertation's particle filter, for its figures.
+    GeometricParticles,
+    /// Bags of features: which object it is, not where. Needs a version that was trained with
+    /// `appearance`; poses are not needed, and the object may move between touches.
+    Appearance,
+    /// Bags of features with the rule as the dissertation prints it, for its figures.
+    AppearanceLiteral,
 }
 
-/// A session: one object that rests in one frame and is touched.
+/// A session: one object that is touched.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Session {
     /// The session's id.
@@ -71,6 +105,16 @@ pub struct Session {
     pub version: u32,
     /// How it recognises.
     pub method: Method,
+    /// Where its object may lie, defaults filled in; null with methods that need no prior.
+    pub pose_prior: Option<PosePrior>,
+    /// Bins of an object along x, y and the turn; null unless the method is
+    /// `geometric_histogram`.
+    #[schema(value_type = Option<Vec<u32>>, min_items = 3, max_items = 3)]
+    pub bins: Option<[u32; 3]>,
+    /// Particles of all objects; null unless the method is `geometric_particles`.
+    pub particles: Option<u32>,
+    /// The seed of its random choices; null when it makes none.
+    pub seed: Option<u64>,
     /// The frame of its sensor poses, if it was named.
     pub frame_id: Option<String>,
     /// Whether it takes readings.
@@ -183,6 +227,7 @@ pub struct Belief {
     /// Uncertainty about the identity in bits: 0 is certain, log2(n) knows nothing of n objects.
     pub entropy_bits: f64,
     /// Pose hypotheses, likeliest first. A symmetric object has several: do not average them.
+    /// Empty with the methods `appearance…`, which know nothing of poses.
     pub poses: Vec<PoseHypothesis>,
 }
 
@@ -239,7 +284,7 @@ pub enum SessionEvent {
     #[schema(title = "ClosedEvent")]
     Closed {
         /// The session as it is now.
-        session: Session,
+        session: Box<Session>,
     },
     /// The session was deleted.
     #[schema(title = "DeletedEvent")]

@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::appearance::{AppearanceSummary, AppearanceTraining};
+use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
+
 /// A named line of trained models, one of whose versions new sessions use.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Catalogue {
@@ -59,8 +62,10 @@ pub struct CatalogueVersion {
     /// When it was trained.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// The job that trained it.
-    pub job: Uuid,
+    /// The job that trained it; null when it was merged.
+    pub job: Option<Uuid>,
+    /// The two versions whose maps were merged into it; empty when it was trained.
+    pub merged_from: Vec<VersionReference>,
     /// What was asked for, defaults filled in.
     pub training: StartTraining,
     /// What came out.
@@ -81,7 +86,7 @@ pub struct CatalogueVersionPage {
 pub struct TrainingReport {
     /// The objects that it knows.
     pub objects: Vec<ObjectReport>,
-    /// Number of appearance classes in the vocabulary.
+    /// Number of appearance classes in the vocabulary of pair maps; 0 without pair maps.
     pub n_classes: u32,
     /// Memory of the pair index, in bytes.
     pub index_bytes: u64,
@@ -89,6 +94,9 @@ pub struct TrainingReport {
     pub seconds: f64,
     /// The seed of all its random choices.
     pub seed: u64,
+    /// What was learnt for the methods `appearance…`; null when nothing was asked for.
+    #[serde(default)]
+    pub appearance: Option<AppearanceSummary>,
 }
 
 /// What a training made of one object.
@@ -100,14 +108,18 @@ pub struct ObjectReport {
     pub name: String,
     /// How many readings it was trained from.
     pub n_readings: u32,
-    /// How many patches its map has.
+    /// How many patches its map has; 0 without pair maps.
     pub n_patches: u32,
     /// Memory of its pair index, in bytes.
     pub index_bytes: u64,
     /// Where the origin of the object's frame is in its mesh (or in the frame of its training
     /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
+    /// Zeros without pair maps.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub origin_in_mesh: [f64; 3],
+    /// What was learnt of its geometry; null when nothing was asked for.
+    #[serde(default)]
+    pub geometry: Option<GeometryReport>,
 }
 
 /// The trained map of one object, a page of its patches at a time.
@@ -191,6 +203,23 @@ pub struct StartTraining {
     /// when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_range: Option<DistanceRange>,
+    /// What to learn for the methods `geometric…`; nothing when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<GeometryTraining>,
+    /// What to learn for the methods `appearance…`; nothing when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub appearance: Option<AppearanceTraining>,
+    /// Whether to learn the maps of pairs of touches that `sva` needs; true when not given.
+    /// False suits readings without poses: only `appearance` is learnt then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pair_maps: Option<bool>,
+    /// A version of the same catalogue to add to: its vocabularies and what it knows of its
+    /// objects are kept bit by bit, only `objects` (those it does not know, when not given)
+    /// are trained. How they are trained is the version's matter: `n_classes`, `descriptor`,
+    /// `distance_range`, `geometry`, `appearance` and `pair_maps` must not be given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1)]
+    pub extend: Option<u32>,
     /// Whether new sessions use the version as soon as it is trained; true when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub activate: Option<bool>,
@@ -316,6 +345,11 @@ pub enum JobStage {
     Vocabulary,
     /// Building the objects' maps; steps are objects.
     Mapping,
+    /// Learning maps of contact and pressure; steps are objects.
+    Geometry,
+    /// Learning classes of appearance, then the objects' histograms; steps are the candidates
+    /// for the number of classes and the objects.
+    Appearance,
     /// Writing the version.
     Storing,
 }

@@ -3,11 +3,16 @@
 //! A model is read from the store when a session first needs it and shared by all sessions
 //! that pin it; the last few stay in memory.
 
+mod appearance;
+mod maps;
+
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use dashmap::DashMap;
-use palpate_core::model::Catalogue as CoreCatalogue;
+use palpate_core::model::appearance::AppearanceModel;
+use palpate_core::model::geometry::GeometricModel;
+use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
 use palpate_store::database::Database;
@@ -34,6 +39,31 @@ pub(crate) struct Model {
 }
 
 impl Model {
+    /// What the version knows of its objects' geometry.
+    pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
+        self.core.geometry.as_ref().ok_or_else(|| Refusal::NoGeometry {
+            catalogue: self.name.clone(),
+            version: self.version,
+        })
+    }
+
+    /// What the version knows of its objects' appearance.
+    pub(crate) fn appearance(&self) -> Result<&Arc<AppearanceModel>, Refusal> {
+        self.core.appearance.as_ref().ok_or_else(|| Refusal::NoAppearance {
+            catalogue: self.name.clone(),
+            version: self.version,
+        })
+    }
+
+    /// The maps of pairs of touches, one an object.
+    pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
+        let maps = self.core.objects.as_slice();
+        if maps.len() == self.objects.len() {
+            return Ok(maps);
+        }
+        Err(Refusal::NoPairMaps { catalogue: self.name.clone(), version: self.version })
+    }
+
     /// The place of an object among the model's, by its id or its name when it was trained.
     pub(crate) fn find(&self, reference: &str) -> Option<usize> {
         match Uuid::parse_str(reference) {
@@ -131,14 +161,25 @@ impl Catalogues {
         query: &wire::PageQuery,
     ) -> Result<wire::ObjectMap, Refusal> {
         let (from, limit) = (page_number(query)?, page_length(query)?);
+        let (model, place) = self.object_of(name, version, object).await?;
+        let from = usize::try_from(from).unwrap_or(usize::MAX);
+        Ok(training::object_map(&model.objects[place], &model.pair_maps()?[place], from, limit))
+    }
+
+    /// A version's model and the place of one of its objects, all as a path names them.
+    async fn object_of(
+        &self,
+        name: &str,
+        version: &str,
+        object: &str,
+    ) -> Result<(Arc<Model>, usize), Refusal> {
         let catalogue = self.find(name)?;
         let version = self.manifest(&catalogue, number(version)?)?.version;
         let model = self.load(catalogue.id, version).await?;
         let place = model
             .find(object)
             .ok_or_else(|| Refusal::NotFound { what: "object", reference: object.to_owned() })?;
-        let from = usize::try_from(from).unwrap_or(usize::MAX);
-        Ok(training::object_map(&model.objects[place], &model.core.objects[place], from, limit))
+        Ok((model, place))
     }
 
     /// Makes a version current if nobody else has switched since `revision`.
@@ -231,6 +272,18 @@ impl Catalogues {
 
     fn in_memory(&self, catalogue: Uuid, version: u32) -> Option<Arc<Model>> {
         self.models.get(&(catalogue, version)).and_then(|model| model.upgrade())
+    }
+
+    /// The manifest of a version of a named catalogue, and how it was trained.
+    pub(crate) fn manifest_of(
+        &self,
+        name: &str,
+        version: u32,
+    ) -> Result<(Manifest, training::VersionParameters), Refusal> {
+        let catalogue = self.find(name)?;
+        let manifest = self.manifest(&catalogue, version)?;
+        let parameters = training::parameters(&catalogue, &manifest)?;
+        Ok((manifest, parameters))
     }
 
     fn manifest(&self, catalogue: &Catalogue, version: u32) -> Result<Manifest, Refusal> {

@@ -110,6 +110,10 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::ReadingConflict { .. } => ProblemType::Conflict,
         Refusal::SessionClosed { .. }
         | Refusal::Untrained { .. }
+        | Refusal::NoGeometry { .. }
+        | Refusal::NoAppearance { .. }
+        | Refusal::NoPairMaps { .. }
+        | Refusal::NoMarginals { .. }
         | Refusal::ReadingsFull { .. }
         | Refusal::JobFinished { .. }
         | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,

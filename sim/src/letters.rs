@@ -16,7 +16,7 @@ use palpate_core::units::MM;
 
 pub use font::{Font, FontError};
 pub use mask::Mask;
-pub use symmetry::{LookAlike, RotationOrder, SAME_SHAPE, look_alikes};
+pub use symmetry::{LOOK_ALIKE, LookAlike, RotationOrder, SAME_SHAPE, look_alikes};
 
 /// The height of the capital H, metres (section 3.2.3: letters of about 2.5 cm).
 pub const CAP_HEIGHT: f64 = 25.0 * MM;

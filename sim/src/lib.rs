@@ -12,6 +12,10 @@ pub mod noise;
 
 pub mod press;
 
+pub mod elastic;
+
+pub mod indent;
+
 pub mod controller;
 
 pub mod sampler;

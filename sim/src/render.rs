@@ -3,6 +3,7 @@
 //! Orthographic and shaded, no graphics card needed. Output is PNG, 8-bit RGB.
 
 mod canvas;
+pub mod occupancy;
 
 use glam::{DQuat, DVec3};
 use palpate_core::reading::TactileImage;

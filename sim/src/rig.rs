@@ -4,11 +4,12 @@
 //! straight down: its z is the letter's −z, its x lies at the pose's angle, and its origin
 //! [`Rig::indentation`] below the face, where the face's whole area would read 16 of 20 kPa.
 //! A press shows the letter's shape blurred by the covering; what a mechanism and a real array
-//! add comes from [`RigNoise`]. Not here: presses of meshes (`press`).
+//! add comes from [`RigNoise`]. Meshes that lie flat are pressed alike: [`planar_presses`].
 
 mod field;
 mod noise;
 mod plan;
+mod planar;
 
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
@@ -18,13 +19,15 @@ use palpate_core::sensor::SensorDescription;
 pub use field::LetterField;
 pub use noise::RigNoise;
 pub use plan::{N_ANGLES, N_POSITIONS, PlanarPose, SPACING, plan};
+pub use planar::{PLANAR_PRESSES_MAX, PlanarError, PlanarPlan, planar_presses};
 
 use crate::letters::Letter;
 use crate::press::in_row_major_order;
 
 /// How far a letter is pressed into the covering, as a part of the covering's thickness: under
-/// the presets' straight force curve the face reads 16 of 20 kPa where it fills the blur, and
-/// the strokes of a 25 mm letter 5 to 11 kPa, so that gains and depths rarely saturate.
+/// the presets' straight force curve the face reads 16 of 20 kPa where it fills the blur, and the
+/// strongest taxel of a press on an A 11 kPa in the mean, so that gains and depths rarely
+/// saturate.
 pub const INDENTATION: f64 = 0.8;
 
 /// A sensor in the rig: its taxels' gains stay the same for every letter and repetition.

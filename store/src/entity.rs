@@ -144,12 +144,25 @@ pub struct Session {
 pub struct StoredReading {
     /// The sensor that took it.
     pub sensor: Uuid,
-    /// Where the sensor was (in training: `object_from_sensor`).
-    pub session_from_sensor: Pose,
+    /// Where the sensor was (in training: `object_from_sensor`); `None` when it was not known.
+    pub session_from_sensor: Option<Pose>,
     /// Pressures in pascal in the driver's order; `None` is a taxel without a value.
     pub pressures: Vec<Option<f64>>,
     /// The robot's own time stamp, nanoseconds of its own clock.
     pub stamp_ns: Option<i64>,
+    /// The number of the sensor's calibration that the pressures, which are stored as they
+    /// came, are to be corrected with; 0 is none.
+    pub calibration: u32,
+    /// The client's own code of the press: finite numbers.
+    pub feature: Option<Vec<f64>>,
+}
+
+impl StoredReading {
+    /// Whether a robot sent the same: the calibration is the service's own note.
+    #[must_use]
+    pub fn is_repeated_by(&self, other: &Self) -> bool {
+        *self == Self { calibration: self.calibration, ..other.clone() }
+    }
 }
 
 /// A robot's own number of a reading; with it a repeated request is recognised.

@@ -1,22 +1,30 @@
 //! `palpate train`: asks for a training, shows how far it is, and what came out.
 
+mod appearance;
+
 use std::io::{IsTerminal, Write};
 
 use clap::{Args, ValueEnum};
 use palpate_client::Client;
-use palpate_client::schemas::{CatalogueVersion, Descriptor, Job, JobState, StartTraining};
+use palpate_client::schemas::{
+    CatalogueVersion, GeometryKind, GeometryReport, GeometryTraining, Job, JobState, StartTraining,
+};
 use serde::Serialize;
 
 use super::Context;
 use crate::exit::Ended;
 use crate::output::{self, Output};
 use crate::progress::TrainingProgress;
+use appearance::{AppearanceArgs, DescriptorName, appearance_words};
 
 /// Arguments of `palpate train`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate train\n  \
     palpate train mug hammer --readings-per-object 500 --seed 3\n  \
-    palpate train --descriptor polar_fourier\n\n\
+    palpate train --descriptor polar_fourier\n  \
+    palpate train A E I O U --geometry planar\n  \
+    palpate train --appearance --appearance-classes 24,48,96\n  \
+    palpate train cup --extend 3\n\n\
     Ctrl-C asks whether to cancel the training; without a terminal it goes on in the server.")]
 pub(crate) struct TrainArgs {
     /// Ids or names of the objects; all that have a mesh or readings when none is given.
@@ -39,43 +47,38 @@ pub(crate) struct TrainArgs {
     /// How a press becomes a feature [default: mnti].
     #[arg(long, value_enum)]
     descriptor: Option<DescriptorName>,
+    /// Also learn maps of contact, for sessions with the methods `geometric…`: of a plane
+    /// that is pressed from above, or of a solid.
+    #[arg(long, value_enum)]
+    geometry: Option<Geometry>,
+    /// The side of a cell of these maps, 0.1 to 50 mm [default: what suits the kind].
+    #[arg(long, requires = "geometry", value_parser = parse_cell_mm)]
+    cell_mm: Option<f64>,
+    #[command(flatten)]
+    appearance: AppearanceArgs,
+    /// A version to add to: its vocabularies and other objects stay as they are, only the
+    /// named objects (those it does not know, when none is named) are trained, in its way.
+    #[arg(long, value_name = "VERSION", value_parser = clap::value_parser!(u32).range(1..),
+        conflicts_with_all = ["classes", "descriptor", "geometry", "AppearanceArgs"])]
+    extend: Option<u32>,
     /// Do not wait: print the job and leave.
     #[arg(long)]
     detach: bool,
 }
 
-/// The descriptors of training, by their names on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-enum DescriptorName {
-    Vectorize,
-    Sift,
-    MomentNormalized,
-    PolarFourier,
-    PolarFourierRw,
-    PolarFourierNi,
-    PolarFourierSigned,
-    Mnti,
-    Steerable,
-    Schmid,
-    PolarSpectrum,
+/// What maps of contact are of.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Geometry {
+    /// A raised shape in a plane, such as a letter.
+    Planar,
+    /// A solid touched from all sides.
+    Solid,
 }
 
-impl DescriptorName {
-    fn wire(self) -> Descriptor {
-        match self {
-            Self::Vectorize => Descriptor::Vectorize,
-            Self::Sift => Descriptor::Sift,
-            Self::MomentNormalized => Descriptor::MomentNormalized,
-            Self::PolarFourier => Descriptor::PolarFourier,
-            Self::PolarFourierRw => Descriptor::PolarFourierRw,
-            Self::PolarFourierNi => Descriptor::PolarFourierNi,
-            Self::PolarFourierSigned => Descriptor::PolarFourierSigned,
-            Self::Mnti => Descriptor::Mnti,
-            Self::Steerable => Descriptor::Steerable,
-            Self::Schmid => Descriptor::Schmid,
-            Self::PolarSpectrum => Descriptor::PolarSpectrum,
-        }
+fn parse_cell_mm(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(cell) if (0.1..=50.0).contains(&cell) => Ok(cell),
+        _ => Err("expected 0.1 to 50 mm".to_owned()),
     }
 }
 
@@ -88,6 +91,13 @@ struct Trained {
 
 /// Does what was asked.
 pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
+    let geometry = args.geometry.map(|kind| GeometryTraining {
+        kind: match kind {
+            Geometry::Planar => GeometryKind::Planar,
+            Geometry::Solid => GeometryKind::Solid,
+        },
+        cell: args.cell_mm.map(|cell| cell / 1e3),
+    });
     let training = StartTraining {
         objects: (!args.objects.is_empty()).then_some(args.objects),
         sensor: args.sensor,
@@ -95,6 +105,10 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
         seed: args.seed,
         n_classes: args.classes,
         descriptor: args.descriptor.map(DescriptorName::wire),
+        geometry,
+        appearance: args.appearance.wire(),
+        pair_maps: args.appearance.no_pair_maps.then_some(false),
+        extend: args.extend,
         ..StartTraining::default()
     };
     let job = context.client.start_training(&args.catalogue, &training).await?;
@@ -174,24 +188,31 @@ fn trained_words(trained: &Trained) -> String {
     };
     let report = &version.report;
     let objects = output::table(
-        ["object", "readings", "patches", "index"],
+        ["object", "readings", "patches", "index", "cells"],
         report.objects.iter().map(|object| {
             [
                 object.name.clone(),
                 object.n_readings.to_string(),
                 object.n_patches.to_string(),
                 format!("{:.1} MB", object.index_bytes as f64 / 1e6),
+                object.geometry.as_ref().map_or("–".to_owned(), cells),
             ]
         }),
     );
     format!(
-        "{objects}\n\ntrained version {} of {} in {:.1} s: {} objects, {} classes, {:.1} MB{}",
+        "{objects}\n\ntrained version {} of {} in {:.1} s: {} objects, {} classes, {:.1} MB{}{}",
         version.version,
         version.catalogue,
         report.seconds,
         report.objects.len(),
         report.n_classes,
         report.index_bytes as f64 / 1e6,
-        if version.is_current { ", current" } else { "" }
+        if version.is_current { ", current" } else { "" },
+        report.appearance.as_ref().map_or(String::new(), appearance_words),
     )
+}
+
+fn cells(geometry: &GeometryReport) -> String {
+    let [x, y, z] = geometry.n_cells;
+    format!("{x} × {y} × {z} of {}", output::mm(geometry.cell))
 }

@@ -108,6 +108,48 @@ pub struct ImageOrder {
     pub cols_reversed: bool,
 }
 
+impl ImageOrder {
+    /// The values of a driver's image of `rows` × `cols` taxels in the sensor frame's
+    /// row-major order.
+    ///
+    /// # Panics
+    /// When there are not `rows` × `cols` values.
+    #[must_use]
+    pub fn row_major<T: Copy>(self, given: &[T], rows: usize, cols: usize) -> Vec<T> {
+        assert_eq!(given.len(), rows * cols, "an image has a value a taxel");
+        let mut ordered = Vec::with_capacity(given.len());
+        for row in 0..rows {
+            for col in 0..cols {
+                ordered.push(given[self.place(row, col, rows, cols)]);
+            }
+        }
+        ordered
+    }
+
+    /// The inverse of [`ImageOrder::row_major`]: the image as the driver sends it.
+    ///
+    /// # Panics
+    /// When there are not `rows` × `cols` values.
+    #[must_use]
+    pub fn of_driver<T: Copy>(self, row_major: &[T], rows: usize, cols: usize) -> Vec<T> {
+        assert_eq!(row_major.len(), rows * cols, "an image has a value a taxel");
+        let mut sent = row_major.to_vec();
+        for row in 0..rows {
+            for col in 0..cols {
+                sent[self.place(row, col, rows, cols)] = row_major[row * cols + col];
+            }
+        }
+        sent
+    }
+
+    /// Where the driver's image has the taxel of a row and column.
+    fn place(self, row: usize, col: usize, rows: usize, cols: usize) -> usize {
+        let row = if self.rows_reversed { rows - 1 - row } else { row };
+        let col = if self.cols_reversed { cols - 1 - col } else { col };
+        if self.transposed { col * rows + row } else { row * cols + col }
+    }
+}
+
 /// The numbers that describe a sensor, unchecked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorParameters {

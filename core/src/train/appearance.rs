@@ -7,6 +7,7 @@
 mod features;
 mod trials;
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -20,7 +21,7 @@ use crate::model::appearance::{
 use crate::vocabulary::bag::{ClassHistogram, Clustering, joint_shares};
 use crate::vocabulary::choice::{ClassCount, best_class_count};
 use crate::vocabulary::discriminant::{Discriminant, find_discriminants};
-use crate::vocabulary::gmm::{Covariances, MixtureConfig, MixtureError, fit_mixture};
+use crate::vocabulary::gmm::{Covariances, MixtureConfig, MixtureError, fit_mixture_while};
 use crate::vocabulary::kmeans::{KMeansConfig, k_means};
 use crate::vocabulary::labelled::labelled_mixture;
 use crate::vocabulary::pca::{Keep, Pca, PcaError};
@@ -146,6 +147,9 @@ pub enum AppearanceTrainError {
     /// Features do not vary within objects, so that no class has a width.
     #[error(transparent)]
     Mixture(#[from] MixtureError),
+    /// Whoever hears how far it is said stop.
+    #[error("learning was told to stop")]
+    Stopped,
     /// Images and clients' own features in one vocabulary.
     #[error("some sets are readings and others are features, expected one kind")]
     MixedSources,
@@ -153,6 +157,9 @@ pub enum AppearanceTrainError {
 
 /// The most classes that can be asked for.
 pub const MAX_APPEARANCE_CLASSES: usize = 1_000;
+
+/// Hears how many candidates for the number of classes are done, often, and may stop it.
+pub type Hear<'a> = dyn Fn(usize) -> ControlFlow<()> + Sync + 'a;
 
 /// Learns the classes from the readings of all objects together.
 ///
@@ -163,6 +170,19 @@ pub fn learn_appearance_vocabulary(
     sets: &[AppearanceSet<'_>],
     config: &AppearanceConfig,
     seed: u64,
+) -> Result<AppearanceVocabulary, AppearanceTrainError> {
+    learn_appearance_vocabulary_heard(sets, config, seed, &|_| ControlFlow::Continue(()))
+}
+
+/// As [`learn_appearance_vocabulary`], with somebody who hears how far it is.
+///
+/// # Errors
+/// The same, and [`AppearanceTrainError::Stopped`].
+pub fn learn_appearance_vocabulary_heard(
+    sets: &[AppearanceSet<'_>],
+    config: &AppearanceConfig,
+    seed: u64,
+    hear: &Hear<'_>,
 ) -> Result<AppearanceVocabulary, AppearanceTrainError> {
     check(config)?;
     let source = source_of(sets, config.descriptor)?;
@@ -187,11 +207,13 @@ pub fn learn_appearance_vocabulary(
     let mut best: Option<AppearanceVocabulary> = None;
     let mut choices: Vec<ClassCount> = Vec::new();
     for n_classes in &config.n_classes {
+        let n_done = choices.len();
+        let go_on = || hear(n_done).is_continue();
         let vocabulary = AppearanceVocabulary {
             source,
             pca: pca.clone(),
             discriminant: discriminant.clone(),
-            clustering: cluster(&reduced, *n_classes, config, seed)?,
+            clustering: cluster(&reduced, *n_classes, config, seed, &go_on)?,
             choices: Vec::new(),
         };
         let objects: Vec<Arc<ObjectAppearance>> =
@@ -271,22 +293,25 @@ fn cluster(
     n_classes: usize,
     config: &AppearanceConfig,
     seed: u64,
+    go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<Clustering, AppearanceTrainError> {
     let n_starts = config.n_starts;
     let mixture = |covariances| {
         let settings =
             MixtureConfig { n_starts, covariances, ..MixtureConfig::with_components(n_classes) };
-        Clustering::Mixture(fit_mixture(&objects.concat(), &settings, seed).mixture)
+        let fit = fit_mixture_while(&objects.concat(), &settings, seed, go_on);
+        Ok(Clustering::Mixture(fit.ok_or(AppearanceTrainError::Stopped)?.mixture))
     };
-    Ok(match config.clustering {
+    match config.clustering {
+        ClusteringMethod::KMeans if !go_on() => Err(AppearanceTrainError::Stopped),
         ClusteringMethod::KMeans => {
             let settings = KMeansConfig { n_starts, ..KMeansConfig::with_classes(n_classes) };
-            Clustering::KMeans(k_means(&objects.concat(), &settings, seed))
+            Ok(Clustering::KMeans(k_means(&objects.concat(), &settings, seed)))
         }
         ClusteringMethod::Mixture => mixture(Covariances::Full),
         ClusteringMethod::SharedMixture => mixture(Covariances::Shared),
-        ClusteringMethod::PerObject => Clustering::Mixture(labelled_mixture(objects)?),
-    })
+        ClusteringMethod::PerObject => Ok(Clustering::Mixture(labelled_mixture(objects)?)),
+    }
 }
 
 fn appearance(split: &Split, vocabulary: &AppearanceVocabulary) -> ObjectAppearance {

@@ -11,7 +11,10 @@ use nalgebra::{Cholesky, DMatrix};
 use thiserror::Error;
 
 use crate::log_prob;
-pub use fit::{Covariances, MixtureConfig, MixtureFit, fit_mixture};
+pub use fit::{Covariances, MixtureConfig, MixtureFit, fit_mixture, fit_mixture_while};
+
+/// How far weights that sum to 1 may miss it by rounding.
+const WEIGHTS_TOLERANCE: f64 = 1e-12;
 
 /// One Gaussian of a mixture.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +76,8 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// A mixture of components; their weights are normalised to sum to 1.
+    /// A mixture of components; their weights are normalised to sum to 1. Weights that do so
+    /// but for rounding stay, so that a stored mixture comes back bit by bit.
     ///
     /// # Errors
     /// [`MixtureError`] names the first component that is none.
@@ -89,7 +93,9 @@ impl Mixture {
             }
         }
         let total: f64 = components.iter().map(|component| component.weight).sum();
-        components.iter_mut().for_each(|component| component.weight /= total);
+        if (total - 1.0).abs() > WEIGHTS_TOLERANCE {
+            components.iter_mut().for_each(|component| component.weight /= total);
+        }
         let whitened = components
             .iter()
             .enumerate()

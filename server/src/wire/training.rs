@@ -10,7 +10,6 @@ use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};
 use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
-use uuid::Uuid;
 
 use crate::refusal::Refusal;
 use crate::wire::{INTEGER_MAX, count, time};
@@ -27,6 +26,9 @@ const DISTANCE_MAX: f64 = 10.0;
 pub(crate) struct VersionParameters {
     pub(crate) training: StartTraining,
     pub(crate) report: wire::TrainingReport,
+    /// The versions whose maps were merged, when it was not trained.
+    #[serde(default)]
+    pub(crate) merged_from: Vec<wire::VersionReference>,
 }
 
 /// A catalogue for the wire.
@@ -57,20 +59,28 @@ pub(crate) fn version(
     catalogue: &Catalogue,
     manifest: &Manifest,
 ) -> Result<wire::CatalogueVersion, Refusal> {
-    let parameters: VersionParameters =
-        serde_json::from_str(&manifest.parameters).map_err(|error| Refusal::Unusable {
-            what: "version",
-            id: format!("{}/{}", catalogue.name, manifest.version),
-            reason: error.to_string(),
-        })?;
+    let parameters = parameters(catalogue, manifest)?;
     Ok(wire::CatalogueVersion {
         catalogue: catalogue.name.clone(),
         version: manifest.version,
         is_current: catalogue.current == Some(manifest.version),
         created_at: time(manifest.created_at_ms),
-        job: manifest.job.unwrap_or(Uuid::nil()),
+        job: manifest.job,
+        merged_from: parameters.merged_from,
         training: parameters.training,
         report: parameters.report,
+    })
+}
+
+/// What a version's manifest says beside its objects and blocks.
+pub(crate) fn parameters(
+    catalogue: &Catalogue,
+    manifest: &Manifest,
+) -> Result<VersionParameters, Refusal> {
+    serde_json::from_str(&manifest.parameters).map_err(|error| Refusal::Unusable {
+        what: "version",
+        id: format!("{}/{}", catalogue.name, manifest.version),
+        reason: error.to_string(),
     })
 }
 
@@ -135,14 +145,23 @@ pub(crate) fn stage_name(stage: JobStage) -> &'static str {
         JobStage::Sampling => "sampling",
         JobStage::Vocabulary => "vocabulary",
         JobStage::Mapping => "mapping",
+        JobStage::Geometry => "geometry",
+        JobStage::Appearance => "appearance",
         JobStage::Storing => "storing",
     }
 }
 
 fn stage(name: &str) -> Option<JobStage> {
-    [JobStage::Sampling, JobStage::Vocabulary, JobStage::Mapping, JobStage::Storing]
-        .into_iter()
-        .find(|stage| stage_name(*stage) == name)
+    [
+        JobStage::Sampling,
+        JobStage::Vocabulary,
+        JobStage::Mapping,
+        JobStage::Geometry,
+        JobStage::Appearance,
+        JobStage::Storing,
+    ]
+    .into_iter()
+    .find(|stage| stage_name(*stage) == name)
 }
 
 /// A stored job's state for the wire.
@@ -181,8 +200,63 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
         n_classes: Some(count(n_classes)),
         descriptor: Some(chosen),
         distance_range: request.distance_range,
+        geometry: request.geometry.map(super::geometry::training).transpose()?,
+        appearance: request.appearance.as_ref().map(super::appearance::training).transpose()?,
+        pair_maps: Some(pair_maps(request)?),
+        extend: None,
         activate: Some(request.activate.unwrap_or(true)),
     })
+}
+
+/// Whether pair maps are to be learnt; without them there must be something else.
+fn pair_maps(request: &StartTraining) -> Result<bool, Refusal> {
+    let wanted = request.pair_maps.unwrap_or(true);
+    if !wanted && request.appearance.is_none() {
+        let detail = "came false without `appearance`: nothing would be learnt";
+        return Err(Refusal::field("/pair_maps", detail));
+    }
+    if !wanted && request.geometry.is_some() {
+        let detail = "came false with `geometry`, whose maps need the frames of pair maps";
+        return Err(Refusal::field("/pair_maps", detail));
+    }
+    Ok(wanted)
+}
+
+/// A training that extends a version: what it says of objects and readings, and how the
+/// version was trained. Settings of the request's own are a mistake.
+pub(crate) fn extension(
+    request: &StartTraining,
+    version: u32,
+    base: &StartTraining,
+) -> Result<StartTraining, Refusal> {
+    let given = [
+        ("/n_classes", request.n_classes.is_some()),
+        ("/descriptor", request.descriptor.is_some()),
+        ("/distance_range", request.distance_range.is_some()),
+        ("/geometry", request.geometry.is_some()),
+        ("/appearance", request.appearance.is_some()),
+        ("/pair_maps", request.pair_maps.is_some()),
+    ];
+    if let Some((field, _)) = given.iter().find(|(_, came)| *came) {
+        let detail = format!("came with `extend`: it is as version {version} has it");
+        return Err(Refusal::field(*field, detail));
+    }
+    if base.geometry.is_some() {
+        let detail = format!(
+            "version {version} has maps of contact, whose classes are learnt from all objects \
+             together: train all objects anew"
+        );
+        return Err(Refusal::field("/extend", detail));
+    }
+    let settings = StartTraining {
+        n_classes: base.n_classes,
+        descriptor: base.descriptor,
+        distance_range: base.distance_range,
+        appearance: base.appearance.clone(),
+        pair_maps: base.pair_maps,
+        ..request.clone()
+    };
+    Ok(StartTraining { extend: Some(version), ..training(&settings)? })
 }
 
 /// Core's configuration of a training that was checked.
@@ -196,7 +270,7 @@ pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Refusal
     })
 }
 
-fn descriptor(descriptor: Descriptor) -> DescriptorKind {
+pub(super) fn descriptor(descriptor: Descriptor) -> DescriptorKind {
     match descriptor {
         Descriptor::Vectorize => DescriptorKind::Vectorize,
         Descriptor::Sift => DescriptorKind::Sift,

@@ -3,7 +3,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
+mod appearance;
 mod bad_input;
+mod calibration;
+mod geometry;
 mod harness;
 mod msgpack;
 mod objects;

@@ -1,7 +1,8 @@
 //! A font's 52 letters, ready to be raised: parsed, scaled and checked once.
 //!
-//! Built in is DejaVu Sans Mono Bold, whose I has cross-bars as the dissertation's had; any
-//! TrueType or OpenType font can be given instead. Source: section 4.4.4.1 and its footnote 3.
+//! Built in is Quicksand Bold, round and plain as the dissertation's letters were, its I given
+//! cross-bars; any TrueType or OpenType font can be given instead. Source: section 4.4.4.1 and
+//! its footnote 3.
 
 use glam::DVec2;
 use palpate_core::units::MM;
@@ -15,7 +16,7 @@ use super::{CAP_HEIGHT, Letter, Polygon, SYMBOLS, bounds};
 const TOLERANCE: f64 = 0.01 * MM;
 
 /// Width of the cross-bars of a capital I that has none of its own, as a part of its height:
-/// that of the dissertation's second font.
+/// that of a usual slab serif.
 const CROSS_BAR_WIDTH: f64 = 0.42;
 
 /// An I narrower than this many strokes has no cross-bars.
@@ -42,14 +43,18 @@ pub enum FontError {
 }
 
 impl Font {
-    /// DejaVu Sans Mono Bold 2.37, which comes with the program (`sim/fonts`).
+    /// Quicksand Bold 3.000, which comes with the program (`sim/fonts`).
+    ///
+    /// # Panics
+    /// Never: a test reads the font that is built in.
     #[must_use]
-    pub fn dejavu() -> Self {
-        built_in()
+    pub fn built_in() -> Self {
+        Self::from_bytes(include_bytes!("../../fonts/Quicksand-Bold.ttf").to_vec())
+            .expect("the font that comes with the program has all letters")
     }
 
-    /// The font of a file's bytes. An I without cross-bars is given two, as wide as the
-    /// dissertation's and as thick as its stem.
+    /// The font of a file's bytes. An I without cross-bars is given two, 0.42 of its height
+    /// wide and as thick as its stem.
     ///
     /// # Errors
     /// [`FontError`] when the bytes are not a font or a letter has no outline.
@@ -83,11 +88,6 @@ impl Font {
     pub fn letter(&self, symbol: char) -> Option<&Letter> {
         self.letters.iter().find(|letter| letter.symbol() == symbol)
     }
-}
-
-fn built_in() -> Font {
-    Font::from_bytes(include_bytes!("../../fonts/DejaVuSansMono-Bold.ttf").to_vec())
-        .expect("the font that comes with the program has all letters")
 }
 
 /// The polygons of a glyph in the font's units; `None` without a glyph or an outline.
@@ -135,23 +135,23 @@ mod tests {
 
     #[test]
     fn the_built_in_font_has_all_letters_at_one_scale() {
-        let font = Font::dejavu();
+        let font = Font::built_in();
         assert_eq!(font.letters().len(), 52);
         let size = |symbol| font.letter(symbol).unwrap().size();
         assert!((size('H').y - 25.0 * MM).abs() < 1e-6, "{}", size('H').y);
-        // 1120 of 1493 units: the x-height of DejaVu Sans Mono Bold over its cap height.
-        assert!((size('x').y / size('H').y - 1120.0 / 1493.0).abs() < 1e-3, "{}", size('x'));
+        // Lower case keeps its proportion: v stands on the line and is 0.76 of H high.
+        assert!((size('v').y / size('H').y - 0.764).abs() < 5e-3, "{}", size('v'));
         for letter in font.letters() {
             let size = letter.size();
             let share = letter.area() / (size.x * size.y);
-            assert!(size.max_element() < 36.0 * MM && (0.15..0.9).contains(&share), "{letter:?}");
+            assert!(size.max_element() < 36.0 * MM && (0.15..1.0).contains(&share), "{letter:?}");
         }
         assert_eq!(font.letter('1'), None);
     }
 
     #[test]
     fn letters_have_the_parts_one_sees() {
-        let font = Font::dejavu();
+        let font = Font::built_in();
         let parts = |symbol| {
             let letter = font.letter(symbol).unwrap();
             let holes = letter.polygons().iter().map(|polygon| polygon.holes.len()).sum::<usize>();
@@ -171,10 +171,10 @@ mod tests {
 
     #[test]
     fn the_capital_i_has_cross_bars() {
-        let font = Font::dejavu();
+        let font = Font::built_in();
         let i = font.letter('I').unwrap();
-        assert!(i.contains(6.0 * MM, 11.5 * MM) && i.contains(-6.0 * MM, -11.5 * MM));
-        assert!(i.contains(0.0, 0.0) && !i.contains(6.0 * MM, 0.0));
+        assert!(i.contains(4.5 * MM, 11.5 * MM) && i.contains(-4.5 * MM, -11.5 * MM));
+        assert!(i.contains(0.0, 0.0) && !i.contains(4.5 * MM, 0.0));
     }
 
     #[test]

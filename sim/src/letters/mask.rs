@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_mask_covers_the_letters_area() {
-        for letter in Font::dejavu().letters() {
+        for letter in Font::built_in().letters() {
             let mask = letter.mask(0.25 * MM, 1.0 * MM);
             let area: f64 = mask.coverage().iter().map(|c| f64::from(*c) * 0.0625e-6).sum();
             assert!((area / letter.area() - 1.0).abs() < 0.005, "{}: {area}", letter.symbol());
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_mask_and_the_outline_agree_on_points() {
-        let font = Font::dejavu();
+        let font = Font::built_in();
         let letter = font.letter('B').unwrap();
         let mask = letter.mask(0.1 * MM, 2.0 * MM);
         let n = mask.coverage().len();

@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn every_letter_is_a_closed_solid_of_its_area_times_its_thickness() {
-        for letter in Font::dejavu().letters() {
+        for letter in Font::built_in().letters() {
             let solid = letter.solid(3.0 * MM);
             assert!(solid.is_watertight(), "{}", letter.symbol());
             let volume = letter.area() * 3.0 * MM;

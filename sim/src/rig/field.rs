@@ -2,8 +2,7 @@
 //!
 //! Blur commutes with rigid motion, so the mask and its first moments are blurred in the
 //! letter's frame, and every press, tilted a little or not, is a bilinear look-up. The taxel's
-//! mean is folded into the point spread by its variance (width² / 12), which makes it round:
-//! against the true square the field is within 0.2 % of full contact.
+//! mean is folded into the point spread by its variance (width² / 12), which makes it round.
 
 use palpate_core::sensor::SensorDescription;
 use palpate_core::sensor::point_spread::gaussian_kernel;
@@ -117,7 +116,7 @@ mod tests {
     #[test]
     fn a_field_is_the_letter_under_the_point_spread() {
         // Oracle: the sum over the letter's own cells, straight from the definition.
-        let font = Font::dejavu();
+        let font = Font::built_in();
         let letter = font.letter('A').unwrap();
         let field = LetterField::new(letter, &rig_sensor());
         let spread = ((2.725 * MM).powi(2) + (1.8 * MM).powi(2) / 12.0).sqrt();

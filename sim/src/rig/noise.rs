@@ -3,7 +3,7 @@
 //! Order: placement, depth and tilt of the whole letter; then for each taxel its gain, drift,
 //! additive noise, clipping, the converter's step, and perhaps a value that is stuck.
 //! Source: section 3.2.3 (the rig) and sections 2.1–2.2 (how elements differ); the numbers were
-//! chosen so that the contact classifier of equation 3.3 is right 90 % of the time, as printed.
+//! chosen so that the contact classifier of equation 3.3 is right about nine times of ten.
 
 use palpate_core::rng::Stream;
 use palpate_core::units::{DEG, KPA, MM};
@@ -64,7 +64,7 @@ impl RigNoise {
         }
     }
 
-    /// A rig and array like the dissertation's: the classifier is right 90 % of the time.
+    /// A rig and array like the dissertation's: the contact classifier is right 88 % of the time.
     #[must_use]
     pub fn physical() -> Self {
         Self {

@@ -50,7 +50,7 @@ fn truth(rig: &Rig, letter: &Letter, at: PlanarPose) -> Vec<bool> {
 
 #[test]
 fn the_classifier_is_right_nine_times_of_ten() {
-    let font = Font::dejavu();
+    let font = Font::built_in();
     for seed in 1..=5 {
         let rig = rig(RigNoise::physical(), seed);
         let (mut right, mut known, mut n, mut saturated) = (0, 0, 0, 0);
@@ -80,7 +80,7 @@ fn the_classifier_is_right_nine_times_of_ten() {
 
 #[test]
 fn equal_sessions_are_equal_and_repetitions_differ() {
-    let font = Font::dejavu();
+    let font = Font::built_in();
     let rig = rig(RigNoise::harsh(), 4);
     let field = rig.field(font.letter('E').unwrap());
     assert_eq!(rig.session(&field, 0), rig.session(&field, 0));
@@ -100,7 +100,7 @@ fn a_seed_is_one_array_whatever_covers_it() {
 fn a_press_shows_the_letter_where_the_pose_says() {
     // The foot of an L is at the lower right. Seen with the sensor's x along the letter's,
     // its y runs down the page: low y of the letter is a high row of the image.
-    let font = Font::dejavu();
+    let font = Font::built_in();
     let rig = rig(RigNoise::none(), 1);
     let field = rig.field(font.letter('L').unwrap());
     let mut stream = Stream::new(1, Purpose::RigNoise, 0);

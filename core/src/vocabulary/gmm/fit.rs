@@ -73,6 +73,21 @@ pub struct MixtureFit {
 /// Without any feature: there is nothing to fit.
 #[must_use]
 pub fn fit_mixture(features: &[Vec<f64>], config: &MixtureConfig, seed: u64) -> MixtureFit {
+    let fit = fit_mixture_while(features, config, seed, &|| true);
+    fit.expect("nobody stops it")
+}
+
+/// As [`fit_mixture`]; `None` when `go_on`, which is asked before every step, was false.
+///
+/// # Panics
+/// Without any feature: there is nothing to fit.
+#[must_use]
+pub fn fit_mixture_while(
+    features: &[Vec<f64>],
+    config: &MixtureConfig,
+    seed: u64,
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Option<MixtureFit> {
     let dimension = features[0].len();
     let features_each = match config.covariances {
         Covariances::Full => dimension + 1,
@@ -86,7 +101,7 @@ pub fn fit_mixture(features: &[Vec<f64>], config: &MixtureConfig, seed: u64) -> 
         .into_par_iter()
         .map(|start| {
             let mut run = Run::start(features, &data, n_components, seed, start);
-            run.improve(&data, short, config.tolerance);
+            run.improve(&data, short, config.tolerance, go_on);
             run
         })
         .collect();
@@ -94,8 +109,8 @@ pub fn fit_mixture(features: &[Vec<f64>], config: &MixtureConfig, seed: u64) -> 
         .into_iter()
         .reduce(|best, next| if next.log_density() > best.log_density() { next } else { best });
     let mut run = best.expect("there is at least one start");
-    run.improve(&data, config.max_steps - short, config.tolerance);
-    MixtureFit { mixture: run.mixture, mean_log_density: run.trace }
+    run.improve(&data, config.max_steps - short, config.tolerance, go_on);
+    go_on().then_some(MixtureFit { mixture: run.mixture, mean_log_density: run.trace })
 }
 
 /// The features, what they have in common, and the floor that follows.
@@ -184,8 +199,17 @@ impl Run {
         self.trace.last().copied().unwrap_or(f64::NEG_INFINITY)
     }
 
-    fn improve(&mut self, data: &Data, max_steps: usize, tolerance: f64) {
+    fn improve(
+        &mut self,
+        data: &Data,
+        max_steps: usize,
+        tolerance: f64,
+        go_on: &(dyn Fn() -> bool + Sync),
+    ) {
         for _step in 0..max_steps {
+            if !go_on() {
+                break;
+            }
             let before = self.log_density();
             let reseeded = self.step(data);
             let gain = self.log_density() - before;
