@@ -2,13 +2,15 @@
 //!
 //! Every pair of 1,000 training readings, by the distance between the sensor's places in
 //! element widths; the last point holds everything from 15 on. Exhaustive (section 5.3.3) is
-//! the bound: no vector that ignores turns and shifts can keep more. Alike is the cosine.
+//! the bound: no vector that ignores turns and shifts can keep more. Alike is the cosine of
+//! the descriptors, and, since all touches have much in common, of what is left of them
+//! without their mean, which is what vocabularies compare (`docs/equations.md`, 5.3.2).
 
 use std::path::PathBuf;
 
 use anyhow::Context as _;
 use palpate_core::descriptor::exhaustive::Exhaustive;
-use palpate_core::descriptor::{DescriptorKind, FeatureMatrix, affinity};
+use palpate_core::descriptor::{DescriptorKind, affinity, normalize};
 use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
@@ -51,7 +53,13 @@ pub struct Consistency {
 impl Default for Consistency {
     /// 1,000 touches of the dragon.
     fn default() -> Self {
-        Self { meshes: None, object: "dragon".to_owned(), size: 80.0 * MM, seed: 1, readings: 1_000 }
+        Self {
+            meshes: None,
+            object: "dragon".to_owned(),
+            size: 80.0 * MM,
+            seed: 1,
+            readings: 1_000,
+        }
     }
 }
 
@@ -81,20 +89,45 @@ pub fn run(
     let readings = touch(object, &sensor, config.readings, 2 * config.seed)?;
     let images: Vec<&TactileImage> = readings.iter().map(Reading::image).collect();
     let (rows, cols) = (sensor.grid().rows, sensor.grid().cols);
-    let mut profiles: Vec<(&str, Vec<Bin>)> = Vec::new();
+    let mut profiles: Vec<Profile> = Vec::new();
+    let mut relative: Vec<Profile> = Vec::new();
     for (done, kind) in DESCRIPTORS.iter().enumerate() {
         progress(kind.name(), done + 1, DESCRIPTORS.len() + 2);
-        let features: FeatureMatrix = kind.plan(rows, cols).describe(&images);
+        let features = kind.plan(rows, cols).describe(&images);
         let alike = |a: usize, b: usize| affinity(features.row(a), features.row(b));
-        profiles.push((kind.name(), profile(&readings, &sensor, alike)));
+        profiles.push((kind.name().to_owned(), profile(&readings, &sensor, alike)));
+        let mean = features.mean();
+        let centered: Vec<Vec<f64>> = features.rows().map(|row| without(row, &mean)).collect();
+        let alike = |a: usize, b: usize| affinity(&centered[a], &centered[b]);
+        relative.push((format!("{}_relative", kind.name()), profile(&readings, &sensor, alike)));
     }
     progress("exhaustive", DESCRIPTORS.len() + 1, DESCRIPTORS.len() + 2);
     let exhaustive = Exhaustive::new(rows, cols);
     let alike = |a: usize, b: usize| exhaustive.similarity(images[a], images[b]);
-    profiles.push(("exhaustive", profile(&readings, &sensor, alike)));
+    let bound = profile(&readings, &sensor, alike);
     let mut report = Report::new("consistency", command, config.seed);
-    state(&mut report, &profiles);
-    Ok(Outcome { report, plot: plot(&config.object, &profiles), pictures: Vec::new() })
+    profiles.push(("exhaustive".to_owned(), bound.clone()));
+    state(&mut report, &profiles, &bound);
+    state(&mut report, &relative, &bound);
+    let scaled =
+        profiles.iter().map(|(name, bins)| (name.clone(), scaled(bins))).collect::<Vec<_>>();
+    let plot = svg(&[
+        panel(&format!("touches of the {}", config.object), &means(&profiles)),
+        panel("scaled: 1 at no distance, 0 far", &scaled),
+        panel("descriptors without their mean", &means(&relative)),
+    ]);
+    Ok(Outcome { report, plot, pictures: Vec::new() })
+}
+
+/// A comparator's name and how alike pairs are at each distance.
+type Profile = (String, Vec<Bin>);
+
+/// What is left of a descriptor without the mean, of norm 1.
+fn without(descriptor: &[f64], mean: &[f64]) -> Vec<f64> {
+    let mut left: Vec<f64> =
+        descriptor.iter().zip(mean).map(|(value, mean)| value - mean).collect();
+    normalize(&mut left);
+    left
 }
 
 /// The bin of a pair of readings, by the distance (m) of the sensor's places.
@@ -140,7 +173,7 @@ impl Bin {
 /// Rows of every point, and the summary: levels near, at the end of the overlap and far, how
 /// much of the drop happens while readings may overlap, and how alike the profile is to
 /// Exhaustive's (Pearson, which no scaling changes).
-fn state(report: &mut Report, profiles: &[(&str, Vec<Bin>)]) {
+fn state(report: &mut Report, profiles: &[Profile], bound: &[Bin]) {
     for (name, bins) in profiles {
         for (distance, bin) in bins.iter().enumerate() {
             report.row(vec![
@@ -151,7 +184,6 @@ fn state(report: &mut Report, profiles: &[(&str, Vec<Bin>)]) {
             ]);
         }
     }
-    let Some((_, bound)) = profiles.last() else { return };
     for (name, bins) in profiles {
         let level = |at: usize| bins[at].mean();
         for at in [0, OVERLAP, FAR] {
@@ -169,14 +201,27 @@ fn pearson(a: &[Bin], b: &[Bin]) -> f64 {
     palpate_core::sensor::spread_fit::pearson(&values(a), &values(b))
 }
 
-fn plot(object: &str, profiles: &[(&str, Vec<Bin>)]) -> String {
-    let lines = profiles.iter().map(|(name, bins)| Line {
-        name: (*name).to_owned(),
-        points: bins.iter().enumerate().map(|(at, bin)| (at as f64, bin.mean())).collect(),
+fn means(profiles: &[Profile]) -> Vec<(String, Vec<f64>)> {
+    let of = |(name, bins): &Profile| (name.clone(), bins.iter().map(|bin| bin.mean()).collect());
+    profiles.iter().map(of).collect()
+}
+
+/// A profile's means, shifted and scaled to 1 at no distance and 0 far away; NaN, which is
+/// not drawn, for a profile that hardly falls.
+fn scaled(bins: &[Bin]) -> Vec<f64> {
+    let (near, far) = (bins[0].mean(), bins[FAR].mean());
+    let range = if near - far > 2e-3 { near - far } else { f64::NAN };
+    let scale = |bin: &Bin| (bin.mean() - far) / range;
+    bins.iter().map(scale).map(|value| if value < 0.0 { 0.0 } else { value }).collect()
+}
+
+fn panel(title: &str, profiles: &[(String, Vec<f64>)]) -> Panel {
+    let lines = profiles.iter().map(|(name, means)| Line {
+        name: name.clone(),
+        points: means.iter().enumerate().map(|(at, mean)| (at as f64, *mean)).collect(),
     });
-    let title = format!("touches of the {object}");
     let (x, y) = ("distance (element widths)".to_owned(), "correlation".to_owned());
-    svg(&[Panel { title, x, y, lines: lines.collect() }])
+    Panel { title: title.to_owned(), x, y, lines: lines.collect() }
 }
 
 #[cfg(test)]
@@ -195,6 +240,7 @@ mod tests {
         }
         assert!(summary["exhaustive_at_15"] > summary["vectorize_at_15"], "{summary:?}");
         assert!((summary["exhaustive_pearson_with_exhaustive"] - 1.0).abs() < 1e-9);
+        assert!(summary["mnti_relative_at_0"] > summary["mnti_relative_at_15"] + 0.1);
         let missing = Consistency { object: "unicorn".to_owned(), ..config };
         assert!(run(&missing, "test".to_owned(), &|_, _, _| ()).is_err());
     }

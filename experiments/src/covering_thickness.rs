@@ -2,8 +2,8 @@
 //!
 //! A thicker covering takes deeper relief and blurs it more (equation 2.5).
 
-use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
 use palpate_core::sensor::point_spread::point_spread_of_covering;
+use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
 use palpate_core::units::INCH;
 use palpate_sim::noise::NoiseLevel;
 

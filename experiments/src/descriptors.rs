@@ -65,7 +65,7 @@ pub fn run(
         progress(name, done, methods.len());
         let tested = config.test(&touched, &setting, appearance)?;
         rows(&mut report, &setting, name, &objects, &tested.curve);
-        if [DescriptorKind::Mnti, DescriptorKind::PolarFourier].map(DescriptorKind::name).contains(&name.as_str()) {
+        if shows_matrices(name) {
             matrices(&mut report, name, &objects, &tested);
         }
         curves.push((name.clone(), tested.curve));
@@ -105,6 +105,11 @@ fn methods(config: &ObjectTrials) -> Vec<(String, AppearanceConfig)> {
         methods.push((format!("{}_discriminant", kind.name()), option));
     }
     methods
+}
+
+/// Figures 4.9 and 4.10 show MNTI and Polar-Fourier.
+fn shows_matrices(name: &str) -> bool {
+    [DescriptorKind::Mnti, DescriptorKind::PolarFourier].iter().any(|kind| kind.name() == name)
 }
 
 /// The best of the dissertation's descriptors, and of everything.

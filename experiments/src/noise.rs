@@ -22,7 +22,8 @@ pub fn run(
     command: String,
     progress: Progress<'_>,
 ) -> anyhow::Result<Outcome> {
-    let settings = LEVELS.iter().map(|level| setting(*level)).collect::<anyhow::Result<Vec<_>>>()?;
+    let settings =
+        LEVELS.iter().map(|level| setting(*level)).collect::<anyhow::Result<Vec<_>>>()?;
     config.sweep("noise", command, &settings, progress)
 }
 

@@ -12,7 +12,9 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::appearance::AppearanceRule;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::sensor::{ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid};
+use palpate_core::sensor::{
+    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+};
 use palpate_core::train::appearance::{AppearanceConfig, ClusteringMethod, DiscriminantConfig};
 use palpate_core::units::{KPA, MM};
 use serde_json::json;
@@ -99,8 +101,8 @@ struct Recorded {
 
 /// Reads `frames.csv`: object, split, picture, rows, columns, then the taxels row by row.
 fn load(path: &Path, sensor: &SensorDescription) -> anyhow::Result<Vec<Recorded>> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read {}", path.display()))?;
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let mut frames = Vec::new();
     for (number, line) in text.lines().enumerate().skip(1) {
         let frame = frame(line, sensor);
@@ -121,9 +123,9 @@ fn frame(line: &str, sensor: &SensorDescription) -> anyhow::Result<(String, u32,
         bail!("{} fields, expected object, split, picture, rows, columns and taxels", fields.len());
     };
     let digits: String = picture.chars().filter(char::is_ascii_digit).collect();
-    let number = digits
-        .parse()
-        .with_context(|| format!("picture {picture:?} has no number, expected one like pen12.jpg"))?;
+    let number = digits.parse().with_context(|| {
+        format!("picture {picture:?} has no number, expected one like pen12.jpg")
+    })?;
     let step = sensor.parameters().quantisation;
     let pressure = |value: &&str| {
         let value: f64 = value.parse().with_context(|| format!("taxel {value:?} is no number"))?;
