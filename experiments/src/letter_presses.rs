@@ -17,7 +17,7 @@ const REACH: f64 = 30.0 * MM;
 
 /// A planned press with no taxel above this did not meet the letter: five deviations of the
 /// physical rig's noise.
-const CONTACT: f64 = 3.5 * KPA;
+pub const CONTACT: f64 = 3.5 * KPA;
 
 /// Streams of drawn presses, apart from those of the rig's planned sessions.
 const STREAM_BASE: u64 = 1 << 62;

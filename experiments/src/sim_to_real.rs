@@ -7,6 +7,8 @@
 //! that is the square of the indentation. The remedies of section 4.4.4.3.2 come one by one:
 //! noise in training, the square root of every value in tests, a small blur in tests.
 
+use std::f64::consts::TAU;
+
 use anyhow::Context as _;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::appearance::AppearanceRule;
@@ -17,12 +19,12 @@ use palpate_core::train::appearance::AppearanceConfig;
 use palpate_core::units::{KPA, MM};
 use palpate_sim::letters::Letter;
 use palpate_sim::press::PressSimulator;
-use palpate_sim::rig::{INDENTATION, Rig, RigNoise, rig_sensor};
+use palpate_sim::rig::{INDENTATION, PlanarPose, Rig, RigNoise, rig_sensor};
 use rayon::prelude::*;
 use serde_json::json;
 
 use crate::appearance_trials::{Evidence, Point, accuracy_at, line, mean_of, train};
-use crate::letter_presses::{RaisedLetters, place_on};
+use crate::letter_presses::{CONTACT, RaisedLetters};
 use crate::object_trials::panel;
 use crate::plot::{Line, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -38,6 +40,10 @@ const TRAINING_NOISE: f64 = 0.3;
 
 /// Weight of each of the four neighbours in the small blur; the taxel itself has 1.
 const BLUR: f64 = 0.15;
+
+/// Half the side of the square in which simulated presses are drawn, metres: the rig's plan
+/// reaches as far.
+const REACH: f64 = 10.2 * MM;
 
 /// Streams of simulated training, apart from the rig's.
 const STREAM_BASE: u64 = 1 << 61;
@@ -87,9 +93,9 @@ struct Bridge {
 /// Who takes the test readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Tested {
-    /// The simulator of training, anywhere on the letters.
+    /// The simulator of training.
     Same,
-    /// The rig's planned presses, ideal: another imaging model, other places.
+    /// The rig's planned presses, ideal: another imaging model.
     IdealRig,
     /// The rig with what a mechanism and a calibrated array add.
     Rig,
@@ -189,7 +195,8 @@ fn squared(sensor: &SensorDescription) -> anyhow::Result<SensorDescription> {
     Ok(SensorDescription::new(SensorParameters { force_curve, ..parameters })?)
 }
 
-/// Presses of solid letters anywhere on their faces, through the imaging model.
+/// Presses of solid letters wherever the array meets them, through the imaging model: a
+/// model of touches that are centred on a stroke knows nothing of those beside it.
 fn presses(
     letters: &RaisedLetters,
     sensor: &SensorDescription,
@@ -205,8 +212,15 @@ fn presses(
         let index = STREAM_BASE | u64::from(u32::from(letter.symbol())) << 8 | set;
         let mut stream = Stream::new(config.seed, Purpose::Sampling, index);
         let mut press = || {
-            let pose = place_on(letter, &mut stream).object_from_sensor(depth);
-            simulator.read(SensorId(0), pose, &mut stream)
+            loop {
+                let (x, y) = (stream.uniform(-REACH, REACH), stream.uniform(-REACH, REACH));
+                let at = PlanarPose { x, y, angle: stream.uniform(0.0, TAU) };
+                let pose = at.object_from_sensor(depth);
+                let reading = simulator.read(SensorId(0), pose, &mut stream);
+                if reading.image().max() > CONTACT {
+                    return reading;
+                }
+            }
         };
         (0..config.training_presses).map(|_| press()).collect()
     };
