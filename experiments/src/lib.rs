@@ -4,13 +4,24 @@
 //! as JSON, CSV and SVG and one line of `docs/results.md`. Poses, noise and readings of a
 //! trial come from streams that training never uses.
 
+pub mod appearance_trials;
+pub mod consistency;
 pub mod contact_rates;
 pub mod coverage;
 pub mod covering;
+pub mod covering_thickness;
+pub mod descriptors;
+pub mod letter_presses;
+pub mod letters_appearance;
 pub mod letters_geometric;
+pub mod noise;
+pub mod object_trials;
 pub mod objects;
 pub mod plot;
+pub mod real_frames;
 pub mod report;
+pub mod resolution;
 pub mod server_throughput;
+pub mod sim_to_real;
 pub mod statistics;
 pub mod sva_objects;

@@ -3,6 +3,8 @@
 //! Each writes JSON, CSV, SVG and pictures to a folder, and its line into `docs/results.md`
 //! when it is run where that file is.
 
+mod appearance;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -21,6 +23,7 @@ use palpate_sim::rig::RigNoise;
 
 use crate::output::{Output, table};
 use crate::progress::StepProgress;
+use appearance::AppearanceExperiment;
 
 /// The page that states every figure.
 const RESULTS: &str = "docs/results.md";
@@ -89,12 +92,19 @@ enum Experiment {
     },
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
     Covering,
+    #[command(flatten)]
+    Appearance(AppearanceExperiment),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput {
         /// Readings that are posted in each setting.
         #[arg(long, default_value_t = 1280, value_parser = count)]
         readings: usize,
     },
+}
+
+/// The argument that names a folder of meshes.
+fn meshes_of(meshes: &Option<PathBuf>) -> String {
+    meshes.as_ref().map(|folder| format!(" --meshes {}", folder.display())).unwrap_or_default()
 }
 
 /// The noise of the letter rig.
@@ -172,6 +182,9 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = Covering { seed, ..Covering::default() };
             on_a_thread(move || covering::run(&config, command, &show)).await?
         }
+        Experiment::Appearance(experiment) => {
+            on_a_thread(move || experiment.run(seed, command, &show)).await?
+        }
         Experiment::ServerThroughput { readings } => {
             let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
             with_a_server(&config, command, &show).await?
@@ -191,12 +204,9 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
 
 /// The command line that gives the same figures again.
 fn command_line(experiment: &Experiment, seed: u64) -> String {
-    let folder = |meshes: &Option<PathBuf>| {
-        meshes.as_ref().map(|folder| format!(" --meshes {}", folder.display())).unwrap_or_default()
-    };
     let rest = match experiment {
         Experiment::SvaObjects { meshes, size_mm, trials } => {
-            format!("sva-objects{} --size-mm {size_mm} --trials {trials}", folder(meshes))
+            format!("sva-objects{} --size-mm {size_mm} --trials {trials}", meshes_of(meshes))
         }
         Experiment::LettersGeometric { letters, seeds, trials, noise, font, methods } => {
             let font = font.as_ref().map(|font| format!(" --font {}", font.display()));
@@ -210,9 +220,10 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
             )
         }
         Experiment::ContactRates { meshes, touches } => {
-            format!("contact-rates{} --touches {touches}", folder(meshes))
+            format!("contact-rates{} --touches {touches}", meshes_of(meshes))
         }
         Experiment::Covering => "covering".to_owned(),
+        Experiment::Appearance(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }
