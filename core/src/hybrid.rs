@@ -7,6 +7,7 @@
 //! touches before it. Objects are worked on side by side; the number of threads does not
 //! change a bit.
 
+pub mod calibrate;
 mod hypothesis;
 pub mod options;
 mod propose;
@@ -175,8 +176,7 @@ impl HybridBelief {
         let n = self.touches.len();
         let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
         let best = best.fold(f32::NEG_INFINITY, f32::max);
-        let counted: f32 = self.touches.iter().map(|touch| touch.weight).sum();
-        let poor = best < self.options.poor * counted;
+        let poor = f64::from(best) < f64::from(self.options.poor) * self.counted();
         if !poor && n > 3 && self.share_of_best_pose() >= self.options.certain {
             return;
         }
@@ -288,8 +288,7 @@ impl HybridBelief {
 
     /// Sums up what the hypotheses of each object say, and that all touches fit nowhere.
     fn weigh(&mut self) {
-        let counted: f32 = self.touches.iter().map(|touch| touch.weight).sum();
-        let floor = f64::from(self.kernel.floor() * counted);
+        let floor = f64::from(self.kernel.floor()) * self.counted();
         for state in &mut self.objects {
             let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
             state.log_evidence = log_sum_exp(scores.chain([floor]));
@@ -311,16 +310,33 @@ impl HybridBelief {
         }
     }
 
+    /// The probability of each object, then of none of them.
     fn probabilities(&self) -> Vec<f64> {
+        let n = self.touches.len();
+        if n == 0 {
+            let logs = self.log_prior.iter().map(|log| log + (1.0 - self.options.unknown).ln());
+            return normalize(&logs.chain([self.options.unknown.ln()]).collect::<Vec<f64>>());
+        }
+        let stage = self.model.calibration.stage(n);
+        let known = (1.0 - self.options.unknown).ln() + (self.objects.len() as f64).ln();
         let both = self.objects.iter().zip(&self.log_prior);
-        let logs: Vec<f64> = both.map(|(state, prior)| state.log_evidence + prior).collect();
-        normalize(&logs)
+        let logs =
+            both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
+        let unknown = stage.log_unknown(self.counted()) / stage.temperature;
+        normalize(&logs.chain([unknown + self.options.unknown.ln()]).collect::<Vec<f64>>())
+    }
+
+    /// How many touches there are, by what they count.
+    fn counted(&self) -> f64 {
+        self.touches.iter().map(|touch| f64::from(touch.weight)).sum()
     }
 
     /// The belief as an answer with at most `n_modes` poses.
     #[must_use]
     pub fn answer(&self, n_modes: usize) -> Answer {
-        let probabilities = self.probabilities();
+        let mut probabilities = self.probabilities();
+        let entropy_bits = entropy_bits(&probabilities);
+        let unknown = probabilities.pop().unwrap_or(0.0);
         let mut poses: Vec<(f64, usize, &Hypothesis)> = Vec::new();
         for (object, state) in self.objects.iter().enumerate() {
             let total = log_sum_exp(state.hypotheses.iter().map(|h| f64::from(h.score)));
@@ -344,8 +360,7 @@ impl HybridBelief {
             }
         };
         let modes = poses.into_iter().map(mode).collect();
-        let entropy_bits = entropy_bits(&probabilities);
-        Answer { probabilities, modes, entropy_bits, n_readings: self.n_readings }
+        Answer { probabilities, unknown, modes, entropy_bits, n_readings: self.n_readings }
     }
 
     fn session_from_object(&self, hypothesis: &Hypothesis) -> Pose {
