@@ -38,6 +38,8 @@ pub mod filter;
 
 pub mod model;
 
+pub mod symmetry;
+
 pub mod belief;
 
 pub mod train;

@@ -42,6 +42,7 @@ const CORE_ORDER: &[&str] = &[
     "patch_pair",
     "filter",
     "model",
+    "symmetry",
     "belief",
     "train",
     "recognise",
