@@ -83,9 +83,12 @@ impl Baseline {
     /// The mean relative misfit under `motion` (object to object) when it is a symmetry of the
     /// map.
     pub(super) fn misfit(&self, cloud: &Cloud, motion: &Pose) -> Option<f64> {
-        let [there, back] = [*motion, motion.inverse()]
-            .map(|motion| self.excess(&relative(&cloud.misfits(&motion), &self.usual)));
-        (there.is_symmetry() && back.is_symmetry()).then_some(0.5 * (there.mean + back.mean))
+        let compare = |motion: &Pose| {
+            let excess = self.excess(&relative(&cloud.misfits(motion), &self.usual));
+            excess.is_symmetry().then_some(excess.mean)
+        };
+        let there = compare(motion)?;
+        Some(0.5 * (there + compare(&motion.inverse())?))
     }
 
     /// How relative misfits compare.
