@@ -25,3 +25,4 @@ pub mod server_throughput;
 pub mod sim_to_real;
 pub mod statistics;
 pub mod sva_objects;
+pub mod symmetry;

@@ -18,6 +18,7 @@ use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_nam
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
 use palpate_experiments::sva_objects::{self, SvaObjects};
+use palpate_experiments::symmetry::{self, SymmetryTrials};
 use palpate_server::{Config, Server};
 use palpate_sim::rig::RigNoise;
 
@@ -92,6 +93,12 @@ enum Experiment {
     },
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
     Covering,
+    /// Symmetries found from touches: objects and the letters I and O as solids.
+    Symmetry {
+        /// A folder of meshes; the built-in objects when not given.
+        #[arg(long, value_name = "DIR")]
+        meshes: Option<PathBuf>,
+    },
     #[command(flatten)]
     Appearance(AppearanceExperiment),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
@@ -182,6 +189,10 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = Covering { seed, ..Covering::default() };
             on_a_thread(move || covering::run(&config, command, &show)).await?
         }
+        Experiment::Symmetry { meshes } => {
+            let config = SymmetryTrials { meshes, seed, ..SymmetryTrials::default() };
+            on_a_thread(move || symmetry::run(&config, command, &show)).await?
+        }
         Experiment::Appearance(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
@@ -223,6 +234,7 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
             format!("contact-rates{} --touches {touches}", meshes_of(meshes))
         }
         Experiment::Covering => "covering".to_owned(),
+        Experiment::Symmetry { meshes } => format!("symmetry{}", meshes_of(meshes)),
         Experiment::Appearance(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
