@@ -13,6 +13,8 @@ mod propose;
 mod refine;
 mod score;
 mod sighting;
+#[cfg(test)]
+mod test_support;
 
 use std::sync::Arc;
 
@@ -145,6 +147,10 @@ impl HybridBelief {
 
     /// After two touches the density of stored pairs like theirs does, better than any pose.
     fn compare_pairs(&mut self) {
+        // Two touches at one and the same place are no pair: what the first one said stays.
+        if self.objects.iter().all(|state| state.pair.looks <= 0.0) {
+            return;
+        }
         let n_objects = self.objects.len().max(1) as f32;
         let sum: f32 = self.objects.iter().map(|state| state.pair.geometry).sum();
         let usual = VISITED_WEIGHT * sum / n_objects;
@@ -288,6 +294,10 @@ impl HybridBelief {
 
     /// Sums up what the hypotheses of each object say, and that all touches fit nowhere.
     fn weigh(&mut self) {
+        // Without a pair there is no pose yet: what the first touch looked like stays.
+        if self.objects.iter().all(|state| state.hypotheses.is_empty()) {
+            return;
+        }
         let counted: f32 = self.touches.iter().map(|touch| touch.weight).sum();
         let floor = f64::from(self.kernel.floor() * counted);
         for state in &mut self.objects {

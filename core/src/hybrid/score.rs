@@ -12,7 +12,8 @@ use super::options::{HybridOptions, RefinementScale};
 use super::sighting::Sighting;
 use crate::surface::{SurfaceMap, SurfacePatch};
 
-/// No touch is explained better than this (ln): the bound of early termination.
+/// Touches are taken to be explained no better than this (ln) when hopeless poses are given up.
+/// It is no strict bound: a rare look on a map of few touches can exceed it.
 const SCORE_MAX: f32 = 14.0;
 
 /// Patches that face this far away (cosine) say nothing of the height of the surface.
@@ -193,4 +194,108 @@ pub(super) fn log_aligned(concentration: f32, cosine: f32) -> f32 {
 fn log_bessel(kappa: f32) -> f32 {
     let square = 1.0 + kappa * kappa;
     square.sqrt() - 1.0 - 0.25 * square.ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::TAU;
+
+    use super::*;
+    use crate::hybrid::test_support::{map_of, places, seen, single, some_pose};
+    use crate::pose::Pose;
+    use crate::surface::Touch;
+
+    fn turned(pose: &Pose) -> Turned {
+        let (rotation, translation) = single(pose);
+        Turned::new(rotation, translation)
+    }
+
+    #[test]
+    fn a_touch_on_the_only_patch_scores_as_computed_by_hand() {
+        // 0.99 · 0.064 m³ / ((2π)^1.5 · 0.7 mm · (4 mm)²) = 3.592e5; κ = 1/(0.1² + 0.12²) = 40.98;
+        // appearance 0.95/1 + 0.05 = 1: ln(3.592e5 · 2 · 40.98 + 0.01) = 17.198.
+        let place = places(1, 0);
+        let kernel = Kernel::new(&HybridOptions::default());
+        let pose = some_pose(0);
+        let score = kernel.score(&map_of(&place), &turned(&pose), &seen(&place[0], &pose));
+        assert!((score - 17.198).abs() < 0.02, "{score}");
+    }
+
+    #[test]
+    fn away_from_the_object_the_share_of_outliers_stays() {
+        let kernel = Kernel::new(&HybridOptions::default());
+        let map = map_of(&places(200, 0));
+        let pose = some_pose(0);
+        let mut place = places(1, 1).remove(0);
+        place.position *= 3.0;
+        let mut sighting = seen(&place, &pose);
+        assert!((kernel.score(&map, &turned(&pose), &sighting) - 0.01f32.ln()).abs() < 1e-5);
+        assert!((kernel.floor() - 0.01f32.ln()).abs() < 1e-6);
+        assert!(kernel.place(&map, &turned(&pose), &sighting).is_none());
+        sighting.weight = 0.25;
+        let quarter = 0.25 * 0.01f32.ln();
+        assert!((kernel.score(&map, &turned(&pose), &sighting) - quarter).abs() < 1e-5);
+    }
+
+    #[test]
+    fn all_touches_score_as_one_by_one_unless_hopeless() {
+        let kernel = Kernel::new(&HybridOptions::default());
+        let map = map_of(&places(500, 0));
+        let (truth, wrong) = (some_pose(0), some_pose(1));
+        let touches: Vec<Sighting> = places(6, 1).iter().map(|p| seen(p, &truth)).collect();
+        let pose = turned(&truth);
+        let sum: f32 = touches.iter().map(|touch| kernel.score(&map, &pose, touch)).sum();
+        let all = kernel.score_all(&map, &pose, &touches, 0.0).unwrap();
+        assert!((all - sum).abs() < 1e-3 * sum, "{all} {sum}");
+        assert!(sum > 6.0 * 5.0, "{sum}");
+        assert_eq!(kernel.score_all(&map, &turned(&wrong), &touches, sum - 12.0), None);
+        let floor = 6.0 * kernel.floor();
+        let hopeless = kernel.score_all(&map, &turned(&wrong), &touches, f32::NEG_INFINITY);
+        assert!(hopeless.unwrap() < floor + 20.0);
+    }
+
+    #[test]
+    fn a_touch_above_a_plane_is_placed_as_high_as_it_is() {
+        let kernel = Kernel::new(&HybridOptions::default());
+        let flat = |x: f64, y: f64, z: f64| Touch {
+            position: glam::DVec3::new(x, y, z) * 0.001,
+            normal: glam::DVec3::Z,
+            ..places(1, 0).remove(0)
+        };
+        let grid = (0..400).map(|n| flat(f64::from(n % 20), f64::from(n / 20), 0.0));
+        let map = map_of(&grid.collect::<Vec<_>>());
+        let pose = some_pose(2);
+        let place = kernel.place(&map, &turned(&pose), &seen(&flat(9.3, 10.4, 0.8), &pose));
+        let place = place.unwrap();
+        assert!((place.offset.z - 0.000_8).abs() < 1e-6, "{}", place.offset);
+        assert!(place.normal.distance(Vec3::Z) < 1e-5);
+        assert!(place.offset.truncate().length() < 0.001, "{}", place.offset);
+        assert!((place.normal_deviation - 0.1).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_bessel_function_is_met_as_promised() {
+        for kappa in [0.0f32, 0.01, 0.5, 1.0, 2.0, 4.0, 10.0, 50.0] {
+            // ln of the mean of exp κ cos φ over a turn, which is I₀.
+            let n = 4_000;
+            let angle = |step: i32| f64::from(step) * std::f64::consts::TAU / f64::from(n);
+            let sum: f64 = (0..n).map(|step| (f64::from(kappa) * angle(step).cos()).exp()).sum();
+            let exact = (sum / f64::from(n)).ln() as f32;
+            assert!((log_bessel(kappa) - exact).abs() < 0.085, "{kappa}: {exact}");
+        }
+        assert!(log_bessel(0.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn directions_of_any_angle_weigh_one_in_the_mean() {
+        for concentration in [0.0, 0.3, 1.0, 4.0] {
+            let n = 1_000;
+            let weight = |step: i32| log_aligned(concentration, (step as f32 * TAU / 1e3).cos());
+            let mean = (0..n).map(|step| weight(step).exp()).sum::<f32>() / n as f32;
+            assert!((mean - 1.0).abs() < 0.09, "{concentration}: {mean}");
+        }
+        let along = log_aligned(2.0, 1.0);
+        assert!((log_aligned(2.0, -1.0) - along).abs() < 1e-6, "without sign");
+        assert!((along - log_aligned(2.0, 0.0) - 4.0).abs() < 1e-5, "2κ from along to across");
+    }
 }

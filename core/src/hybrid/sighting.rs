@@ -61,3 +61,43 @@ impl Sighting {
         ratio(&self.feature, other, self.softness, self.density)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hybrid::test_support::{places, seen, some_pose};
+    use crate::pose::Pose;
+
+    #[test]
+    fn a_repeated_touch_counts_less() {
+        let mut place = places(1, 0).remove(0);
+        place.normal = DVec3::Z;
+        let first = seen(&place, &Pose::IDENTITY);
+        assert!((first.clone().weighed(&[]).weight - 1.0).abs() < 1e-6);
+        let again = |off: DVec3, normal: DVec3| {
+            let moved = Touch { position: place.position + off, normal, ..place.clone() };
+            seen(&moved, &Pose::IDENTITY).weighed(std::slice::from_ref(&first)).weight
+        };
+        assert!((again(DVec3::ZERO, DVec3::Z) - 0.25).abs() < 1e-6, "never less than a quarter");
+        assert!((again(DVec3::X * 0.001_5, DVec3::Z) - 0.5).abs() < 1e-4, "1.5 mm of 3");
+        assert!((again(DVec3::X * 0.003, DVec3::Z) - 1.0).abs() < 1e-4);
+        // Turned by a right angle: 6 mm · √2 apart.
+        assert!((again(DVec3::ZERO, DVec3::X) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_kilometre_away_a_touch_is_the_same_beside_its_anchor() {
+        let pose = some_pose(1);
+        let far = Pose::from_parts(pose.rotation, pose.translation + DVec3::splat(1_000.0));
+        for place in places(20, 1) {
+            let sighting = |pose: &Pose, anchor: DVec3| {
+                let position = *pose * place.position;
+                let touch = Touch { position, ..place.clone() };
+                Sighting::new(&touch, anchor, 1.0, 1.0).position
+            };
+            let near = sighting(&pose, pose.translation);
+            let away = sighting(&far, far.translation);
+            assert!(near.distance(away) < 1e-8, "{near} {away}");
+        }
+    }
+}

@@ -119,3 +119,40 @@ impl SurfaceMap {
             + self.pairs.bytes()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn patch(x: f32) -> SurfacePatch {
+        SurfacePatch {
+            position: Vec3::new(x, 0.0, 0.0),
+            normal: Vec3::Z,
+            direction: Vec3::X,
+            elongation: 0.5,
+            normal_deviation: 0.1,
+            feature: [0; 8],
+        }
+    }
+
+    #[test]
+    fn pairs_are_tabled_among_the_most_wanted_only() {
+        let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
+        let layout = SurfaceLayout { pair_patches_max: 3, ..SurfaceLayout::default() };
+        let map = SurfaceMap::new(DVec3::Y, patches.clone(), layout);
+        assert_eq!(map.pairs().len(), 3); // of three: 3 · 2 / 2
+        assert_eq!((map.patches(), map.layout()), (patches.as_slice(), layout));
+        assert_eq!(map.origin_in_training(), DVec3::Y);
+        assert_eq!(map.voxels().near(patches[4].position).next(), Some(4), "looked up all the same");
+    }
+
+    #[test]
+    fn bytes_count_what_the_map_holds() {
+        let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
+        let map = SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default());
+        // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch.
+        let parts = map.voxels().bytes() + map.pairs().bytes() + 5 * 52;
+        assert_eq!(map.bytes(), parts + size_of::<SurfaceMap>());
+        assert!(map.pairs().bytes() >= 10 * 4, "ten pairs of two numbers");
+    }
+}
