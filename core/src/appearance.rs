@@ -214,7 +214,13 @@ impl AppearanceBelief {
             .collect();
         let probabilities = normalize(&logs);
         let entropy_bits = entropy_bits(&probabilities);
-        Answer { probabilities, modes: Vec::new(), entropy_bits, n_readings: self.n_readings }
+        Answer {
+            probabilities,
+            unknown: 0.0,
+            modes: Vec::new(),
+            entropy_bits,
+            n_readings: self.n_readings,
+        }
     }
 
     /// ln likelihood of all readings by object, before prior and exponent.

@@ -7,6 +7,7 @@
 //! touches before it. Objects are worked on side by side; the number of threads does not
 //! change a bit.
 
+pub mod calibrate;
 mod hypothesis;
 pub mod options;
 mod propose;
@@ -34,7 +35,7 @@ use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
 use hypothesis::{Hypothesis, merge};
-use propose::propose;
+use propose::{partners, propose};
 use score::{Kernel, Turned};
 use sighting::Sighting;
 
@@ -62,6 +63,8 @@ pub struct HybridBelief {
     anchor: DVec3,
     touches: Vec<Sighting>,
     objects: Vec<ObjectState>,
+    /// What the objects' evidence is of: 0 nothing, 1 looks, 2 a pair, 3 hypotheses.
+    stage: usize,
     n_readings: usize,
 }
 
@@ -101,6 +104,7 @@ impl HybridBelief {
             kernel: Kernel::new(&options),
             anchor: DVec3::ZERO,
             touches: Vec::new(),
+            stage: 0,
             n_readings: 0,
             model,
             options,
@@ -138,6 +142,7 @@ impl HybridBelief {
 
     /// After one touch only its appearance tells objects apart.
     fn compare_looks(&mut self) {
+        self.stage = 1;
         let touch = &self.touches[0];
         for_each_object(&mut self.objects, &self.model.maps, |state, map| {
             let sum: f32 = map.patches().iter().map(|patch| touch.appearance(&patch.feature)).sum();
@@ -151,6 +156,7 @@ impl HybridBelief {
         if self.objects.iter().all(|state| state.pair.looks <= 0.0) {
             return;
         }
+        self.stage = 2;
         let n_objects = self.objects.len().max(1) as f32;
         let sum: f32 = self.objects.iter().map(|state| state.pair.geometry).sum();
         let usual = VISITED_WEIGHT * sum / n_objects;
@@ -181,13 +187,13 @@ impl HybridBelief {
         let n = self.touches.len();
         let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
         let best = best.fold(f32::NEG_INFINITY, f32::max);
-        let counted: f32 = self.touches.iter().map(|touch| touch.weight).sum();
-        let poor = best < self.options.poor * counted;
+        let poor = f64::from(best) < f64::from(self.options.poor) * self.counted();
         if !poor && n > 3 && self.share_of_best_pose() >= self.options.certain {
             return;
         }
         let budget = &self.options.budget;
-        let partners = self.partners(if poor { budget.partners_if_poor } else { budget.partners });
+        let n_partners = if poor { budget.partners_if_poor } else { budget.partners };
+        let partners = partners(&self.touches, n_partners);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
         self.propose(&partners, reach);
     }
@@ -246,23 +252,6 @@ impl HybridBelief {
         budget.unwrap_or(f64::NEG_INFINITY).max(best - reach)
     }
 
-    /// The `n` earlier touches whose pair with the newest fixes a pose best: a long way off,
-    /// and with a normal that is not along the way.
-    fn partners(&self, n: usize) -> Vec<usize> {
-        let [earlier @ .., newest] = self.touches.as_slice() else { return Vec::new() };
-        let rate = |(index, touch): (usize, &Sighting)| {
-            let offset = newest.position - touch.position;
-            let distance = offset.length();
-            let axis = offset / distance.max(1e-6);
-            let across = |normal: glam::Vec3| normal.cross(axis).length();
-            let fixed = across(newest.normal).max(across(touch.normal));
-            (distance.min(0.05) * (0.1 + fixed), index)
-        };
-        let mut rated: Vec<(f32, usize)> = earlier.iter().enumerate().map(rate).collect();
-        rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        rated.into_iter().take(n).map(|(_, index)| index).collect()
-    }
-
     /// Refines the best hypotheses of all objects, at most three each.
     fn refine(&mut self) {
         let mut best: Vec<(f32, usize, usize)> = Vec::new();
@@ -298,8 +287,8 @@ impl HybridBelief {
         if self.objects.iter().all(|state| state.hypotheses.is_empty()) {
             return;
         }
-        let counted: f32 = self.touches.iter().map(|touch| touch.weight).sum();
-        let floor = f64::from(self.kernel.floor() * counted);
+        self.stage = 3;
+        let floor = f64::from(self.kernel.floor()) * self.counted();
         for state in &mut self.objects {
             let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
             state.log_evidence = log_sum_exp(scores.chain([floor]));
@@ -321,16 +310,32 @@ impl HybridBelief {
         }
     }
 
+    /// The probability of each object, then of none of them.
     fn probabilities(&self) -> Vec<f64> {
+        if self.stage == 0 {
+            let logs = self.log_prior.iter().map(|log| log + (1.0 - self.options.unknown).ln());
+            return normalize(&logs.chain([self.options.unknown.ln()]).collect::<Vec<f64>>());
+        }
+        let stage = self.model.calibration.stage(self.stage);
+        let known = (1.0 - self.options.unknown).ln() + (self.objects.len() as f64).ln();
         let both = self.objects.iter().zip(&self.log_prior);
-        let logs: Vec<f64> = both.map(|(state, prior)| state.log_evidence + prior).collect();
-        normalize(&logs)
+        let logs =
+            both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
+        let unknown = stage.log_unknown(self.counted()) / stage.temperature;
+        normalize(&logs.chain([unknown + self.options.unknown.ln()]).collect::<Vec<f64>>())
+    }
+
+    /// How many touches there are, by what they count.
+    fn counted(&self) -> f64 {
+        self.touches.iter().map(|touch| f64::from(touch.weight)).sum()
     }
 
     /// The belief as an answer with at most `n_modes` poses.
     #[must_use]
     pub fn answer(&self, n_modes: usize) -> Answer {
-        let probabilities = self.probabilities();
+        let mut probabilities = self.probabilities();
+        let entropy_bits = entropy_bits(&probabilities);
+        let unknown = probabilities.pop().unwrap_or(0.0);
         let mut poses: Vec<(f64, usize, &Hypothesis)> = Vec::new();
         for (object, state) in self.objects.iter().enumerate() {
             let total = log_sum_exp(state.hypotheses.iter().map(|h| f64::from(h.score)));
@@ -354,8 +359,7 @@ impl HybridBelief {
             }
         };
         let modes = poses.into_iter().map(mode).collect();
-        let entropy_bits = entropy_bits(&probabilities);
-        Answer { probabilities, modes, entropy_bits, n_readings: self.n_readings }
+        Answer { probabilities, unknown, modes, entropy_bits, n_readings: self.n_readings }
     }
 
     fn session_from_object(&self, hypothesis: &Hypothesis) -> Pose {

@@ -11,7 +11,7 @@ use std::time::Instant;
 use glam::DVec3;
 use palpate_core::belief::answer::Answer;
 use palpate_core::hybrid::{HybridBelief, HybridOptions};
-use palpate_core::model::surface::SurfaceModel;
+use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::model::{Catalogue, MapPatch, ObjectIdx};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
@@ -120,7 +120,8 @@ pub fn train_sva(
     Ok(Recogniser::Sva { catalogue: Arc::new(catalogue), options })
 }
 
-/// Trains the hybrid recogniser; the objects' frames are those of their meshes.
+/// Trains the hybrid recogniser, uncalibrated (which object is named does not depend on it);
+/// the objects' frames are those of their meshes.
 ///
 /// # Errors
 /// When the readings cannot be learnt from.
@@ -135,7 +136,8 @@ pub fn train_hybrid(
     let space = learn_space(&sets, seed)?;
     let map = |set| map_surface(set, &space, surface, Some(DVec3::ZERO)).map(Arc::new);
     let maps: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
-    Ok(Arc::new(SurfaceModel { space, maps: maps? }))
+    let calibration = EvidenceCalibration::default();
+    Ok(Arc::new(SurfaceModel { space, calibration, maps: maps? }))
 }
 
 /// The symmetry of an object as its map shows it.

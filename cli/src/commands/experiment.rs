@@ -4,6 +4,7 @@
 //! when it is run where that file is.
 
 mod appearance;
+mod hybrid;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,6 +26,7 @@ use palpate_sim::rig::RigNoise;
 use crate::output::{Output, table};
 use crate::progress::StepProgress;
 use appearance::AppearanceExperiment;
+use hybrid::HybridExperiment;
 
 /// The page that states every figure.
 const RESULTS: &str = "docs/results.md";
@@ -101,6 +103,8 @@ enum Experiment {
     },
     #[command(flatten)]
     Appearance(AppearanceExperiment),
+    #[command(flatten)]
+    Hybrid(HybridExperiment),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput {
         /// Readings that are posted in each setting.
@@ -196,6 +200,9 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
         Experiment::Appearance(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
+        Experiment::Hybrid(experiment) => {
+            on_a_thread(move || experiment.run(seed, command, &show)).await?
+        }
         Experiment::ServerThroughput { readings } => {
             let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
             with_a_server(&config, command, &show).await?
@@ -236,6 +243,7 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::Covering => "covering".to_owned(),
         Experiment::Symmetry { meshes } => format!("symmetry{}", meshes_of(meshes)),
         Experiment::Appearance(experiment) => experiment.line(),
+        Experiment::Hybrid(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }

@@ -13,8 +13,11 @@ use crate::pose::Pose;
 /// A belief in the form that users ask for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// The probability of each object of the catalogue, in its order; they sum to 1.
+    /// The probability of each object of the catalogue, in its order; with `unknown` they sum
+    /// to 1.
     pub probabilities: Vec<f64>,
+    /// The probability that it is none of them; 0 with methods that do not consider it.
+    pub unknown: f64,
     /// The most likely poses over all objects, best first.
     pub modes: Vec<PoseMode>,
     /// Entropy of the identity, bits.
@@ -98,7 +101,7 @@ pub fn answer(
     }
     modes.sort_by(|a: &PoseMode, b| b.weight.total_cmp(&a.weight));
     let entropy_bits = entropy_bits(&probabilities);
-    Answer { probabilities, modes, entropy_bits, n_readings }
+    Answer { probabilities, unknown: 0.0, modes, entropy_bits, n_readings }
 }
 
 fn belongs(pose: &WeightedPose, best: &WeightedPose, scale: &ModeScale) -> bool {

@@ -342,7 +342,7 @@ impl PlanarBelief {
         let total = log_sum_exp(log_objects.iter().copied());
         let modes = self.modes(n_modes, total);
         let entropy_bits = entropy_bits(&probabilities);
-        Answer { probabilities, modes, entropy_bits, n_readings }
+        Answer { probabilities, unknown: 0.0, modes, entropy_bits, n_readings }
     }
 
     /// Polishes the most massive bin and gathers those around it, time and again.

@@ -79,6 +79,8 @@ pub struct HybridOptions {
     pub drop_between: f32,
     /// With one pose at least so probable, and explaining the touches well, nothing is proposed.
     pub certain: f64,
+    /// The probability, before any touch, that the object is none of the catalogue's.
+    pub unknown: f64,
     /// A touch that the best hypothesis explains worse than this (ln, in the mean over the
     /// touches) makes it a poor explanation.
     pub poor: f32,
@@ -119,6 +121,7 @@ impl Default for HybridOptions {
             drop_within: 12.0,
             drop_between: 25.0,
             certain: 0.99,
+            unknown: 0.05,
             poor: 6.0,
         }
     }

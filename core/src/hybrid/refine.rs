@@ -185,7 +185,8 @@ mod tests {
             places(25, 11).iter().map(|place| seen(place, &truth)).collect();
         let without = refined(&truth, &map, &touches);
         // 5 mm above the surface is still within reach of the map's look-up.
-        touches[0].position += 0.005 * touches[0].normal;
+        let above = 0.005 * touches[0].normal;
+        touches[0].position += above;
         let with = refined(&truth, &map, &touches);
         let apart = without.translation.distance(with.translation);
         assert!(apart < 5e-5, "{apart}");

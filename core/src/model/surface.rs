@@ -1,4 +1,5 @@
-//! What the hybrid recogniser knows of the objects: their surfaces, and one appearance space.
+//! What the hybrid recogniser knows of the objects: their surfaces, one appearance space, and
+//! how far its evidence can be believed.
 
 use std::sync::Arc;
 
@@ -9,6 +10,8 @@ use crate::surface::{AppearanceSpace, SurfaceMap};
 pub struct SurfaceModel {
     /// What touches look like.
     pub space: AppearanceSpace,
+    /// How evidence becomes probability.
+    pub calibration: EvidenceCalibration,
     /// The maps, in the order of the catalogue's objects.
     pub maps: Vec<Arc<SurfaceMap>>,
 }
@@ -18,5 +21,53 @@ impl SurfaceModel {
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.maps.iter().map(|map| map.bytes()).sum()
+    }
+}
+
+/// How ln evidence becomes probability after one, two, and three or more touches: evidence of
+/// an early touch is of another kind than that of hypotheses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EvidenceCalibration {
+    /// After one, two, and three or more touches.
+    pub stages: [EvidenceStage; 3],
+}
+
+/// How ln evidence becomes probability.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EvidenceStage {
+    /// Evidence is divided by this: above 1 it is believed less than it says.
+    pub temperature: f64,
+    /// ln evidence of "none of these".
+    pub unknown: f64,
+    /// What every touch adds to that, counted as the touches are.
+    pub unknown_per_touch: f64,
+}
+
+impl EvidenceStage {
+    /// ln evidence of "none of these" after so many touches, by what they count.
+    #[must_use]
+    pub fn log_unknown(&self, n_touches: f64) -> f64 {
+        self.unknown + self.unknown_per_touch * n_touches
+    }
+}
+
+impl EvidenceCalibration {
+    /// The stage after so many touches.
+    #[must_use]
+    pub fn stage(&self, n_touches: usize) -> &EvidenceStage {
+        &self.stages[n_touches.clamp(1, 3) - 1]
+    }
+}
+
+impl Default for EvidenceCalibration {
+    /// What was learnt on the built-in objects (`docs/equations.md`, hybrid): for catalogues
+    /// that have too few readings, or one object only.
+    fn default() -> Self {
+        let stage = |temperature, unknown, unknown_per_touch| EvidenceStage {
+            temperature,
+            unknown,
+            unknown_per_touch,
+        };
+        Self { stages: [stage(1.0, 0.0, 0.0), stage(1.2, 0.0, 0.0), stage(2.5, 13.0, 8.5)] }
     }
 }

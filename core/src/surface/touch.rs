@@ -77,6 +77,7 @@ fn stretch(image: &TactileImage, sensor: &SensorDescription) -> (DVec2, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::descriptor::Descriptor as _;
     use crate::pose::Pose;
     use crate::reading::SensorId;
     use crate::surface::appearance::{N_AXES, raw_descriptor};

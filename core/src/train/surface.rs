@@ -166,6 +166,7 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
+    use crate::descriptor::Descriptor as _;
     use crate::pose::Pose;
     use crate::reading::SensorId;
     use crate::sensor::SensorDescription;
