@@ -45,7 +45,8 @@ fn touch(object: usize, sensor: &SensorDescription, stream: &mut Stream) -> Read
     let (width, height) = (3.4 + 1.6 * on_sphere.x, 2.0 + 0.9 * on_sphere.y);
     let pressures: Vec<Option<f64>> = (0..sensor.grid().n_taxels())
         .map(|taxel| {
-            let (x, y) = sensor.grid().center(taxel / sensor.grid().cols, taxel % sensor.grid().cols);
+            let (x, y) =
+                sensor.grid().center(taxel / sensor.grid().cols, taxel % sensor.grid().cols);
             let (sin, cos) = spin.sin_cos();
             let (u, v) = ((cos * x - sin * y) / MM / width, (sin * x + cos * y) / MM / height);
             Some(12_000.0 * (-0.5 * (u * u + v * v)).exp() + 40.0 * stream.normal())
@@ -62,7 +63,8 @@ fn touches(object: usize, n: usize, seed: u64) -> Vec<Reading> {
 
 static MODEL: LazyLock<Arc<SurfaceModel>> = LazyLock::new(|| {
     let sensor = six_by_six();
-    let readings: Vec<Vec<Reading>> = (0..N_OBJECTS).map(|object| touches(object, 600, 1)).collect();
+    let readings: Vec<Vec<Reading>> =
+        (0..N_OBJECTS).map(|object| touches(object, 600, 1)).collect();
     let sets: Vec<TrainingSet<'_>> =
         readings.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
     let space = learn_space(&sets, 1).unwrap();

@@ -170,7 +170,7 @@ mod tests {
         for index in 0..5 {
             let truth = some_pose(index);
             let touches: Vec<Sighting> =
-                places(25, 10 + index).iter().map(|place| seen(place, &truth)).collect();
+                places(50, 10 + index).iter().map(|place| seen(place, &truth)).collect();
             let found = refined(&disturbed(&truth), &map, &touches);
             let (moved, turned) = error(found.rotation, found.translation, &truth);
             assert!(moved < 1e-4 && turned < 0.02, "{index}: {moved} m, {turned} rad");

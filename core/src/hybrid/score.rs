@@ -269,7 +269,8 @@ mod tests {
         let place = place.unwrap();
         assert!((place.offset.z - 0.000_8).abs() < 1e-6, "{}", place.offset);
         assert!(place.normal.distance(Vec3::Z) < 1e-5);
-        assert!(place.offset.truncate().length() < 0.001, "{}", place.offset);
+        // The touches nearest to the middle of the voxel, which may be 2.6 mm away.
+        assert!(place.offset.truncate().length() < 0.002_6, "{}", place.offset);
         assert!((place.normal_deviation - 0.1).abs() < 1e-6);
     }
 

@@ -255,13 +255,14 @@ mod tests {
     }
 
     #[test]
-    fn resampling_to_the_same_taxels_changes_little() {
+    fn resampling_to_the_same_taxels_only_smooths() {
         let grid = over_12_mm(6);
         let image = blob(&grid);
         let again = resampled(&image, &grid, &grid);
         for (before, after) in image.pressures.iter().zip(&again.pressures) {
-            // Means over squares flatten the peak a little.
-            assert!((before - after).abs() < 0.04 * image.max(), "{before} {after}");
+            // A triangle of ±2 mm and a square of 2 mm add a variance of 2/3 + 1/3 mm² to the
+            // blob's 9 and 4 mm²: its peak falls to √(9/10 · 4/5) = 0.85.
+            assert!((before - after).abs() < 0.16 * image.max(), "{before} {after}");
         }
     }
 

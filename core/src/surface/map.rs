@@ -143,7 +143,11 @@ mod tests {
         assert_eq!(map.pairs().len(), 3); // of three: 3 · 2 / 2
         assert_eq!((map.patches(), map.layout()), (patches.as_slice(), layout));
         assert_eq!(map.origin_in_training(), DVec3::Y);
-        assert_eq!(map.voxels().near(patches[4].position).next(), Some(4), "looked up all the same");
+        assert_eq!(
+            map.voxels().near(patches[4].position).next(),
+            Some(4),
+            "looked up all the same"
+        );
     }
 
     #[test]

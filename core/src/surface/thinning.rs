@@ -46,16 +46,16 @@ pub fn farthest_first(places: &[(Vec3, Vec3)], n_max: usize) -> Vec<usize> {
 mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
-    use crate::units::MM;
 
-    fn along_x(millimetres: f32) -> (Vec3, Vec3) {
-        (Vec3::new(millimetres * MM as f32, 0.0, 0.0), Vec3::Z)
+    /// A place so many 1024ths of a metre along x, so that distances are exact.
+    fn along_x(n: u8) -> (Vec3, Vec3) {
+        (Vec3::new(f32::from(n) / 1024.0, 0.0, 0.0), Vec3::Z)
     }
 
     #[test]
     fn a_line_is_halved_and_halved_again() {
-        let places: Vec<(Vec3, Vec3)> = (0..=10).map(|n| along_x(n as f32)).collect();
-        // 0, the far end, the middle; then 2, 3, 7 and 8 are all 2 mm from what is there.
+        let places: Vec<(Vec3, Vec3)> = (0..=10).map(along_x).collect();
+        // 0, the far end, the middle; then 2, 3, 7 and 8 are all two steps from what is there.
         assert_eq!(farthest_first(&places, 4), [0, 10, 5, 2]);
     }
 
@@ -78,6 +78,6 @@ mod tests {
     fn both_sides_of_a_thin_wall_stay() {
         // The other side is 1 mm away, but its normal 2: as 12 mm. The neighbour is 10 mm away.
         let back = (Vec3::new(0.0, 0.0, -0.001), Vec3::NEG_Z);
-        assert_eq!(farthest_first(&[along_x(0.0), along_x(10.0), back], 2), [0, 2]);
+        assert_eq!(farthest_first(&[along_x(0), along_x(10), back], 2), [0, 2]);
     }
 }

@@ -184,7 +184,8 @@ mod tests {
     fn space() -> AppearanceSpace {
         let grid = *SensorDescription::digitacts_6x6().grid();
         let dimension = raw_descriptor(&grid).dimension() + 1;
-        let projection = Discriminant { mean: vec![0.0; dimension], axes: vec![vec![1.0; dimension]] };
+        let projection =
+            Discriminant { mean: vec![0.0; dimension], axes: vec![vec![1.0; dimension]] };
         AppearanceSpace::new(grid, projection, Vec::new())
     }
 
