@@ -107,7 +107,7 @@ pub fn run(
         threads: 1,
     };
     let play = |name, prefix, recogniser: &Recogniser, trials, train_seconds| {
-        let played = sessions.play(recogniser, trials, progress)?;
+        let played = sessions.play(recogniser, objects.len(), trials * objects.len(), progress)?;
         anyhow::Ok(Tested { name, prefix, bytes: recogniser.bytes(), train_seconds, played })
     };
     let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };

@@ -73,7 +73,9 @@ impl Recogniser {
     #[must_use]
     pub fn bytes(&self) -> usize {
         match self {
-            Self::Sva { catalogue, .. } => catalogue.objects.iter().map(|o| o.index().bytes()).sum(),
+            Self::Sva { catalogue, .. } => {
+                catalogue.objects.iter().map(|o| o.index().bytes()).sum()
+            }
             Self::Hybrid { model, .. } => model.bytes(),
         }
     }
@@ -215,32 +217,32 @@ pub struct Played {
 }
 
 impl Sessions<'_> {
-    /// Plays `trials` trials of every object, one after the other.
+    /// Plays `n` trials, one after the other: the first trial of each of the first `n_objects`
+    /// objects, then the second of each, and so on.
     ///
     /// # Errors
     /// When the sensor does not fit what was trained.
     pub fn play(
         &self,
         recogniser: &Recogniser,
-        trials: usize,
+        n_objects: usize,
+        n: usize,
         progress: Progress<'_>,
     ) -> anyhow::Result<Played> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
-        let n_objects = self.test.len();
-        let mut steps = Vec::with_capacity(trials * n_objects * self.readings);
+        let mut steps = Vec::with_capacity(n * self.readings);
         let mut cpu = Some(0.0);
-        for trial in 0..trials {
-            for object in 0..n_objects {
-                progress("trials", trial * n_objects + object, trials * n_objects);
-                let readings = self.readings_of(object, trial);
-                let (played, seconds) = pool.install(|| {
-                    let begun = thread_seconds();
-                    let played = self.trial(recogniser, object, trial, &readings);
-                    (played, thread_seconds().zip(begun).map(|(end, begun)| end - begun))
-                });
-                steps.extend(played?);
-                cpu = cpu.zip(seconds).map(|(sum, seconds)| sum + seconds);
-            }
+        for done in 0..n {
+            progress("trials", done, n);
+            let (object, trial) = (done % n_objects, done / n_objects);
+            let readings = self.readings_of(object, trial);
+            let (played, seconds) = pool.install(|| {
+                let begun = thread_seconds();
+                let played = self.trial(recogniser, object, trial, &readings);
+                (played, thread_seconds().zip(begun).map(|(end, begun)| end - begun))
+            });
+            steps.extend(played?);
+            cpu = cpu.zip(seconds).map(|(sum, seconds)| sum + seconds);
         }
         let cpu_ms = cpu.map(|sum| sum * 1e3 / steps.len() as f64);
         Ok(Played { steps, cpu_ms })
@@ -303,7 +305,12 @@ impl Played {
     /// The share of trials that are right after so many readings.
     #[must_use]
     pub fn accuracy(&self, readings: usize) -> f64 {
-        mean(&self.after(readings).map(|step| f64::from(u8::from(step.is_right()))).collect::<Vec<_>>())
+        mean(
+            &self
+                .after(readings)
+                .map(|step| f64::from(u8::from(step.is_right())))
+                .collect::<Vec<_>>(),
+        )
     }
 
     /// A measure of the errors of pose after so many readings.

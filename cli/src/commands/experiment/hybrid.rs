@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 use palpate_core::units::MM;
 use palpate_experiments::hybrid_objects::{self, HybridObjects};
+use palpate_experiments::hybrid_scale::{self, HybridScale};
 use palpate_experiments::report::{Outcome, Progress};
 
 use super::{count, meshes_of, millimetres};
@@ -32,6 +33,69 @@ pub(super) enum HybridExperiment {
         #[arg(long, default_value_t = 10, value_parser = count)]
         readings: usize,
     },
+    /// Catalogues of fifty, a hundred and on demand a thousand objects.
+    HybridScale(ScaleArgs),
+}
+
+/// Which objects catalogues are made of, and how large they are.
+#[derive(Args, Debug)]
+pub(super) struct ScaleArgs {
+    /// A folder of meshes that every catalogue begins with.
+    #[arg(long, value_name = "DIR")]
+    meshes: Option<PathBuf>,
+    /// A folder of further meshes.
+    #[arg(long, value_name = "DIR")]
+    pool: Option<PathBuf>,
+    /// A folder of letters as solids, upper_A to upper_Z.
+    #[arg(long, value_name = "DIR")]
+    letters: Option<PathBuf>,
+    /// Sizes of catalogues.
+    #[arg(long, default_values_t = [50, 100], value_delimiter = ',', value_parser = count)]
+    objects: Vec<usize>,
+    /// Trials an object.
+    #[arg(long, default_value_t = 10, value_parser = count)]
+    trials: usize,
+    /// Sessions of the printed method with each catalogue, which are slow; 0 for none.
+    #[arg(long, default_value_t = 20)]
+    literal_sessions: usize,
+    /// Also grow families of these objects to a thousand; takes long.
+    #[arg(long)]
+    thousand: bool,
+}
+
+impl ScaleArgs {
+    fn config(self, seed: u64) -> HybridScale {
+        let Self { meshes, pool, letters, objects, trials, literal_sessions, thousand } = self;
+        let counts = objects;
+        HybridScale {
+            meshes,
+            pool,
+            letters,
+            counts,
+            thousand,
+            seed,
+            trials,
+            literal_sessions,
+            ..HybridScale::default()
+        }
+    }
+
+    fn line(&self) -> String {
+        let folder = |name: &str, folder: &Option<PathBuf>| {
+            folder.as_ref().map(|at| format!(" --{name} {}", at.display())).unwrap_or_default()
+        };
+        let counts: Vec<String> = self.objects.iter().map(usize::to_string).collect();
+        format!(
+            "hybrid-scale{}{}{} --objects {} --trials {} --literal-sessions {}{}",
+            meshes_of(&self.meshes),
+            folder("pool", &self.pool),
+            folder("letters", &self.letters),
+            counts.join(","),
+            self.trials,
+            self.literal_sessions,
+            if self.thousand { " --thousand" } else { "" }
+        )
+    }
 }
 
 impl HybridExperiment {
@@ -63,6 +127,7 @@ impl HybridExperiment {
                 };
                 hybrid_objects::run(&config, command, progress)
             }
+            Self::HybridScale(args) => hybrid_scale::run(&args.config(seed), command, progress),
         }
     }
 
@@ -81,6 +146,7 @@ impl HybridExperiment {
                  {literal_trials} --train-readings {train_readings} --readings {readings}",
                 meshes_of(meshes)
             ),
+            Self::HybridScale(args) => args.line(),
         }
     }
 }
