@@ -29,6 +29,7 @@ use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, quantile};
+use thousand::Growth;
 
 /// The letters that differ as solids: capitals without U, V, W and Z.
 pub const LETTERS: &str = "ABCDEFGHIJKLMNOPQRSTXY";
@@ -114,7 +115,8 @@ pub fn run(
         let Touched { objects, train, test } = touched;
         // Memory is measured: only the meshes go on.
         drop((train, test));
-        panels.extend(thousand::run(config, objects, &mut report, progress)?);
+        let growth = Growth::default();
+        panels.extend(thousand::run(config, &growth, objects, &mut report, progress)?);
     }
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
 }

@@ -26,29 +26,49 @@ use crate::plot::{Line, Panel};
 use crate::report::{Progress, Report};
 use crate::statistics::{mean, quantile};
 
-/// Sizes of catalogues; each is the beginning of the next.
-const COUNTS: [usize; 5] = [10, 50, 100, 300, 1_000];
+/// How far catalogues grow.
+#[derive(Clone, Debug)]
+pub(super) struct Growth {
+    /// Sizes of catalogues, rising; each is the beginning of the next.
+    counts: Vec<usize>,
+    /// Readings that an object is learnt from.
+    train_readings: usize,
+    /// Readings that an object is tested with.
+    test_readings: usize,
+    /// Objects that the appearance space is learnt from.
+    space_objects: usize,
+    /// Sessions with each catalogue; with a thousand objects not every object has one.
+    sessions: usize,
+}
 
-/// Readings that an object is learnt from.
-const TRAIN_READINGS: usize = 300;
+impl Default for Growth {
+    fn default() -> Self {
+        Self {
+            counts: vec![10, 50, 100, 300, 1_000],
+            train_readings: 300,
+            test_readings: 20,
+            space_objects: 100,
+            sessions: 500,
+        }
+    }
+}
 
-/// Readings that an object is tested with.
-const TEST_READINGS: usize = 20;
+impl Growth {
+    /// The size of the largest catalogue.
+    fn largest(&self) -> usize {
+        self.counts.last().copied().unwrap_or(0)
+    }
 
-/// Objects that the appearance space is learnt from.
-const SPACE_OBJECTS: usize = 100;
-
-/// Sessions with each catalogue; with a thousand objects not every object has one.
-const SESSIONS: usize = 500;
+    /// How the maps are made.
+    fn surface(&self) -> SurfaceConfig {
+        let n = self.train_readings;
+        let layout = SurfaceLayout { pair_patches_max: n, ..SurfaceLayout::default() };
+        SurfaceConfig { patches_max: n, layout }
+    }
+}
 
 /// Readings a session.
 const READINGS: usize = 6;
-
-/// How the maps of large catalogues are made.
-fn surface_config() -> SurfaceConfig {
-    let layout = SurfaceLayout { pair_patches_max: 300, ..SurfaceLayout::default() };
-    SurfaceConfig { patches_max: TRAIN_READINGS, layout }
-}
 
 /// What a catalogue of some size measured.
 struct Measured {
@@ -61,23 +81,24 @@ struct Measured {
 /// Adds the rows and figures of large catalogues; gives their panels.
 pub(super) fn run(
     config: &HybridScale,
+    growth: &Growth,
     parents: Vec<TestObject>,
     report: &mut Report,
     progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Panel>> {
     progress("growing families", 0, 1);
-    let largest = COUNTS[COUNTS.len() - 1];
+    let largest = growth.largest();
     let objects = families(parents, largest, config.seed)?;
-    let (model, test) = learn(config, &objects, progress)?;
+    let (model, test) = learn(config, growth, &objects, progress)?;
     drop(objects);
     if let Some(bytes) = resident_bytes() {
         report.summarise(&format!("rss_bytes_{largest}"), bytes);
     }
     let mut measured = Vec::new();
-    for count in COUNTS {
-        let maps = model.maps[..count].to_vec();
+    for count in &growth.counts {
+        let maps = model.maps[..*count].to_vec();
         let model = SurfaceModel { maps, ..model.clone() };
-        measured.push(measure(config, model, &test, report, progress)?);
+        measured.push(measure(config, growth, model, &test, report, progress)?);
     }
     let slope = |value: fn(&Measured) -> f64| {
         let points = measured.iter().map(|m| ((m.count as f64).ln(), value(m).ln()));
@@ -91,6 +112,7 @@ pub(super) fn run(
 /// The model of all objects, and their test readings.
 fn learn(
     config: &HybridScale,
+    growth: &Growth,
     objects: &[TestObject],
     progress: Progress<'_>,
 ) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
@@ -99,15 +121,15 @@ fn learn(
         progress("touching objects", index, objects.len());
         objects::touch(&objects[index], sensor, n, seed)
     };
-    let train = |index: usize| touch(index, TRAIN_READINGS, 2 * config.seed);
+    let train = |index: usize| touch(index, growth.train_readings, 2 * config.seed);
     let first: Vec<Vec<Reading>> =
-        (0..SPACE_OBJECTS.min(objects.len())).map(train).collect::<anyhow::Result<_>>()?;
+        (0..growth.space_objects.min(objects.len())).map(train).collect::<anyhow::Result<_>>()?;
     let sets: Vec<TrainingSet<'_>> =
         first.iter().map(|readings| TrainingSet { readings, sensor }).collect();
     let space = learn_space(&sets, config.seed)?;
     let map = |readings: &[Reading]| {
         let set = TrainingSet { readings, sensor };
-        map_surface(&set, &space, &surface_config(), Some(DVec3::ZERO)).map(Arc::new)
+        map_surface(&set, &space, &growth.surface(), Some(DVec3::ZERO)).map(Arc::new)
     };
     let mut maps: Vec<Arc<SurfaceMap>> =
         first.iter().map(|readings| map(readings)).collect::<Result<_, _>>()?;
@@ -116,7 +138,7 @@ fn learn(
         maps.push(map(&train(index)?)?);
     }
     let test = (0..objects.len())
-        .map(|index| touch(index, TEST_READINGS, 2 * config.seed + 1))
+        .map(|index| touch(index, growth.test_readings, 2 * config.seed + 1))
         .collect::<anyhow::Result<_>>()?;
     Ok((SurfaceModel { space, calibration: EvidenceCalibration::default(), maps }, test))
 }
@@ -125,6 +147,7 @@ fn learn(
 /// again on two threads for its slowest answers.
 fn measure(
     config: &HybridScale,
+    growth: &Growth,
     model: SurfaceModel,
     test: &[Vec<Reading>],
     report: &mut Report,
@@ -140,13 +163,13 @@ fn measure(
         readings: READINGS,
         threads: 1,
     };
-    let played = sessions.play(&hybrid, count, SESSIONS, progress)?;
+    let played = sessions.play(&hybrid, count, growth.sessions, progress)?;
     let wall = mean(&played.wall_ms());
     let ms = played.cpu_ms.unwrap_or(wall);
     for readings in 1..=READINGS {
         let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
         report.row(vec![
-            ("method", json!("hybrid, 300 touches")),
+            ("method", json!("hybrid, families")),
             ("objects", json!(count)),
             ("readings", json!(readings)),
             ("trials", json!(times.len())),
@@ -157,9 +180,9 @@ fn measure(
             ("bytes", json!(hybrid.bytes())),
         ]);
     }
-    if count == COUNTS[COUNTS.len() - 1] {
+    if count == growth.largest() {
         sessions.threads = 2;
-        let shared = sessions.play(&hybrid, count, SESSIONS, progress)?;
+        let shared = sessions.play(&hybrid, count, growth.sessions, progress)?;
         for readings in [2, 3, 4, READINGS] {
             let key = format!("accuracy_{count}_at_{readings}");
             report.summarise(&key, played.accuracy(readings));
@@ -187,7 +210,7 @@ fn panels(measured: &[Measured]) -> Vec<Panel> {
         x: "objects (log10)".to_owned(),
         y: y.to_owned(),
         lines: vec![Line {
-            name: "hybrid, 300 touches an object".to_owned(),
+            name: "hybrid".to_owned(),
             points: measured.iter().map(|m| ((m.count as f64).log10(), value(m))).collect(),
         }],
     };
@@ -212,9 +235,33 @@ mod tests {
 
     #[test]
     fn the_slope_of_a_power_law_is_its_exponent() {
-        let points: Vec<(f64, f64)> =
-            COUNTS.map(|n| ((n as f64).ln(), (3.0 * (n as f64).powf(0.7)).ln())).to_vec();
-        assert!((slope(&points) - 0.7).abs() < 1e-12);
+        let point = |n: f64| (n.ln(), (3.0 * n.powf(0.7)).ln());
+        assert!((slope(&[10.0, 50.0, 1e3].map(point)) - 0.7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn small_families_are_learnt_and_recognised() {
+        let config = HybridScale { seed: 101, ..HybridScale::default() };
+        let growth = Growth {
+            counts: vec![3, 8],
+            train_readings: 200,
+            test_readings: 10,
+            space_objects: 3,
+            sessions: 16,
+        };
+        let parents = objects::load(None, config.size).unwrap().into_iter().take(4).collect();
+        let mut report = Report::new("test", "test".to_owned(), config.seed);
+        let panels = run(&config, &growth, parents, &mut report, &|_, _, _| ()).unwrap();
+        let summary = &report.summary;
+        assert!(summary["accuracy_8_at_6"] > 0.7, "{summary:?}");
+        for key in ["p99_ms_8", "rss_bytes_8", "ms_per_touch_8", "time_exponent"] {
+            assert!(summary[key].is_finite(), "{key}");
+        }
+        // Maps alike: bytes grow as the objects do.
+        let exponent = summary["memory_exponent"];
+        assert!((0.7..1.3).contains(&exponent), "{exponent}");
+        assert_eq!(report.rows.len(), 2 * READINGS);
+        assert_eq!((panels.len(), panels[0].lines[0].points.len()), (3, 2));
     }
 
     #[test]
