@@ -14,6 +14,8 @@ mod propose;
 mod refine;
 mod score;
 mod sighting;
+#[cfg(test)]
+mod test_support;
 
 use std::sync::Arc;
 
@@ -33,7 +35,7 @@ use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
 use hypothesis::{Hypothesis, merge};
-use propose::{Proposal, propose};
+use propose::{Proposal, partners, propose};
 use score::{Kernel, Turned};
 use sighting::Sighting;
 
@@ -61,6 +63,8 @@ pub struct HybridBelief {
     anchor: DVec3,
     touches: Vec<Sighting>,
     objects: Vec<ObjectState>,
+    /// What the objects' evidence is of: 0 nothing, 1 looks, 2 a pair, 3 hypotheses.
+    stage: usize,
     n_readings: usize,
 }
 
@@ -100,6 +104,7 @@ impl HybridBelief {
             kernel: Kernel::new(&options),
             anchor: DVec3::ZERO,
             touches: Vec::new(),
+            stage: 0,
             n_readings: 0,
             model,
             options,
@@ -136,6 +141,7 @@ impl HybridBelief {
 
     /// After one touch only its appearance tells objects apart.
     fn compare_looks(&mut self) {
+        self.stage = 1;
         let touch = &self.touches[0];
         for_each_object(&mut self.objects, &self.model.maps, |state, map| {
             let sum: f32 = map.patches().iter().map(|patch| touch.appearance(&patch.feature)).sum();
@@ -145,6 +151,11 @@ impl HybridBelief {
 
     /// After two touches the density of stored pairs like theirs does, better than any pose.
     fn compare_pairs(&mut self) {
+        // Two touches at one and the same place are no pair: what the first one said stays.
+        if self.objects.iter().all(|state| state.pair.looks <= 0.0) {
+            return;
+        }
+        self.stage = 2;
         let n_objects = self.objects.len().max(1) as f32;
         let sum: f32 = self.objects.iter().map(|state| state.pair.geometry).sum();
         let usual = VISITED_WEIGHT * sum / n_objects;
@@ -180,7 +191,8 @@ impl HybridBelief {
             return;
         }
         let budget = &self.options.budget;
-        let partners = self.partners(if poor { budget.partners_if_poor } else { budget.partners });
+        let n_partners = if poor { budget.partners_if_poor } else { budget.partners };
+        let partners = partners(&self.touches, n_partners);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
         self.propose(&partners, reach);
     }
@@ -249,23 +261,6 @@ impl HybridBelief {
         last.unwrap_or(f64::NEG_INFINITY).max(best - reach)
     }
 
-    /// The `n` earlier touches whose pair with the newest fixes a pose best: a long way off,
-    /// and with a normal that is not along the way.
-    fn partners(&self, n: usize) -> Vec<usize> {
-        let [earlier @ .., newest] = self.touches.as_slice() else { return Vec::new() };
-        let rate = |(index, touch): (usize, &Sighting)| {
-            let offset = newest.position - touch.position;
-            let distance = offset.length();
-            let axis = offset / distance.max(1e-6);
-            let across = |normal: glam::Vec3| normal.cross(axis).length();
-            let fixed = across(newest.normal).max(across(touch.normal));
-            (distance.min(0.05) * (0.1 + fixed), index)
-        };
-        let mut rated: Vec<(f32, usize)> = earlier.iter().enumerate().map(rate).collect();
-        rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        rated.into_iter().take(n).map(|(_, index)| index).collect()
-    }
-
     /// Refines the best hypotheses of all objects, at most three each.
     fn refine(&mut self) {
         let mut best: Vec<(f32, usize, usize)> = Vec::new();
@@ -289,6 +284,11 @@ impl HybridBelief {
 
     /// Sums up what the hypotheses of each object say, and that all touches fit nowhere.
     fn weigh(&mut self) {
+        // Without a pair there is no pose yet: what the first touch looked like stays.
+        if self.objects.iter().all(|state| state.hypotheses.is_empty()) {
+            return;
+        }
+        self.stage = 3;
         let floor = f64::from(self.kernel.floor()) * self.counted();
         for state in &mut self.objects {
             let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
@@ -313,12 +313,11 @@ impl HybridBelief {
 
     /// The probability of each object, then of none of them.
     fn probabilities(&self) -> Vec<f64> {
-        let n = self.touches.len();
-        if n == 0 {
+        if self.stage == 0 {
             let logs = self.log_prior.iter().map(|log| log + (1.0 - self.options.unknown).ln());
             return normalize(&logs.chain([self.options.unknown.ln()]).collect::<Vec<f64>>());
         }
-        let stage = self.model.calibration.stage(n);
+        let stage = self.model.calibration.stage(self.stage);
         let known = (1.0 - self.options.unknown).ln() + (self.objects.len() as f64).ln();
         let both = self.objects.iter().zip(&self.log_prior);
         let logs =

@@ -40,6 +40,8 @@ pub mod surface;
 
 pub mod model;
 
+pub mod symmetry;
+
 pub mod belief;
 
 pub mod train;

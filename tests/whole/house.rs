@@ -43,6 +43,7 @@ const CORE_ORDER: &[&str] = &[
     "filter",
     "surface",
     "model",
+    "symmetry",
     "belief",
     "train",
     "recognise",

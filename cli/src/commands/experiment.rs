@@ -4,6 +4,7 @@
 //! when it is run where that file is.
 
 mod appearance;
+mod hybrid;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,12 +19,14 @@ use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_nam
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
 use palpate_experiments::sva_objects::{self, SvaObjects};
+use palpate_experiments::symmetry::{self, SymmetryTrials};
 use palpate_server::{Config, Server};
 use palpate_sim::rig::RigNoise;
 
 use crate::output::{Output, table};
 use crate::progress::StepProgress;
 use appearance::AppearanceExperiment;
+use hybrid::HybridExperiment;
 
 /// The page that states every figure.
 const RESULTS: &str = "docs/results.md";
@@ -92,8 +95,16 @@ enum Experiment {
     },
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
     Covering,
+    /// Symmetries found from touches: objects and the letters I and O as solids.
+    Symmetry {
+        /// A folder of meshes; the built-in objects when not given.
+        #[arg(long, value_name = "DIR")]
+        meshes: Option<PathBuf>,
+    },
     #[command(flatten)]
     Appearance(AppearanceExperiment),
+    #[command(flatten)]
+    Hybrid(HybridExperiment),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput {
         /// Readings that are posted in each setting.
@@ -182,7 +193,14 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = Covering { seed, ..Covering::default() };
             on_a_thread(move || covering::run(&config, command, &show)).await?
         }
+        Experiment::Symmetry { meshes } => {
+            let config = SymmetryTrials { meshes, seed, ..SymmetryTrials::default() };
+            on_a_thread(move || symmetry::run(&config, command, &show)).await?
+        }
         Experiment::Appearance(experiment) => {
+            on_a_thread(move || experiment.run(seed, command, &show)).await?
+        }
+        Experiment::Hybrid(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
         Experiment::ServerThroughput { readings } => {
@@ -223,7 +241,9 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
             format!("contact-rates{} --touches {touches}", meshes_of(meshes))
         }
         Experiment::Covering => "covering".to_owned(),
+        Experiment::Symmetry { meshes } => format!("symmetry{}", meshes_of(meshes)),
         Experiment::Appearance(experiment) => experiment.line(),
+        Experiment::Hybrid(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }

@@ -99,7 +99,7 @@ fn run_trial(
     for _ in 0..READINGS.min(held_back.readings.len()) {
         let reading = left.swap_remove(stream.index(left.len()));
         belief.add(reading, held_back.sensor);
-        let Some(stage) = belief.touches.len().checked_sub(1) else { continue };
+        let Some(stage) = belief.stage.checked_sub(1) else { continue };
         let evidence = |o: usize| belief.objects[o].log_evidence;
         let mut others: Vec<f64> =
             (0..model.maps.len()).filter(|o| *o != object).map(evidence).collect();
@@ -107,7 +107,7 @@ fn run_trial(
         let best = others[0];
         others.retain(|log| *log > best - 60.0);
         let counted = belief.counted();
-        samples.push(Sample { stage: stage.min(2), counted, own: evidence(object), others });
+        samples.push(Sample { stage, counted, own: evidence(object), others });
     }
     samples
 }

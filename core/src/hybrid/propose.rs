@@ -95,6 +95,23 @@ pub(super) fn propose(
     Some(Proposed { geometry, evidence: total / n_pairs, looks, proposals })
 }
 
+/// The `n` earlier touches whose pair with the newest, the last, fixes a pose best: a long way
+/// off, and with a normal that is not along the way.
+pub(super) fn partners(touches: &[Sighting], n: usize) -> Vec<usize> {
+    let [earlier @ .., newest] = touches else { return Vec::new() };
+    let rate = |(index, touch): (usize, &Sighting)| {
+        let offset = newest.position - touch.position;
+        let distance = offset.length();
+        let axis = offset / distance.max(1e-6);
+        let across = |normal: Vec3| normal.cross(axis).length();
+        let fixed = across(newest.normal).max(across(touch.normal));
+        (distance.min(0.05) * (0.1 + fixed), index)
+    };
+    let mut rated: Vec<(f32, usize)> = earlier.iter().enumerate().map(rate).collect();
+    rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    rated.into_iter().take(n).map(|(_, index)| index).collect()
+}
+
 /// How much likelier the stretch of both contacts, seen from the axis between them, is on a
 /// stored pair than in any direction.
 fn alignment(touches: [&Sighting; 2], patches: [&SurfacePatch; 2], options: &HybridOptions) -> f32 {
@@ -151,5 +168,111 @@ fn poses(observed: [(Vec3, Vec3); 2], stored: [(Vec3, Vec3); 2], found: &mut Vec
         let rotation = (Quat::from_axis_angle(axis, angle) * onto_axis).normalize();
         let translation = middle - Mat3::from_quat(rotation) * stored_middle;
         found.push(Proposal { rotation, translation });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::hybrid::test_support::{error, map_of, places, seen, single, some_pose};
+    use crate::pose::Pose;
+    use crate::surface::Touch;
+
+    #[test]
+    fn an_exact_pair_proposes_the_exact_pose() {
+        let options = HybridOptions::default();
+        let places = places(200, 0);
+        let map = map_of(&places);
+        for (index, pair) in places.chunks_exact(2).take(20).enumerate() {
+            let pose = some_pose(index as u64);
+            let [a, b] = [&pair[0], &pair[1]].map(|place| seen(place, &pose));
+            // In either order of the touches.
+            for touches in [[&a, &b], [&b, &a]] {
+                let proposed = propose(&map, touches, &options).unwrap();
+                let exact = proposed.proposals.iter().any(|proposal| {
+                    let (moved, turned) = error(proposal.rotation, proposal.translation, &pose);
+                    moved < 1e-5 && turned < 1e-3
+                });
+                assert!(exact, "pair {index} of {} proposals", proposed.proposals.len());
+                assert!(proposed.evidence > 0.0 && proposed.geometry > 0.0);
+                assert!((proposed.looks[0] - 1.0).abs() < 1e-4, "all look alike");
+            }
+        }
+    }
+
+    /// Two places 20 mm apart along x, with these normals.
+    fn pair(normals: [DVec3; 2]) -> [Touch; 2] {
+        let place = |x: f64, normal| Touch {
+            position: DVec3::new(x, 0.0, 0.0),
+            normal,
+            ..places(1, 0).remove(0)
+        };
+        [place(-0.010, normals[0]), place(0.010, normals[1])]
+    }
+
+    #[test]
+    fn the_mirror_image_of_a_pair_proposes_nothing() {
+        let tilted = DVec3::new(0.0, 0.8, 0.6);
+        let map = map_of(&pair([DVec3::Z, tilted]));
+        let mirrored = pair([DVec3::Z, DVec3::new(0.0, -0.8, 0.6)]);
+        let options = HybridOptions::default();
+        let count = |places: &[Touch; 2]| {
+            let touches = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
+            propose(&map, [&touches[0], &touches[1]], &options).unwrap().proposals.len()
+        };
+        // Its other end looks the same: a pose for either order.
+        assert_eq!(count(&pair([DVec3::Z, tilted])), 2);
+        assert_eq!(count(&mirrored), 0);
+    }
+
+    #[test]
+    fn normals_along_the_axis_leave_the_turn_open_and_all_turns_are_tried() {
+        let places = pair([DVec3::NEG_X, DVec3::X]);
+        let map = map_of(&places);
+        let pose = some_pose(3);
+        let touches = [&places[0], &places[1]].map(|place| seen(place, &pose));
+        let options = HybridOptions::default();
+        let proposed = propose(&map, [&touches[0], &touches[1]], &options).unwrap();
+        // Eight turns for either order of the pair, which looks the same from both ends.
+        assert_eq!(proposed.proposals.len(), 16);
+        let errors = proposed.proposals.iter().map(|p| error(p.rotation, p.translation, &pose));
+        let nearest = errors.map(|(_, turned)| turned).fold(f64::INFINITY, f64::min);
+        assert!(nearest < std::f64::consts::PI / 8.0 + 1e-3, "{nearest}");
+    }
+
+    #[test]
+    fn partners_are_far_and_face_across_the_way() {
+        let at = |x: f64, normal: DVec3| {
+            let position = DVec3::new(x, 0.0, 0.0);
+            seen(&Touch { position, normal, ..places(1, 0).remove(0) }, &Pose::IDENTITY)
+        };
+        // 10 mm across: 0.010 · 1.1; 30 mm along: 0.030 · 0.1; 80 mm counts as 50: 0.050 · 1.1.
+        let touches = [at(0.010, DVec3::Z), at(0.030, DVec3::X), at(0.080, DVec3::Y)];
+        let newest = at(0.0, DVec3::X);
+        let all = [touches.as_slice(), &[newest]].concat();
+        assert_eq!(partners(&all, 2), [2, 0]);
+        assert_eq!(partners(&all, 9), [2, 0, 1]);
+        assert_eq!(partners(&all[..1], 2), [0; 0]);
+    }
+
+    #[test]
+    fn a_pair_at_one_place_is_none_and_the_best_few_are_kept() {
+        let places = places(300, 0);
+        let map = map_of(&places);
+        let [a, b] = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
+        let defaults = HybridOptions::default();
+        assert!(propose(&map, [&a, &a], &defaults).is_none());
+        let all = propose(&map, [&a, &b], &defaults).unwrap();
+        let mut options = defaults;
+        options.budget.proposals_per_object = 3;
+        let few = propose(&map, [&a, &b], &options).unwrap();
+        assert_eq!(few.proposals.len(), 3);
+        let (first, best) = (&few.proposals[0], &all.proposals[0]);
+        assert_eq!(first.translation, best.translation);
+        let (rotation, translation) = single(&Pose::IDENTITY);
+        assert!(first.translation.distance(translation) < 1e-5, "{first:?}");
+        assert!(first.rotation.dot(rotation).abs() > 1.0 - 1e-5);
     }
 }

@@ -91,7 +91,7 @@ fn linearise(
     let mut system = System { hessian: Matrix6::zeros(), gradient: Vector6::zeros() };
     let pose = Turned::new(hypothesis.rotation, hypothesis.translation);
     let session_from_object = pose.object_from_session.transpose();
-    let along = options.scale.along.powi(-2);
+    let along = kernel.along(map);
     let across = options.refinement.across.powi(-2);
     for touch in touches {
         let Some(place) = kernel.place(map, &pose, touch) else { continue };
@@ -140,4 +140,78 @@ fn moves(arm: Vec3) -> Matrix3x6<f64> {
 
 fn column(v: Vec3) -> Vector3<f64> {
     Vector3::new(v.x.into(), v.y.into(), v.z.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::hybrid::test_support::{error, map_of, places, seen, single, some_pose};
+    use crate::pose::Pose;
+
+    fn refined(start: &Pose, map: &SurfaceMap, touches: &[Sighting]) -> Hypothesis {
+        let options = HybridOptions::default();
+        let (rotation, translation) = single(start);
+        let mut hypothesis = Hypothesis { rotation, translation, score: 0.0 };
+        refine(&mut hypothesis, map, touches, &Kernel::new(&options), &options);
+        hypothesis
+    }
+
+    /// A pose 2 mm and 0.08 rad off.
+    fn disturbed(truth: &Pose) -> Pose {
+        let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.05, -0.05, 0.037));
+        Pose::from_parts(turn * truth.rotation, truth.translation + DVec3::splat(0.001_15))
+    }
+
+    #[test]
+    fn a_disturbed_pose_is_found_again_to_a_tenth_of_a_millimetre() {
+        let map = map_of(&places(4_000, 0));
+        for index in 0..5 {
+            let truth = some_pose(index);
+            let touches: Vec<Sighting> =
+                places(50, 10 + index).iter().map(|place| seen(place, &truth)).collect();
+            let found = refined(&disturbed(&truth), &map, &touches);
+            let (moved, turned) = error(found.rotation, found.translation, &truth);
+            assert!(moved < 1e-4 && turned < 0.02, "{index}: {moved} m, {turned} rad");
+        }
+    }
+
+    #[test]
+    fn a_wild_touch_does_not_pull() {
+        let map = map_of(&places(4_000, 0));
+        let truth = some_pose(1);
+        let mut touches: Vec<Sighting> =
+            places(25, 11).iter().map(|place| seen(place, &truth)).collect();
+        let without = refined(&truth, &map, &touches);
+        // 5 mm above the surface is still within reach of the map's look-up.
+        let above = 0.005 * touches[0].normal;
+        touches[0].position += above;
+        let with = refined(&truth, &map, &touches);
+        let apart = without.translation.distance(with.translation);
+        assert!(apart < 5e-5, "{apart}");
+    }
+
+    #[test]
+    fn more_touches_make_a_pose_surer_and_never_surer_than_the_map() {
+        let map = map_of(&places(2_000, 0));
+        let truth = some_pose(2);
+        let touches: Vec<Sighting> =
+            places(25, 12).iter().map(|place| seen(place, &truth)).collect();
+        let options = HybridOptions::default();
+        let (rotation, translation) = single(&truth);
+        let hypothesis = Hypothesis { rotation, translation, score: 0.0 };
+        let kernel = Kernel::new(&options);
+        let of = |touches: &[Sighting]| covariance(&hypothesis, &map, touches, &kernel, &options);
+        // Nothing known: (20 mm)² + (0.2 mm)² and 0.5² + 0.01² rad².
+        let none = of(&[]);
+        assert!((none[(0, 0)] - 4.0004e-4).abs() < 1e-9 && (none[(5, 5)] - 0.2501).abs() < 1e-9);
+        let (few, many) = (of(&touches[..3]), of(&touches));
+        for axis in 0..6 {
+            assert!(many[(axis, axis)] < few[(axis, axis)], "{axis}");
+            assert!(few[(axis, axis)] <= none[(axis, axis)] + 1e-12, "{axis}");
+        }
+        assert!((0..3).all(|axis| many[(axis, axis)] >= 0.000_2f64.powi(2)));
+        assert!((many - many.transpose()).abs().max() < 1e-12 && many.cholesky().is_some());
+    }
 }

@@ -12,7 +12,8 @@ use super::options::{HybridOptions, RefinementScale};
 use super::sighting::Sighting;
 use crate::surface::{SurfaceMap, SurfacePatch};
 
-/// No touch is explained better than this (ln): the bound of early termination.
+/// Touches are taken to be explained no better than this (ln) when hopeless poses are given up.
+/// It is no strict bound: a rare look on a map of few touches can exceed it.
 const SCORE_MAX: f32 = 14.0;
 
 /// Patches that face this far away (cosine) say nothing of the height of the surface.
@@ -26,7 +27,7 @@ pub(super) struct Kernel {
     normal_variance: f32,
     direction: f32,
     outliers: f32,
-    /// Workspace volume times the spatial Gaussian's peak, times 1 − outliers.
+    /// Workspace volume times the peak of the Gaussian across, times 1 − outliers.
     peak: f32,
     refinement: RefinementScale,
 }
@@ -74,10 +75,10 @@ pub(super) struct Place {
 impl Kernel {
     pub(super) fn new(options: &HybridOptions) -> Self {
         let scale = &options.scale;
-        let peak = std::f32::consts::TAU.powf(-1.5) / (scale.across * scale.along.powi(2));
+        let peak = std::f32::consts::TAU.powf(-1.5) / scale.across;
         Self {
             across: scale.across.powi(-2),
-            along: scale.along.powi(-2),
+            along: scale.along,
             normal_variance: scale.normal.powi(2),
             direction: scale.direction,
             outliers: scale.outliers,
@@ -91,18 +92,27 @@ impl Kernel {
         self.outliers.ln()
     }
 
+    /// The inverse variance along a map's surface: touches of a map that lie far apart explain
+    /// what lies between them.
+    #[inline]
+    pub(super) fn along(&self, map: &SurfaceMap) -> f32 {
+        self.along.max(map.spacing()).powi(-2)
+    }
+
     /// The score of one touch under a pose.
     #[inline]
     pub(super) fn score(&self, map: &SurfaceMap, pose: &Turned, touch: &Sighting) -> f32 {
         let contact = pose.contact(touch);
         let patches = map.patches();
+        let along = self.along(map);
         let mut sum = 0.0;
         for index in map.voxels().near(contact.point) {
             let patch = &patches[usize::from(index)];
-            let log = self.log_kernel(self.across, patch, &contact, touch);
+            let log = self.log_kernel([self.across, along], patch, &contact, touch);
             sum += log.exp() * touch.appearance_of_pose(&patch.feature);
         }
-        touch.weight * (self.peak * sum / patches.len() as f32 + self.outliers).ln()
+        let peak = self.peak * along / patches.len() as f32;
+        touch.weight * (peak * sum + self.outliers).ln()
     }
 
     /// The score of all touches, newest first; given up (`None`) once it cannot reach `bar`.
@@ -130,10 +140,11 @@ impl Kernel {
         let contact = pose.contact(touch);
         let (mut offset, mut normal, mut deviation, mut total) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
         let (mut height, mut heights) = (0.0, 0.0);
+        let along = self.along(map);
         for index in map.voxels().near(contact.point) {
             let patch = &map.patches()[usize::from(index)];
             // As wide across as along: what matters is which patches, not how high.
-            let log = self.log_kernel(self.along, patch, &contact, touch);
+            let log = self.log_kernel([along, along], patch, &contact, touch);
             let weight = log.exp() * touch.appearance_of_pose(&patch.feature) + 1e-12;
             let off = contact.point - patch.position;
             normal += weight * patch.normal;
@@ -144,9 +155,9 @@ impl Kernel {
             let agreement = patch.normal.dot(contact.normal);
             if agreement >= FACING_MIN {
                 let above = off.dot(patch.normal);
-                let along = off.length_squared() - above * above;
+                let flat = off.length_squared() - above * above;
                 let smoothing = self.refinement.smoothing.powi(2);
-                let weight = (-along / smoothing).exp() * agreement + 1e-6;
+                let weight = (-flat / smoothing).exp() * agreement + 1e-6;
                 height += weight * above;
                 heights += weight;
             }
@@ -163,7 +174,7 @@ impl Kernel {
     #[inline]
     fn log_kernel(
         &self,
-        across: f32,
+        [across, along]: [f32; 2],
         patch: &SurfacePatch,
         contact: &Contact,
         touch: &Sighting,
@@ -171,7 +182,7 @@ impl Kernel {
         let off = contact.point - patch.position;
         let height = off.dot(patch.normal);
         let square = height * height;
-        let spatial = square * across + (off.length_squared() - square) * self.along;
+        let spatial = square * across + (off.length_squared() - square) * along;
         // Von Mises–Fisher relative to an even distribution of normals: 2κ exp κ(cos − 1).
         let kappa = (patch.normal_deviation.powi(2) + self.normal_variance).recip();
         let facing = kappa * (patch.normal.dot(contact.normal) - 1.0);
@@ -193,4 +204,109 @@ pub(super) fn log_aligned(concentration: f32, cosine: f32) -> f32 {
 fn log_bessel(kappa: f32) -> f32 {
     let square = 1.0 + kappa * kappa;
     square.sqrt() - 1.0 - 0.25 * square.ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::TAU;
+
+    use super::*;
+    use crate::hybrid::test_support::{map_of, places, seen, single, some_pose};
+    use crate::pose::Pose;
+    use crate::surface::Touch;
+
+    fn turned(pose: &Pose) -> Turned {
+        let (rotation, translation) = single(pose);
+        Turned::new(rotation, translation)
+    }
+
+    #[test]
+    fn a_touch_on_the_only_patch_scores_as_computed_by_hand() {
+        // 0.99 · 0.064 m³ / ((2π)^1.5 · 0.7 mm · (4 mm)²) = 3.592e5; κ = 1/(0.1² + 0.12²) = 40.98;
+        // appearance 0.95/1 + 0.05 = 1: ln(3.592e5 · 2 · 40.98 + 0.01) = 17.198.
+        let place = places(1, 0);
+        let kernel = Kernel::new(&HybridOptions::default());
+        let pose = some_pose(0);
+        let score = kernel.score(&map_of(&place), &turned(&pose), &seen(&place[0], &pose));
+        assert!((score - 17.198).abs() < 0.02, "{score}");
+    }
+
+    #[test]
+    fn away_from_the_object_the_share_of_outliers_stays() {
+        let kernel = Kernel::new(&HybridOptions::default());
+        let map = map_of(&places(200, 0));
+        let pose = some_pose(0);
+        let mut place = places(1, 1).remove(0);
+        place.position *= 3.0;
+        let mut sighting = seen(&place, &pose);
+        assert!((kernel.score(&map, &turned(&pose), &sighting) - 0.01f32.ln()).abs() < 1e-5);
+        assert!((kernel.floor() - 0.01f32.ln()).abs() < 1e-6);
+        assert!(kernel.place(&map, &turned(&pose), &sighting).is_none());
+        sighting.weight = 0.25;
+        let quarter = 0.25 * 0.01f32.ln();
+        assert!((kernel.score(&map, &turned(&pose), &sighting) - quarter).abs() < 1e-5);
+    }
+
+    #[test]
+    fn all_touches_score_as_one_by_one_unless_hopeless() {
+        let kernel = Kernel::new(&HybridOptions::default());
+        let map = map_of(&places(500, 0));
+        let (truth, wrong) = (some_pose(0), some_pose(1));
+        let touches: Vec<Sighting> = places(6, 1).iter().map(|p| seen(p, &truth)).collect();
+        let pose = turned(&truth);
+        let sum: f32 = touches.iter().map(|touch| kernel.score(&map, &pose, touch)).sum();
+        let all = kernel.score_all(&map, &pose, &touches, 0.0).unwrap();
+        assert!((all - sum).abs() < 1e-3 * sum, "{all} {sum}");
+        assert!(sum > 6.0 * 5.0, "{sum}");
+        assert_eq!(kernel.score_all(&map, &turned(&wrong), &touches, sum - 12.0), None);
+        let floor = 6.0 * kernel.floor();
+        let hopeless = kernel.score_all(&map, &turned(&wrong), &touches, f32::NEG_INFINITY);
+        assert!(hopeless.unwrap() < floor + 20.0);
+    }
+
+    #[test]
+    fn a_touch_above_a_plane_is_placed_as_high_as_it_is() {
+        let kernel = Kernel::new(&HybridOptions::default());
+        let flat = |x: f64, y: f64, z: f64| Touch {
+            position: glam::DVec3::new(x, y, z) * 0.001,
+            normal: glam::DVec3::Z,
+            ..places(1, 0).remove(0)
+        };
+        let grid = (0..400).map(|n| flat(f64::from(n % 20), f64::from(n / 20), 0.0));
+        let map = map_of(&grid.collect::<Vec<_>>());
+        let pose = some_pose(2);
+        let place = kernel.place(&map, &turned(&pose), &seen(&flat(9.3, 10.4, 0.8), &pose));
+        let place = place.unwrap();
+        assert!((place.offset.z - 0.000_8).abs() < 1e-6, "{}", place.offset);
+        assert!(place.normal.distance(Vec3::Z) < 1e-5);
+        // The touches nearest to the middle of the voxel, which may be 2.6 mm away.
+        assert!(place.offset.truncate().length() < 0.002_6, "{}", place.offset);
+        assert!((place.normal_deviation - 0.1).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_bessel_function_is_met_as_promised() {
+        for kappa in [0.0f32, 0.01, 0.5, 1.0, 2.0, 4.0, 10.0, 50.0] {
+            // ln of the mean of exp κ cos φ over a turn, which is I₀.
+            let n = 4_000;
+            let angle = |step: i32| f64::from(step) * std::f64::consts::TAU / f64::from(n);
+            let sum: f64 = (0..n).map(|step| (f64::from(kappa) * angle(step).cos()).exp()).sum();
+            let exact = (sum / f64::from(n)).ln() as f32;
+            assert!((log_bessel(kappa) - exact).abs() < 0.085, "{kappa}: {exact}");
+        }
+        assert!(log_bessel(0.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn directions_of_any_angle_weigh_one_in_the_mean() {
+        for concentration in [0.0, 0.3, 1.0, 4.0] {
+            let n = 1_000;
+            let weight = |step: i32| log_aligned(concentration, (step as f32 * TAU / 1e3).cos());
+            let mean = (0..n).map(|step| weight(step).exp()).sum::<f32>() / n as f32;
+            assert!((mean - 1.0).abs() < 0.09, "{concentration}: {mean}");
+        }
+        let along = log_aligned(2.0, 1.0);
+        assert!((log_aligned(2.0, -1.0) - along).abs() < 1e-6, "without sign");
+        assert!((along - log_aligned(2.0, 0.0) - 4.0).abs() < 1e-5, "2κ from along to across");
+    }
 }

@@ -33,9 +33,9 @@ pub(super) struct Sighting {
 
 /// How features are compared, and how dense touches anywhere are at this one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Looks {
-    softness: f32,
-    density: f32,
+pub(super) struct Looks {
+    pub(super) softness: f32,
+    pub(super) density: f32,
 }
 
 impl Sighting {
@@ -50,6 +50,11 @@ impl Sighting {
             softness,
             density: space.density_anywhere(&touch.feature, softness),
         };
+        Self::with_looks(touch, anchor, looks(scale.appearance), looks(scale.appearance_of_pose))
+    }
+
+    /// A touch whose looks are compared in given ways.
+    pub(super) fn with_looks(touch: &Touch, anchor: DVec3, sharp: Looks, soft: Looks) -> Self {
         Self {
             position: (touch.position - anchor).as_vec3(),
             normal: touch.normal.as_vec3(),
@@ -57,8 +62,8 @@ impl Sighting {
             elongation: touch.elongation as f32,
             weight: 1.0,
             feature: touch.feature,
-            sharp: looks(scale.appearance),
-            soft: looks(scale.appearance_of_pose),
+            sharp,
+            soft,
         }
     }
 
@@ -83,5 +88,45 @@ impl Sighting {
     #[inline]
     pub(super) fn appearance_of_pose(&self, other: &StoredFeature) -> f32 {
         ratio(&self.feature, other, self.soft.softness, self.soft.density)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hybrid::test_support::{LOOKS, places, seen, some_pose};
+    use crate::pose::Pose;
+
+    #[test]
+    fn a_repeated_touch_counts_less() {
+        let mut place = places(1, 0).remove(0);
+        place.normal = DVec3::Z;
+        let first = seen(&place, &Pose::IDENTITY);
+        assert!((first.clone().weighed(&[]).weight - 1.0).abs() < 1e-6);
+        let again = |off: DVec3, normal: DVec3| {
+            let moved = Touch { position: place.position + off, normal, ..place.clone() };
+            seen(&moved, &Pose::IDENTITY).weighed(std::slice::from_ref(&first)).weight
+        };
+        assert!((again(DVec3::ZERO, DVec3::Z) - 0.25).abs() < 1e-6, "never less than a quarter");
+        assert!((again(DVec3::X * 0.001_5, DVec3::Z) - 0.5).abs() < 1e-4, "1.5 mm of 3");
+        assert!((again(DVec3::X * 0.003, DVec3::Z) - 1.0).abs() < 1e-4);
+        // Turned by a right angle: 6 mm · √2 apart.
+        assert!((again(DVec3::ZERO, DVec3::X) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_kilometre_away_a_touch_is_the_same_beside_its_anchor() {
+        let pose = some_pose(1);
+        let far = Pose::from_parts(pose.rotation, pose.translation + DVec3::splat(1_000.0));
+        for place in places(20, 1) {
+            let sighting = |pose: &Pose, anchor: DVec3| {
+                let position = *pose * place.position;
+                let touch = Touch { position, ..place.clone() };
+                Sighting::with_looks(&touch, anchor, LOOKS, LOOKS).position
+            };
+            let near = sighting(&pose, pose.translation);
+            let away = sighting(&far, far.translation);
+            assert!(near.distance(away) < 1e-8, "{near} {away}");
+        }
     }
 }

@@ -193,3 +193,118 @@ fn at(image: &TactileImage, grid: &TaxelGrid, x: f64, y: f64) -> f64 {
     (1.0 - dr) * ((1.0 - dc) * image.at(r, c) + dc * image.at(r, c1))
         + dr * ((1.0 - dc) * image.at(r1, c) + dc * image.at(r1, c1))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::MM;
+
+    /// 12 mm in `side` × `side` taxels without gaps.
+    fn over_12_mm(side: usize) -> TaxelGrid {
+        let pitch = 12.0 * MM / side as f64;
+        TaxelGrid { rows: side, cols: side, pitch, taxel_width: pitch }
+    }
+
+    /// A contact 3 mm wide and 2 mm high (deviations), off the centre, as taxels would read it.
+    fn blob(grid: &TaxelGrid) -> TactileImage {
+        let at = |x: f64, y: f64| {
+            let (x, y) = ((x / MM - 0.7) / 3.0, (y / MM + 0.4) / 2.0);
+            10.0 * KPA * (-0.5 * (x * x + y * y)).exp()
+        };
+        let taxels = (0..grid.n_taxels()).map(|n| grid.center(n / grid.cols, n % grid.cols));
+        let pressures = taxels.map(|(x, y)| at(x, y)).collect();
+        TactileImage { rows: grid.rows, cols: grid.cols, pressures }
+    }
+
+    fn mean(image: &TactileImage) -> f64 {
+        image.pressures.iter().sum::<f64>() / image.pressures.len() as f64
+    }
+
+    /// A projection onto single entries of the raw feature, the peak last.
+    fn space(grid: TaxelGrid, anywhere: Vec<StoredFeature>) -> AppearanceSpace {
+        let dimension = raw_descriptor(&grid).dimension() + 1;
+        let entries = [0, 1, 2, dimension - 1];
+        let axis = |entry: usize| (0..dimension).map(|n| f64::from(u8::from(n == entry))).collect();
+        let axes = entries.into_iter().map(axis).collect();
+        AppearanceSpace::new(grid, Discriminant { mean: vec![0.0; dimension], axes }, anywhere)
+    }
+
+    #[test]
+    fn equal_features_agree_fully_and_others_as_student_says() {
+        let feature = [1.5, -2.0, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert!((kernel(&feature, &stored(&feature), 0.6) - 1.0).abs() < 1e-6);
+        // A squared distance of three times the softness: (1 + 1)^(−11/2) = 0.022097.
+        let mut other = feature;
+        other[7] = 3.0;
+        assert!((kernel(&other, &stored(&feature), 3.0) - 0.022_097).abs() < 1e-5);
+        // 0.95 · 1/0.5 + 0.05; and however unlike, the share of outliers stays.
+        assert!((ratio(&feature, &stored(&feature), 0.6, 0.5) - 1.95).abs() < 1e-5);
+        other[7] = 1e6;
+        assert!((ratio(&other, &stored(&feature), 0.6, 0.5) - 0.05).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_stored_feature_stays_within_its_range() {
+        // 16 steps a deviation: −3.1 is −49.6, rounded; beyond ±8 is the end.
+        let feature = [-3.1, 1e9, -1e9, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(stored(&feature), [-50, 127, -128, 0, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn density_anywhere_is_the_mean_agreement_and_never_nothing() {
+        let feature = [0.0; N_AXES];
+        let mut far = [0; N_AXES];
+        far[0] = 127;
+        let both = space(over_12_mm(6), vec![[0; N_AXES], far]);
+        assert!((both.density_anywhere(&feature, 0.6) - 0.5).abs() < 1e-4);
+        assert!(space(over_12_mm(6), Vec::new()).density_anywhere(&feature, 0.6) > 0.0);
+    }
+
+    #[test]
+    fn resampling_to_the_same_taxels_only_smooths() {
+        let grid = over_12_mm(6);
+        let image = blob(&grid);
+        let again = resampled(&image, &grid, &grid);
+        for (before, after) in image.pressures.iter().zip(&again.pressures) {
+            // A triangle of ±2 mm and a square of 2 mm add a variance of 2/3 + 1/3 mm² to the
+            // blob's 9 and 4 mm²: its peak falls to √(9/10 · 4/5) = 0.85.
+            assert!((before - after).abs() < 0.16 * image.max(), "{before} {after}");
+        }
+    }
+
+    #[test]
+    fn finer_and_coarser_taxels_keep_the_mean_pressure() {
+        let (coarse, fine) = (over_12_mm(6), over_12_mm(14));
+        for (from, to) in [(coarse, fine), (fine, coarse)] {
+            let image = blob(&from);
+            let seen = resampled(&image, &from, &to);
+            assert_eq!((seen.rows, seen.cols), (to.rows, to.cols));
+            assert!((mean(&seen) / mean(&image) - 1.0).abs() < 0.02);
+        }
+        let even = TactileImage { rows: 14, cols: 14, pressures: vec![3.0; 196] };
+        let seen = resampled(&even, &fine, &coarse);
+        assert!(seen.pressures.iter().all(|p| (p - 3.0).abs() < 1e-9), "{seen:?}");
+    }
+
+    #[test]
+    fn outside_the_array_nothing_is_felt() {
+        let grid = over_12_mm(6);
+        let wide = TaxelGrid { rows: 10, cols: 10, ..grid };
+        let even = TactileImage { rows: 6, cols: 6, pressures: vec![3.0; 36] };
+        let seen = resampled(&even, &grid, &wide);
+        assert!(seen.at(0, 0).abs() < 1e-12 && (seen.at(5, 5) - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn another_sensor_feels_nearly_the_same() {
+        let (coarse, fine) = (over_12_mm(6), over_12_mm(14));
+        let space = space(coarse, Vec::new());
+        let own = space.feature(&blob(&coarse), &coarse);
+        let other = space.feature(&blob(&fine), &fine);
+        let size = own.iter().map(|value| value.abs()).fold(0.0, f32::max);
+        assert!(size > 0.5, "{own:?}");
+        for (a, b) in own.iter().zip(&other) {
+            assert!((a - b).abs() < 0.1 * size, "{own:?} {other:?}");
+        }
+    }
+}

@@ -73,3 +73,65 @@ fn stretch(image: &TactileImage, sensor: &SensorDescription) -> (DVec2, f64) {
     let angle = 0.5 * across.atan2(along);
     (DVec2::from_angle(angle), (along.hypot(across) / total).min(1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::descriptor::Descriptor as _;
+    use crate::pose::Pose;
+    use crate::reading::SensorId;
+    use crate::surface::appearance::{N_AXES, raw_descriptor};
+    use crate::units::MM;
+    use crate::vocabulary::discriminant::Discriminant;
+
+    fn space(sensor: &SensorDescription) -> AppearanceSpace {
+        let dimension = raw_descriptor(sensor.grid()).dimension() + 1;
+        let axes = vec![vec![1.0; dimension]];
+        let projection = Discriminant { mean: vec![0.0; dimension], axes };
+        AppearanceSpace::new(*sensor.grid(), projection, Vec::new())
+    }
+
+    fn touch_of(rows: &[&str], pose: Pose) -> Option<Touch> {
+        let sensor = SensorDescription::digitacts_6x6();
+        let pressure = |c| Some(if c == '#' { 10_000.0 } else { 0.0 });
+        let pressures: Vec<Option<f64>> = rows.concat().chars().map(pressure).collect();
+        let reading = Reading::new(SensorId(0), &sensor, &pressures, pose).unwrap();
+        observe_touch(&reading, &sensor, &space(&sensor))
+    }
+
+    #[test]
+    fn elongation_is_how_much_the_moments_differ() {
+        // 2 × 4 taxels: variances along x and y are 1.25 and 0.25, so 1 / 1.5.
+        let rows = ["......", "......", ".####.", ".####.", "......", "......"];
+        let touch = touch_of(&rows, Pose::IDENTITY).unwrap();
+        assert!((touch.elongation - 1.0 / 1.5).abs() < 1e-9, "{}", touch.elongation);
+        assert!((touch.direction.x.abs() - 1.0).abs() < 1e-9, "{}", touch.direction);
+        let line = ["#.....", ".#....", "..#...", "...#..", "....#.", ".....#"];
+        let touch = touch_of(&line, Pose::IDENTITY).unwrap();
+        assert!((touch.elongation - 1.0).abs() < 1e-9);
+        assert!((touch.direction.x * touch.direction.y - 0.5).abs() < 1e-9, "{}", touch.direction);
+        let square = ["......", "......", "..##..", "..##..", "......", "......"];
+        assert!(touch_of(&square, Pose::IDENTITY).unwrap().elongation.abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_touch_moves_with_its_sensor_and_looks_the_same() {
+        // Two columns right of the centre: x = 4 mm. A quarter turn about x takes y to z.
+        let rows = ["....##", "....##", "....##", "....##", "....##", "....##"];
+        let turn = glam::DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+        let pose = Pose::from_parts(turn, DVec3::new(1.0, 2.0, 3.0));
+        let (still, moved) = (touch_of(&rows, Pose::IDENTITY), touch_of(&rows, pose));
+        let (still, moved) = (still.unwrap(), moved.unwrap());
+        assert!(moved.position.distance(DVec3::new(1.0 + 4.0 * MM, 2.0, 3.0)) < 1e-12);
+        // The sensor looks along its +z; what it touches faces back: −z, turned to +y.
+        assert!(moved.normal.distance(DVec3::Y) < 1e-12, "{}", moved.normal);
+        assert!((moved.direction.z.abs() - 1.0).abs() < 1e-9, "{}", moved.direction);
+        assert_eq!(moved.feature.map(f32::to_bits), still.feature.map(f32::to_bits));
+        assert!(still.feature[0].abs() > 1e-3 && still.feature[N_AXES - 1].abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_press_that_touched_nothing_is_no_touch() {
+        assert_eq!(touch_of(&["......"; 6], Pose::IDENTITY), None);
+    }
+}

@@ -169,13 +169,103 @@ fn normal_deviation(index: usize, places: &[(Vec3, Vec3)]) -> f32 {
     let reach = SAME_PLACE as f32;
     // As if one neighbour 0.15 rad off were known: few neighbours say little.
     let (mut squares, mut weight) = (0.15f32.powi(2), 1.0);
-    for (other, facing) in places {
+    for (neighbour, (other, facing)) in places.iter().enumerate() {
         let cosine = normal.dot(*facing);
-        if position.distance_squared(*other) < reach * reach && cosine > 0.5 && cosine < 1.0 - 1e-6
-        {
+        let near = position.distance_squared(*other) < reach * reach;
+        if neighbour != index && near && cosine > 0.5 {
             squares += 2.0 * (1.0 - cosine);
             weight += 1.0;
         }
     }
     (squares / weight).sqrt().clamp(*NORMAL_DEVIATION.start(), *NORMAL_DEVIATION.end())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::descriptor::Descriptor as _;
+    use crate::pose::Pose;
+    use crate::reading::SensorId;
+    use crate::sensor::SensorDescription;
+    use crate::surface::appearance::raw_descriptor;
+    use crate::vocabulary::discriminant::Discriminant;
+
+    /// A press at a place (mm) on a face that looks along `normal`, as hard as `pressure` (Pa).
+    fn press(millimetres: [f64; 3], normal: DVec3, pressure: f64) -> Reading {
+        let sensor = SensorDescription::digitacts_6x6();
+        let turn = DQuat::from_rotation_arc(DVec3::Z, -normal);
+        let pose = Pose::from_parts(turn, DVec3::from_array(millimetres) * MM);
+        Reading::new(SensorId(0), &sensor, &[Some(pressure); 36], pose).unwrap()
+    }
+
+    fn space() -> AppearanceSpace {
+        let grid = *SensorDescription::digitacts_6x6().grid();
+        let dimension = raw_descriptor(&grid).dimension() + 1;
+        let projection =
+            Discriminant { mean: vec![0.0; dimension], axes: vec![vec![1.0; dimension]] };
+        AppearanceSpace::new(grid, projection, Vec::new())
+    }
+
+    #[test]
+    fn touches_of_one_place_are_near_and_face_the_same_way() {
+        let [up, down] = [DVec3::Z, DVec3::NEG_Z];
+        let readings = [
+            press([0.0, 0.0, 0.0], up, 5e3),
+            press([2.0, 0.0, 0.0], up, 5e3),
+            press([0.0, 1.0, 0.0], down, 5e3),
+            press([2.0, 3.5, 0.0], up, 5e3),
+        ];
+        let readings: Vec<&Reading> = readings.iter().collect();
+        // The third is nearer to the first but faces away; the fourth is 3.5 mm off.
+        assert_eq!(same_places(&readings, SAME_PLACE, SAME_FACING), [[0, 1], [1, 0]]);
+    }
+
+    #[test]
+    fn normals_scatter_as_far_as_the_neighbours_turn() {
+        let turned = |angle: f32| Vec3::new(angle.sin(), 0.0, angle.cos());
+        let at = |x: f32, angle: f32| (Vec3::new(x, 0.0, 0.0), turned(angle));
+        // Alone: what is assumed.
+        assert!((normal_deviation(0, &[at(0.0, 0.0), at(0.01, 0.0)]) - 0.15).abs() < 1e-6);
+        // One neighbour 0.3 rad off: √((0.0225 + 2(1 − cos 0.3))/2) = 0.23645.
+        let off = normal_deviation(0, &[at(0.0, 0.0), at(0.001, 0.3)]);
+        assert!((off - 0.236_45).abs() < 1e-4, "{off}");
+        // Three neighbours that do not turn at all: √(0.0225/4) = 0.075, at least 0.08.
+        let flat: Vec<(Vec3, Vec3)> = (0..4).map(|n| at(0.000_5 * n as f32, 0.0)).collect();
+        assert!((normal_deviation(1, &flat) - 0.08).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_map_has_its_origin_in_the_middle_of_the_touches_or_where_it_is_told() {
+        let sensor = SensorDescription::digitacts_6x6();
+        let readings: Vec<Reading> =
+            (0..20).map(|n| press([f64::from(n), 50.0, 0.0], DVec3::Z, 5e3)).collect();
+        let set = TrainingSet { readings: &readings, sensor: &sensor };
+        let config = SurfaceConfig { patches_max: 7, ..SurfaceConfig::default() };
+        let map = map_surface(&set, &space(), &config, None).unwrap();
+        // Touches at x = 0 to 19 mm: 9.5 in the mean.
+        assert!(map.origin_in_training().distance(DVec3::new(9.5 * MM, 50.0 * MM, 0.0)) < 1e-9);
+        assert_eq!(map.patches().len(), 7);
+        // The first touch, then the one farthest from it.
+        assert!((map.patches()[0].position - Vec3::new(-0.009_5, 0.0, 0.0)).length() < 1e-6);
+        assert!((map.patches()[1].position - Vec3::new(0.009_5, 0.0, 0.0)).length() < 1e-6);
+        let map = map_surface(&set, &space(), &config, Some(DVec3::ZERO)).unwrap();
+        assert!((map.patches()[0].position - Vec3::new(0.0, 0.05, 0.0)).length() < 1e-6);
+    }
+
+    #[test]
+    fn what_cannot_be_trained_is_refused() {
+        let sensor = SensorDescription::digitacts_6x6();
+        let set = |readings| TrainingSet { readings, sensor: &sensor };
+        let nothing = [press([0.0; 3], DVec3::Z, 0.0)];
+        assert_eq!(learn_space(&[set(&nothing)], 1), Err(TrainError::NothingTouched));
+        let apart = [press([0.0; 3], DVec3::Z, 5e3), press([9.0; 3], DVec3::Z, 5e3)];
+        let few = MapError::TooFew { found: 0, expected: 2 };
+        assert_eq!(learn_space(&[set(&apart[..1])], 1), Err(TrainError::Map(few)));
+        let few = MapError::TooFew { found: 2, expected: 10 };
+        let config = SurfaceConfig::default();
+        let error = map_surface(&set(&apart), &space(), &config, None).unwrap_err();
+        assert_eq!(error, TrainError::Map(few));
+    }
 }

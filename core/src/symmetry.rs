@@ -1,0 +1,82 @@
+//! Symmetry: the rotations that leave an object as it is, discovered from its touches.
+//!
+//! Not part of the dissertation, whose angles are plain. Only rotations count: no pose mirrors
+//! an object. Found is what the geometry of touches shows: what only images tell apart, such
+//! as holes too small to enter, does not break a symmetry here.
+//! Frames: the object's. Not here: symmetries of letters in the plane (`metric`).
+
+mod cells;
+mod cloud;
+mod discover;
+mod fit;
+mod group;
+mod line;
+mod orbit;
+mod seeds;
+mod verify;
+
+#[cfg(test)]
+mod tests;
+
+use glam::DVec3;
+
+use crate::model::MapPatch;
+
+pub use discover::ORDER_MAX;
+
+/// A map of fewer patches is too coarse for a symmetry to be told from none.
+pub const PATCHES_MIN: usize = 60;
+
+/// The rotations that leave an object as it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Symmetry {
+    /// A point that no symmetry moves, object frame, metres: of those the nearest to the
+    /// origin; the origin itself for an object without symmetry.
+    pub center: DVec3,
+    /// All axes, the highest order first. Beside a continuous axis one axis of order 2 stands
+    /// for all across it; three continuous axes are a ball.
+    pub axes: Vec<SymmetryAxis>,
+}
+
+/// A line about which an object can be turned without a trace.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SymmetryAxis {
+    /// A point of it, object frame, metres: the centre.
+    pub point: DVec3,
+    /// Its direction, object frame, norm 1.
+    pub direction: DVec3,
+    /// By which angles.
+    pub order: AxisOrder,
+}
+
+/// By which angles an object can be turned about an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AxisOrder {
+    /// By multiples of 1/n of a turn, n from 2 to [`ORDER_MAX`].
+    Finite(u8),
+    /// By every angle, as far as touches tell.
+    Continuous,
+}
+
+impl Symmetry {
+    /// An object that only looks like itself.
+    pub const NONE: Self = Self { center: DVec3::ZERO, axes: Vec::new() };
+
+    /// The symmetry of an object from the patches of its map; [`Symmetry::NONE`] when there are
+    /// fewer than [`PATCHES_MIN`].
+    ///
+    /// Turns about the axes that the spread of the patches leaves possible are laid onto the
+    /// map, and kept when they explain its patches as well as these explain each other; the
+    /// turns that are left make a group. Equal patches give an equal answer on any number of
+    /// threads.
+    #[must_use]
+    pub fn of_patches(patches: &[MapPatch]) -> Self {
+        if patches.len() < PATCHES_MIN { Self::NONE } else { discover::discover(patches) }
+    }
+
+    /// A symmetry whose axes (directions of norm 1) meet in a point (metres).
+    fn through(center: DVec3, axes: &[(DVec3, AxisOrder)]) -> Self {
+        let axis = |&(direction, order)| SymmetryAxis { point: center, direction, order };
+        Self { center, axes: axes.iter().map(axis).collect() }
+    }
+}

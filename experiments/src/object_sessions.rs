@@ -1,0 +1,335 @@
+//! Sessions with objects: what the experiments on the hybrid recogniser share.
+//!
+//! A trial draws a pose (any rotation, ±200 mm along each axis) and presents test readings of
+//! one object, drawn at random; after each one the recogniser answers. Trial n of an object is
+//! the same for every recogniser, however many trials each plays. Errors of pose count only
+//! when the identity is right; angles are given plain and modulo the object's symmetry.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+use palpate_core::belief::answer::Answer;
+use palpate_core::hybrid::{HybridBelief, HybridOptions};
+use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
+use palpate_core::model::{Catalogue, MapPatch, ObjectIdx};
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::recognise::{SvaBelief, SvaOptions};
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::surface::SurfaceMap;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
+use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_core::units::MM;
+use rayon::prelude::*;
+
+use crate::report::Progress;
+use crate::statistics::mean;
+
+/// How far from the session's origin objects are placed along each axis, metres.
+const REACH: f64 = 200.0 * MM;
+
+/// Poses that an answer states.
+const N_MODES: usize = 8;
+
+/// A trained recogniser.
+pub enum Recogniser {
+    /// Spatially varying appearance, section 5.5.1.
+    Sva {
+        /// What it knows.
+        catalogue: Arc<Catalogue>,
+        /// How it works.
+        options: SvaOptions,
+    },
+    /// Propose, verify, refine.
+    Hybrid {
+        /// What it knows.
+        model: Arc<SurfaceModel>,
+        /// How it works.
+        options: HybridOptions,
+    },
+}
+
+enum Belief {
+    Sva(SvaBelief),
+    Hybrid(HybridBelief),
+}
+
+impl Recogniser {
+    fn begin(&self) -> anyhow::Result<Belief> {
+        Ok(match self {
+            Self::Sva { catalogue, options } => {
+                Belief::Sva(SvaBelief::new(catalogue.clone(), *options, None)?)
+            }
+            Self::Hybrid { model, options } => {
+                Belief::Hybrid(HybridBelief::new(model.clone(), *options, None)?)
+            }
+        })
+    }
+
+    /// Bytes that its maps take in memory.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        match self {
+            Self::Sva { catalogue, .. } => {
+                catalogue.objects.iter().map(|o| o.index().bytes()).sum()
+            }
+            Self::Hybrid { model, .. } => model.bytes(),
+        }
+    }
+}
+
+impl Belief {
+    fn add(&mut self, reading: &Reading, sensor: &SensorDescription) -> anyhow::Result<Answer> {
+        match self {
+            Self::Sva(belief) => {
+                belief.add(reading, sensor)?;
+                Ok(belief.answer(N_MODES))
+            }
+            Self::Hybrid(belief) => {
+                belief.add(reading, sensor);
+                Ok(belief.answer(N_MODES))
+            }
+        }
+    }
+}
+
+/// Trains spatially varying appearance; the objects' frames are those of their meshes.
+///
+/// # Errors
+/// When the readings cannot be learnt from.
+pub fn train_sva(
+    readings: &[Vec<Reading>],
+    sensor: &SensorDescription,
+    training: &TrainingConfig,
+    options: SvaOptions,
+    seed: u64,
+) -> anyhow::Result<Recogniser> {
+    let sets: Vec<TrainingSet<'_>> =
+        readings.iter().map(|readings| TrainingSet { readings, sensor }).collect();
+    let vocabulary = learn_vocabulary(&sets, training, seed)?;
+    let map = |set| map_object(set, &vocabulary, training, Some(DVec3::ZERO)).map(Arc::new);
+    let objects: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
+    let catalogue = Catalogue {
+        vocabulary,
+        association: training.association,
+        objects: objects?,
+        geometry: None,
+        appearance: None,
+        surface: None,
+    };
+    Ok(Recogniser::Sva { catalogue: Arc::new(catalogue), options })
+}
+
+/// Trains the hybrid recogniser, uncalibrated (which object is named does not depend on it);
+/// the objects' frames are those of their meshes.
+///
+/// # Errors
+/// When the readings cannot be learnt from.
+pub fn train_hybrid(
+    readings: &[Vec<Reading>],
+    sensor: &SensorDescription,
+    surface: &SurfaceConfig,
+    seed: u64,
+) -> anyhow::Result<Arc<SurfaceModel>> {
+    let sets: Vec<TrainingSet<'_>> =
+        readings.iter().map(|readings| TrainingSet { readings, sensor }).collect();
+    let space = learn_space(&sets, seed)?;
+    let map = |set| map_surface(set, &space, surface, Some(DVec3::ZERO)).map(Arc::new);
+    let maps: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
+    let calibration = EvidenceCalibration::default();
+    Ok(Arc::new(SurfaceModel { space, calibration, maps: maps? }))
+}
+
+/// The symmetry of an object as its map shows it.
+#[must_use]
+pub fn symmetry_of(map: &SurfaceMap) -> Symmetry {
+    let patch = |patch: &palpate_core::surface::SurfacePatch| MapPatch {
+        position: patch.position.to_array(),
+        normal: patch.normal.to_array(),
+        normal_confidence: 1.0,
+    };
+    Symmetry::of_patches(&map.patches().iter().map(patch).collect::<Vec<_>>())
+}
+
+/// How far a stated pose is from the true one.
+#[derive(Clone, Copy, Debug)]
+pub struct PoseError {
+    /// Distance of the origins, metres.
+    pub translation: f64,
+    /// Angle modulo the object's symmetry, rad.
+    pub angle: f64,
+    /// Angle of the orientations as they are, rad.
+    pub plain_angle: f64,
+}
+
+/// What a recogniser answered after one reading of one trial.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// The true object.
+    pub object: usize,
+    /// The trial, from 0 for each object.
+    pub trial: usize,
+    /// Readings so far.
+    pub readings: usize,
+    /// The object that was named.
+    pub named: usize,
+    /// Its stated probability.
+    pub probability: f64,
+    /// Of the pose, when the right object was named.
+    pub error: Option<PoseError>,
+    /// Wall time of the reading, answer included, milliseconds.
+    pub wall_ms: f64,
+}
+
+impl Step {
+    /// Whether the right object was named.
+    #[must_use]
+    pub fn is_right(&self) -> bool {
+        self.named == self.object
+    }
+}
+
+/// What is presented to recognisers.
+pub struct Sessions<'a> {
+    /// The sensor of the test readings.
+    pub sensor: &'a SensorDescription,
+    /// The test readings of each object.
+    pub test: &'a [Vec<Reading>],
+    /// The symmetry of each object.
+    pub symmetries: &'a [Symmetry],
+    /// The seed of poses and of the choice of readings.
+    pub seed: u64,
+    /// Readings a trial.
+    pub readings: usize,
+    /// Threads that a reading may be worked on with.
+    pub threads: usize,
+}
+
+/// All steps of some trials.
+pub struct Played {
+    /// In the order of trials, then objects, then readings.
+    pub steps: Vec<Step>,
+    /// Processor time of a reading in the mean, answer included, milliseconds; with one thread
+    /// it is that of one core. `None` where the system does not tell.
+    pub cpu_ms: Option<f64>,
+}
+
+impl Sessions<'_> {
+    /// Plays `n` trials, one after the other: the first trial of each of the first `n_objects`
+    /// objects, then the second of each, and so on.
+    ///
+    /// # Errors
+    /// When the sensor does not fit what was trained.
+    pub fn play(
+        &self,
+        recogniser: &Recogniser,
+        n_objects: usize,
+        n: usize,
+        progress: Progress<'_>,
+    ) -> anyhow::Result<Played> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
+        let mut steps = Vec::with_capacity(n * self.readings);
+        let mut cpu = Some(0.0);
+        for done in 0..n {
+            progress("trials", done, n);
+            let (object, trial) = (done % n_objects, done / n_objects);
+            let readings = self.readings_of(object, trial);
+            let (played, seconds) = pool.install(|| {
+                let begun = thread_seconds();
+                let played = self.trial(recogniser, object, trial, &readings);
+                (played, thread_seconds().zip(begun).map(|(end, begun)| end - begun))
+            });
+            steps.extend(played?);
+            cpu = cpu.zip(seconds).map(|(sum, seconds)| sum + seconds);
+        }
+        let cpu_ms = cpu.map(|sum| sum * 1e3 / steps.len() as f64);
+        Ok(Played { steps, cpu_ms })
+    }
+
+    fn index(&self, object: usize, trial: usize) -> u64 {
+        (trial * self.test.len() + object) as u64
+    }
+
+    fn true_pose(&self, object: usize, trial: usize) -> Pose {
+        let mut stream = Stream::new(self.seed, Purpose::ObjectPose, self.index(object, trial));
+        let position = DVec3::from_array([0; 3].map(|_| stream.uniform(-REACH, REACH)));
+        Pose::from_parts(stream.rotation(), position)
+    }
+
+    fn readings_of(&self, object: usize, trial: usize) -> Vec<Reading> {
+        let pose = self.true_pose(object, trial);
+        let mut choice = Stream::new(self.seed, Purpose::ReadingChoice, self.index(object, trial));
+        let test = &self.test[object];
+        (0..self.readings).map(|_| test[choice.index(test.len())].moved_by(pose)).collect()
+    }
+
+    fn trial(
+        &self,
+        recogniser: &Recogniser,
+        object: usize,
+        trial: usize,
+        readings: &[Reading],
+    ) -> anyhow::Result<Vec<Step>> {
+        let mut belief = recogniser.begin()?;
+        let truth = self.true_pose(object, trial);
+        let mut steps = Vec::with_capacity(readings.len());
+        for (before, reading) in readings.iter().enumerate() {
+            let started = Instant::now();
+            let answer = belief.add(reading, self.sensor)?;
+            let wall_ms = started.elapsed().as_secs_f64() * 1e3;
+            let named = answer.best_object().unwrap_or(ObjectIdx(0)).0 as usize;
+            let mode = answer.modes.iter().find(|mode| mode.object.0 as usize == object);
+            let error = mode.filter(|_| named == object).map(|mode| {
+                let found = mode.session_from_object;
+                PoseError {
+                    translation: found.distance_to(&truth),
+                    angle: self.symmetries[object].distance(&found, &truth).1,
+                    plain_angle: found.angle_to(&truth),
+                }
+            });
+            let (readings, probability) = (before + 1, answer.probabilities[named]);
+            steps.push(Step { object, trial, readings, named, probability, error, wall_ms });
+        }
+        Ok(steps)
+    }
+}
+
+impl Played {
+    /// The steps after so many readings.
+    pub fn after(&self, readings: usize) -> impl Iterator<Item = &Step> {
+        self.steps.iter().filter(move |step| step.readings == readings)
+    }
+
+    /// The share of trials that are right after so many readings.
+    #[must_use]
+    pub fn accuracy(&self, readings: usize) -> f64 {
+        mean(
+            &self
+                .after(readings)
+                .map(|step| f64::from(u8::from(step.is_right())))
+                .collect::<Vec<_>>(),
+        )
+    }
+
+    /// A measure of the errors of pose after so many readings.
+    pub fn errors(&self, readings: usize, of: impl Fn(&PoseError) -> f64) -> Vec<f64> {
+        self.after(readings).filter_map(|step| step.error.as_ref().map(&of)).collect()
+    }
+
+    /// Wall time of each reading, milliseconds.
+    #[must_use]
+    pub fn wall_ms(&self) -> Vec<f64> {
+        self.steps.iter().map(|step| step.wall_ms).collect()
+    }
+}
+
+/// The processor time of this thread, seconds; Linux only. What other programs do meanwhile
+/// does not count.
+fn thread_seconds() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
+    Some(nanoseconds * 1e-9)
+}
