@@ -25,6 +25,10 @@ pub enum Purpose {
     ReadingChoice = 5,
     /// Shapes of generated objects.
     Shape = 6,
+    /// Where a blind arm goes next, and what it feels there.
+    Exploration = 11,
+    /// How an object moves when it is touched.
+    Perturbation = 12,
 }
 
 /// A reproducible stream of random numbers.

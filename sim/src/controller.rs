@@ -86,9 +86,13 @@ pub enum Outcome {
     Missed,
     /// A bound was reached before the controllers came to rest, or the contact was lost.
     NoConvergence,
+    /// What carries the sensor could not follow a command.
+    Unreachable,
 }
 
 /// Touches the object from `object_from_sensor` along the sensor's +z; noise from `stream`.
+///
+/// The sensor goes wherever it is commanded, as if nothing carried it.
 #[must_use]
 pub fn touch(
     simulator: &PressSimulator,
@@ -96,9 +100,27 @@ pub fn touch(
     config: &ContactConfig,
     stream: &mut Stream,
 ) -> Outcome {
+    touch_carried(simulator, object_from_sensor, config, stream, &mut |_| true)
+}
+
+/// Touches like [`touch`] with a sensor that something carries.
+///
+/// `carry` hears every commanded `object_from_sensor` and answers whether the sensor got
+/// there; the first command that is not followed ends the touch.
+#[must_use]
+pub fn touch_carried(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    config: &ContactConfig,
+    stream: &mut Stream,
+    carry: &mut dyn FnMut(Pose) -> bool,
+) -> Outcome {
     let Some(first_contact) = approach(simulator, object_from_sensor, config, stream) else {
         return Outcome::Missed;
     };
+    if !carry(first_contact) {
+        return Outcome::Unreachable;
+    }
     let mut object_from_sensor = first_contact;
     let mut travel_left = config.travel_max;
     for round in 1..=config.rounds_max {
@@ -111,10 +133,16 @@ pub fn touch(
         if object_from_sensor.distance_to(&first_contact) > config.walk_max {
             return Outcome::NoConvergence;
         }
+        if !carry(object_from_sensor) {
+            return Outcome::Unreachable;
+        }
         match orient::command(simulator.sensor(), &pressed.pressures, config) {
             Some(rotation) => {
                 let turned = object_from_sensor.rotation * rotation;
                 object_from_sensor = Pose::from_parts(turned, object_from_sensor.translation);
+                if !carry(object_from_sensor) {
+                    return Outcome::Unreachable;
+                }
             }
             None => {
                 return Outcome::Converged(Contact {
@@ -130,7 +158,7 @@ pub fn touch(
 }
 
 /// A pose moved along its own z, metres.
-fn advanced(object_from_sensor: Pose, travel: f64) -> Pose {
+pub(crate) fn advanced(object_from_sensor: Pose, travel: f64) -> Pose {
     object_from_sensor * Pose::from_parts(glam::DQuat::IDENTITY, glam::DVec3::Z * travel)
 }
 
@@ -340,6 +368,27 @@ mod tests {
         let hasty = ContactConfig { rounds_max: 1, ..config };
         let outcome = touch(&simulator, above(50.0 * MM, 0.3), &hasty, &mut stream);
         assert!(!matches!(outcome, Outcome::Converged(_)));
+    }
+
+    #[test]
+    fn a_sensor_that_is_carried_is_told_every_pose_and_stops_when_it_cannot_follow() {
+        let (simulator, config, _) = setup(sphere(30.0 * MM, 60));
+        let touch_within = |n_followed: usize| {
+            let mut stream = Stream::new(1, Purpose::SensorNoise, 0);
+            let mut poses = Vec::new();
+            let start = above(35.0 * MM, 0.2);
+            let outcome = touch_carried(&simulator, start, &config, &mut stream, &mut |pose| {
+                poses.push(pose);
+                poses.len() <= n_followed
+            });
+            (outcome, poses)
+        };
+        let (outcome, poses) = touch_within(usize::MAX);
+        let contact = converged(outcome);
+        // First contact, then a press a round and a turn in every round but the last.
+        assert_eq!(poses.len(), 2 * contact.rounds);
+        assert_eq!(poses.last(), Some(&contact.object_from_sensor));
+        assert_eq!(touch_within(2), (Outcome::Unreachable, poses[..3].to_vec()));
     }
 
     #[test]
