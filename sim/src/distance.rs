@@ -38,6 +38,23 @@ pub(crate) fn segment_to_triangle_squared(from: DVec3, to: DVec3, corners: &[DVe
     edges.min(ends)
 }
 
+/// Whether a segment meets the box of half sides `half` around the origin.
+pub(crate) fn segment_meets_box(from: DVec3, to: DVec3, half: DVec3) -> bool {
+    let (middle, way) = (0.5 * (from + to), 0.5 * (to - from));
+    let reach = way.abs();
+    if middle.abs().cmpgt(half + reach).any() {
+        return false;
+    }
+    // The axes across the segment; a margin keeps rounding from parting what touches.
+    let across = middle.cross(way).abs();
+    let room = DVec3::new(
+        half.y * reach.z + half.z * reach.y,
+        half.x * reach.z + half.z * reach.x,
+        half.x * reach.y + half.y * reach.x,
+    );
+    !across.cmpgt(room + 1e-12 * half.length_squared()).any()
+}
+
 /// The squared distance of a point to a triangle's plane if it lies straight above or below
 /// the triangle; infinite if not.
 fn above_triangle_squared(point: DVec3, &[a, b, c]: &[DVec3; 3]) -> f64 {
@@ -103,6 +120,29 @@ mod tests {
         // From 0..1 to 3..4 on the next line: 2 along, 1 across.
         assert!((square(DVec3::ZERO, x, 3.0 * x + y, 4.0 * x + y) - 5.0).abs() < 1e-15);
         assert!((square(x, x, 4.0 * y, 4.0 * y) - 17.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_segment_meets_a_box_when_a_point_of_it_is_inside() {
+        let half = DVec3::new(0.2, 0.3, 0.4);
+        let mut stream = Stream::new(2, Purpose::Shape, 0);
+        let mut n_met = 0;
+        for _ in 0..2000 {
+            let mut point = || stream.direction() * stream.uniform(0.0, 1.0);
+            let (from, to) = (point(), point());
+            let inside = |grown: f64| {
+                (0..=1000).any(|step| {
+                    let at = from.lerp(to, f64::from(step) / 1000.0).abs();
+                    at.cmple(half + grown).all()
+                })
+            };
+            let meets = segment_meets_box(from, to, half);
+            // Points are taken 2 mm apart at most, so a grazing segment may have none inside.
+            assert!(meets || !inside(0.0), "{from} to {to}");
+            assert!(!meets || inside(0.002), "{from} to {to}");
+            n_met += usize::from(meets);
+        }
+        assert!((400..1600).contains(&n_met), "{n_met} of 2000");
     }
 
     #[test]

@@ -20,6 +20,8 @@ pub mod sampler;
 
 pub mod arm;
 
+pub mod explore;
+
 pub mod shapes;
 
 pub mod render;

@@ -1,8 +1,8 @@
 //! Inverse kinematics: angles that put the sensor where it is wanted.
 //!
-//! Damped least squares whose damping falls with the error (Sugihara 2011), within the joints'
-//! limits, begun anew from disturbed starts when it gets stuck. An angle counts as the way it
-//! moves a point [`LEVER`] from the sensor's origin, so that all errors are metres.
+//! Damped least squares with Levenberg's choice of the damping, within the joints' limits,
+//! begun anew from disturbed starts when it gets stuck, as at stretched links. An angle counts
+//! as the way it moves a point [`LEVER`] from the sensor's origin: all errors are metres.
 
 use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
@@ -16,14 +16,19 @@ use super::{Arm, Configuration, Placement};
 const LEVER: f64 = 50.0 * MM;
 /// The longest error (metres) that one iteration works on.
 const ERROR_MAX: f64 = 60.0 * MM;
-/// Damping that remains when the error is gone, square metres.
-const DAMPING_MIN: f64 = 1e-8;
+/// Bounds of the damping, square metres; above the higher one no step helps any more.
+const DAMPING_MIN: f64 = 1e-9;
+const DAMPING_MAX: f64 = 10.0;
+/// How much more each restart disturbs the angles, radians.
+const RESTART_STEP: f64 = 0.12;
 
 /// Where the sensor is wanted, in the session frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// A whole `session_from_sensor`.
     Pose(Pose),
+    /// A position of the sensor's origin, metres; its orientation is free.
+    Position(DVec3),
     /// A position and where the sensor looks; its turn about that direction is free.
     Facing {
         /// Where the sensor's origin is wanted, metres.
@@ -60,7 +65,7 @@ impl InverseConfig {
         position_tolerance: 0.1 * MM,
         angle_tolerance: 20.0 * DEG,
         iterations_max: 40,
-        restarts_max: 2,
+        restarts_max: 1,
     };
 }
 
@@ -76,7 +81,7 @@ impl Arm {
         stream: &mut Stream,
     ) -> Option<Configuration> {
         (0..=config.restarts_max).find_map(|attempt| {
-            let from = self.disturbed(start, 0.35 * attempt as f64, stream);
+            let from = self.disturbed(start, RESTART_STEP * attempt as f64, stream);
             self.descend(target, from, config)
         })
     }
@@ -96,65 +101,64 @@ impl Arm {
         Configuration(angles.collect())
     }
 
+    /// Levenberg's descent: damping falls after a step that helped and rises after one that
+    /// did not, which is not taken. Near stretched links plain steps would overshoot for ever.
     fn descend(
         &self,
         target: &Target,
         mut configuration: Configuration,
         config: &InverseConfig,
     ) -> Option<Configuration> {
+        let mut placement = self.forward(&configuration);
+        let mut error = target.error(placement.session_from_sensor);
+        let mut damping = 1e-4;
         for _ in 0..config.iterations_max {
-            let placement = self.forward(&configuration);
-            let (shift, turn) = target.error(placement.session_from_sensor);
-            let near = shift.length() <= config.position_tolerance;
-            if near && turn.length() <= config.angle_tolerance {
+            if error.position() <= config.position_tolerance
+                && error.angle() <= config.angle_tolerance
+            {
                 return Some(configuration);
             }
-            self.step(&mut configuration, &placement, shift, turn, target);
+            let columns = self.columns(&placement, target);
+            let next = self.stepped(&configuration, &columns, error.clamped(), damping);
+            let next_placement = self.forward(&next);
+            let next_error = target.error(next_placement.session_from_sensor);
+            if next_error.0.norm() < error.0.norm() {
+                (configuration, placement, error) = (next, next_placement, next_error);
+                damping = (damping * 0.2).max(DAMPING_MIN);
+            } else {
+                damping *= 5.0;
+            }
+            if damping > DAMPING_MAX {
+                return None;
+            }
         }
         None
     }
 
     /// One damped step; axes that would leave their limits stay there and the rest does it.
-    fn step(
+    fn stepped(
         &self,
-        configuration: &mut Configuration,
-        placement: &Placement,
-        shift: DVec3,
-        turn: DVec3,
-        target: &Target,
-    ) {
-        let columns = self.columns(placement, target);
-        let mut error = stacked(shift, turn);
-        let length = error.norm();
-        error *= (ERROR_MAX / length).min(1.0);
-        let damping = 0.5 * error.norm_squared() + DAMPING_MIN;
-        let mut free = vec![true; columns.len()];
-        let mut moves = vec![0.0; columns.len()];
-        // Once with all axes, once more without those that hit their limits.
-        for _ in 0..2 {
-            let mut normal = Matrix6::identity() * damping;
-            for (column, _) in columns.iter().zip(&free).filter(|(_, free)| **free) {
-                normal += column * column.transpose();
-            }
-            let Some(factor) = normal.cholesky() else { return };
-            let weights = factor.solve(&error);
-            let mut hit = false;
-            for (axis, column) in columns.iter().enumerate() {
-                moves[axis] = if free[axis] { column.dot(&weights) } else { 0.0 };
-                let beyond = (configuration.0[axis] + moves[axis]).abs() > self.limit(axis);
-                if free[axis] && beyond {
-                    free[axis] = false;
-                    hit = true;
-                }
-            }
-            if !hit {
-                break;
-            }
-        }
-        for (axis, angle) in configuration.0.iter_mut().enumerate() {
-            let limit = self.limit(axis);
-            *angle = (*angle + moves[axis]).clamp(-limit, limit);
-        }
+        configuration: &Configuration,
+        columns: &[Vector6<f64>],
+        error: Vector6<f64>,
+        damping: f64,
+    ) -> Configuration {
+        let beyond =
+            |axis: usize, change: f64| (configuration.0[axis] + change).abs() > self.limit(axis);
+        let changes = damped_changes(columns, |_| true, error, damping);
+        let hits: Vec<bool> =
+            changes.iter().enumerate().map(|(axis, change)| beyond(axis, *change)).collect();
+        let changes = if hits.contains(&true) {
+            damped_changes(columns, |axis| !hits[axis], error, damping)
+        } else {
+            changes
+        };
+        let angles =
+            configuration.0.iter().zip(&changes).enumerate().map(|(axis, (angle, change))| {
+                let limit = self.limit(axis);
+                (angle + change).clamp(-limit, limit)
+            });
+        Configuration(angles.collect())
     }
 
     /// The Jacobian's columns: what a radian of each axis does to the sensor.
@@ -165,6 +169,7 @@ impl Arm {
             let joint = placement.points[axis / 2 + 1];
             let turn = match target {
                 Target::Pose(_) => *direction,
+                Target::Position(_) => DVec3::ZERO,
                 Target::Facing { .. } => *direction - direction.dot(facing) * facing,
             };
             stacked(direction.cross(sensor.translation - joint), turn)
@@ -173,9 +178,52 @@ impl Arm {
     }
 }
 
+/// The change of every free axis that brings `error` down: Jᵀ (J Jᵀ + damping)⁻¹ error.
+fn damped_changes(
+    columns: &[Vector6<f64>],
+    is_free: impl Fn(usize) -> bool,
+    error: Vector6<f64>,
+    damping: f64,
+) -> Vec<f64> {
+    let mut normal = Matrix6::identity() * damping;
+    for (_, column) in columns.iter().enumerate().filter(|(axis, _)| is_free(*axis)) {
+        normal += column * column.transpose();
+    }
+    // Damping makes it positive definite; if rounding does not, no step is taken.
+    let weights = normal.cholesky().map_or_else(Vector6::zeros, |factor| factor.solve(&error));
+    let change = |(axis, column): (usize, &Vector6<f64>)| {
+        if is_free(axis) { column.dot(&weights) } else { 0.0 }
+    };
+    columns.iter().enumerate().map(change).collect()
+}
+
+/// What is missing: a shift and, times [`LEVER`], a turn; metres in the session frame.
+#[derive(Clone, Copy, Debug)]
+struct Missing(Vector6<f64>);
+
+impl Missing {
+    fn position(&self) -> f64 {
+        self.0.fixed_rows::<3>(0).norm()
+    }
+
+    fn angle(&self) -> f64 {
+        self.0.fixed_rows::<3>(3).norm() / LEVER
+    }
+
+    /// As much of it as one step works on.
+    fn clamped(&self) -> Vector6<f64> {
+        self.0 * (ERROR_MAX / self.0.norm()).min(1.0)
+    }
+}
+
 impl Target {
+    fn error(&self, session_from_sensor: Pose) -> Missing {
+        let (shift, turn) = self.shift_and_turn(session_from_sensor);
+        Missing(stacked(shift, turn))
+    }
+
     /// What is missing: a shift (metres) and a turn (axis times radians), session frame.
-    fn error(&self, session_from_sensor: Pose) -> (DVec3, DVec3) {
+    fn shift_and_turn(&self, session_from_sensor: Pose) -> (DVec3, DVec3) {
         let at = session_from_sensor.translation;
         match *self {
             Self::Pose(wanted) => {
@@ -183,6 +231,7 @@ impl Target {
                 let short = if missing.w < 0.0 { -missing } else { missing };
                 (wanted.translation - at, short.to_scaled_axis())
             }
+            Self::Position(position) => (position - at, DVec3::ZERO),
             Self::Facing { position, direction } => {
                 let facing = session_from_sensor.turn(DVec3::Z);
                 let axis = facing.cross(direction);

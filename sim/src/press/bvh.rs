@@ -6,7 +6,7 @@
 use glam::{DMat3, DVec3};
 use palpate_core::pose::Pose;
 
-use crate::distance::{crosses, segment_to_triangle_squared};
+use crate::distance::{crosses, segment_meets_box, segment_to_triangle_squared};
 use crate::mesh::Mesh;
 
 const LEAF_TRIANGLES_MAX: usize = 4;
@@ -111,15 +111,13 @@ impl Bvh {
 impl Bvh {
     /// Whether any triangle is nearer than `radius` to the segment from `from` to `to`.
     pub(super) fn is_near_segment(&self, from: DVec3, to: DVec3, radius: f64) -> bool {
-        let (middle, half_way) = (0.5 * (from + to), 0.5 * (to - from));
-        let reach = half_way.abs() + radius;
         let mut pending = [0u32; 64];
         let mut n_pending = 1;
         while n_pending > 0 {
             n_pending -= 1;
             let idx = pending[n_pending];
             let node = &self.nodes[idx as usize];
-            if ((node.center - middle).abs()).cmpgt(node.half + reach).any() {
+            if !segment_meets_box(from - node.center, to - node.center, node.half + radius) {
                 continue;
             }
             if node.n_triangles == 0 {
