@@ -3,9 +3,9 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs, objects::ObjectsArgs,
-    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
-    train::TrainArgs,
+    demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs, jobs::JobsArgs,
+    objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
+    touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -64,6 +64,8 @@ pub(crate) enum Command {
     Jobs(JobsArgs),
     /// Let a simulated robot touch a mesh and see whether it is recognised.
     Touch(TouchArgs),
+    /// Let a simulated arm explore an object that it knows nothing of.
+    Explore(ExploreArgs),
     /// Sessions: objects being touched, and what is known of them.
     Sessions(SessionsArgs),
     /// Rerun the tables and figures of docs/results.md.
@@ -101,6 +103,10 @@ mod tests {
             "palpate sensors add finger --preset digitacts-6x6",
             "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
             "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
+            "palpate explore --object mug --readings 40 --out mug.json",
+            "palpate explore --mesh part.stl --readings 100 --offline --out part.json",
+            "palpate explore --replay mug.json --session 0198a0d0-0000-7000-8000-000000000000",
+            "palpate explore --object mug --local 1 --links 6 --perturb --noise 0.4",
             "palpate sessions list --json",
             "palpate jobs cancel 0198a0d0-0000-7000-8000-000000000000",
             "palpate openapi",
@@ -122,6 +128,11 @@ mod tests {
             "palpate objects example mug --all --out meshes",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
+            "palpate explore",
+            "palpate explore --object mug --offline",
+            "palpate explore --object mug --local 1.5",
+            "palpate explore --object mug --links 2",
+            "palpate explore --object mug --replay mug.json",
             "palpate experiment sva-objects --size-mm 0.08",
         ] {
             let error = parse(line).expect_err(line);

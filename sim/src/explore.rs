@@ -7,6 +7,7 @@
 //! Not here: choosing touches by what is believed of the object.
 
 mod cells;
+mod config;
 mod perturb;
 mod scene;
 mod tree;
@@ -17,85 +18,17 @@ use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::units::{DEG, MM};
 
-use crate::arm::{Arm, ArmConfig, ArmError, Configuration, InverseConfig, Target};
-use crate::controller::{ContactConfig, Outcome, advanced, touch_carried};
+use crate::arm::{Arm, ArmError, Configuration, InverseConfig, Target};
+use crate::controller::{Outcome, advanced, touch_carried};
 use crate::mesh::Mesh;
 use crate::press::PressSimulator;
 use cells::ContactCells;
+pub use config::ExploreConfig;
 pub use perturb::Perturbation;
 pub use scene::Bounds;
 use scene::{Motion, Scene};
 pub use tree::{Tree, Vertex};
-
-/// How an arm explores.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExploreConfig {
-    /// The arm.
-    pub arm: ArmConfig,
-    /// Where the object may be: the sensor looks for it here.
-    pub workspace: Bounds,
-    /// The walls that the arm must not touch.
-    pub room: Bounds,
-    /// The probability L of the local strategy.
-    pub local: f64,
-    /// The longest step towards a target, metres.
-    pub step: f64,
-    /// The width of the cells that count contacts, metres.
-    pub cell_width: f64,
-    /// How far from an earlier contact the local strategy aims, metres.
-    pub local_radius: f64,
-    /// How far the sensor draws back from a contact, metres.
-    pub retreat: f64,
-    /// How far the sensor turns towards its target in one step, radians.
-    pub turn_max: f64,
-    /// How the object moves after every reading; `None` for one that rests.
-    pub perturbation: Option<Perturbation>,
-    /// How often the planner may choose a target.
-    pub iterations_max: usize,
-    /// The controllers' bounds.
-    pub contact: ContactConfig,
-}
-
-impl ExploreConfig {
-    /// An arm of eight links around a workspace into which the object fits with room to spare.
-    #[must_use]
-    pub fn for_simulator(simulator: &PressSimulator) -> Self {
-        let half_width = 30.0 * MM + 0.75 * simulator.mesh().largest_dimension();
-        Self::around(simulator, half_width, 8)
-    }
-
-    /// An arm of `n_links` around the cube that reaches `half_width` metres from the session
-    /// frame's origin along each axis. Equally many local and global targets, steps of 10 mm.
-    #[must_use]
-    pub fn around(simulator: &PressSimulator, half_width: f64, n_links: usize) -> Self {
-        let arm = ArmConfig::around(half_width, n_links);
-        let noise_level = simulator.config().noise_level;
-        Self {
-            arm,
-            workspace: Bounds::cube(half_width),
-            room: room_of(&arm),
-            local: 0.5,
-            step: 10.0 * MM,
-            cell_width: 20.0 * MM,
-            local_radius: 20.0 * MM,
-            retreat: 6.0 * MM,
-            turn_max: 60.0 * DEG,
-            perturbation: None,
-            iterations_max: 200_000,
-            contact: ContactConfig::for_sensor(simulator.sensor(), noise_level),
-        }
-    }
-}
-
-/// The box within which the arm can turn once about its shoulder.
-fn room_of(arm: &ArmConfig) -> Bounds {
-    let shoulder = arm.foot + DVec3::Z * arm.first_link_length;
-    let reach = arm.link_length * (arm.n_links.max(2) - 1) as f64 + arm.sensor_mount;
-    let around = DVec3::splat(reach + 50.0 * MM);
-    Bounds { low: shoulder - around, high: shoulder + around }
-}
 
 /// What the planner did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -164,7 +97,7 @@ pub fn explore(
     let mut touches = Vec::with_capacity(n.min(10_000));
     while touches.len() < n && explorer.statistics.iterations < config.iterations_max {
         let touch = explorer.iterate();
-        let is_due = explorer.statistics.iterations % SILENT_ITERATIONS == 0;
+        let is_due = explorer.statistics.iterations.is_multiple_of(SILENT_ITERATIONS);
         let goes_on = if touch.is_some() || is_due {
             progress(&explorer.statistics(), touch.as_ref())
         } else {

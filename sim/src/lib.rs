@@ -18,6 +18,8 @@ pub mod controller;
 
 pub mod sampler;
 
+pub mod convergence;
+
 pub mod arm;
 
 pub mod explore;
