@@ -8,6 +8,7 @@
 
 mod cells;
 mod config;
+mod coverage;
 mod perturb;
 mod scene;
 mod tree;
@@ -25,6 +26,7 @@ use crate::mesh::Mesh;
 use crate::press::PressSimulator;
 use cells::ContactCells;
 pub use config::ExploreConfig;
+pub use coverage::covered_share;
 pub use perturb::Perturbation;
 pub use scene::Bounds;
 use scene::{Motion, Scene};
@@ -176,12 +178,8 @@ impl<'a> Explorer<'a> {
     pub fn iterate(&mut self) -> Option<Touch> {
         self.statistics.iterations += 1;
         let target = self.draw_target();
-        let scene = Scene {
-            arm: &self.arm,
-            simulator: self.simulator,
-            session_from_object: self.session_from_object,
-            room: self.config.room,
-        };
+        let scene =
+            Scene::new(&self.arm, self.simulator, self.session_from_object, self.config.room);
         let vertex = self.tree.nearest_open(target, |from, to| scene.is_free(from, to))?;
         let from = &self.tree.vertices()[vertex].configuration;
         let step = step_towards(&self.arm, from, target, &self.config);
@@ -233,23 +231,16 @@ impl<'a> Explorer<'a> {
 
     /// Hands over to the contact controllers where the covering meets the object.
     fn touch(&mut self, last_free: usize, touching: Configuration) -> Option<Touch> {
-        let scene = Scene {
-            arm: &self.arm,
-            simulator: self.simulator,
-            session_from_object: self.session_from_object,
-            room: self.config.room,
-        };
+        let scene =
+            Scene::new(&self.arm, self.simulator, self.session_from_object, self.config.room);
         let mut stream =
             Stream::new(self.seed, Purpose::Exploration, 1 + self.statistics.contacts as u64);
         self.statistics.contacts += 1;
         let start = scene.object_from_sensor(&touching);
         let mut at = touching;
-        // Restarts would swing the arm: what is not near is out of reach.
-        let exact = InverseConfig { restarts_max: 0, ..InverseConfig::EXACT };
-        let mut followed = Stream::new(self.seed, Purpose::Exploration, 0);
         let mut carry = |object_from_sensor: Pose| {
             let target = Target::Pose(scene.session_from_object * object_from_sensor);
-            let next = self.arm.inverse(&target, &at, &exact, &mut followed);
+            let next = self.arm.inverse_near(&target, &at, &InverseConfig::EXACT);
             let next = next.filter(|next| scene.can_follow(&at, next));
             let follows = next.is_some();
             at = next.unwrap_or_else(|| at.clone());
@@ -311,16 +302,10 @@ impl Explorer<'_> {
         self.statistics.readings += 1;
         let pose = touch.reading.session_from_sensor();
         self.cells.add(pose.translation);
-        let scene = Scene {
-            arm: &self.arm,
-            simulator: self.simulator,
-            session_from_object: self.session_from_object,
-            room: self.config.room,
-        };
+        let scene =
+            Scene::new(&self.arm, self.simulator, self.session_from_object, self.config.room);
         let back = Target::Pose(advanced(pose, -self.config.retreat));
-        let exact = InverseConfig { restarts_max: 0, ..InverseConfig::EXACT };
-        let near = &touch.configuration;
-        let retreated = self.arm.inverse(&back, near, &exact, &mut self.targets);
+        let retreated = self.arm.inverse_near(&back, &touch.configuration, &InverseConfig::EXACT);
         let last = &self.tree.vertices()[last_free].configuration;
         if let Some(retreated) = retreated.filter(|back| scene.is_free(last, back)) {
             self.add(retreated, last_free);
@@ -340,12 +325,7 @@ impl Explorer<'_> {
             if !self.config.workspace.holds(moved * middle, extent) {
                 continue;
             }
-            let scene = Scene {
-                arm: &self.arm,
-                simulator: self.simulator,
-                session_from_object: moved,
-                room: self.config.room,
-            };
+            let scene = Scene::new(&self.arm, self.simulator, moved, self.config.room);
             self.tree.forget_checks();
             if self.tree.is_open(at, |from, to| scene.is_free(from, to)) {
                 self.session_from_object = moved;

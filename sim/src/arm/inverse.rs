@@ -80,10 +80,24 @@ impl Arm {
         config: &InverseConfig,
         stream: &mut Stream,
     ) -> Option<Configuration> {
-        (0..=config.restarts_max).find_map(|attempt| {
-            let from = self.disturbed(start, RESTART_STEP * attempt as f64, stream);
-            self.descend(target, from, config)
+        self.inverse_near(target, start, config).or_else(|| {
+            (1..=config.restarts_max).find_map(|attempt| {
+                let from = self.disturbed(start, RESTART_STEP * attempt as f64, stream);
+                self.descend(target, from, config)
+            })
         })
+    }
+
+    /// A configuration that puts the sensor where it is wanted, in one descent from `start`;
+    /// what is not near counts as out of reach.
+    #[must_use]
+    pub fn inverse_near(
+        &self,
+        target: &Target,
+        start: &Configuration,
+        config: &InverseConfig,
+    ) -> Option<Configuration> {
+        self.descend(target, start.clone(), config)
     }
 
     /// A configuration whose angles differ by `deviation` (radians) on average.
@@ -94,9 +108,8 @@ impl Arm {
         stream: &mut Stream,
     ) -> Configuration {
         let angles = start.0.iter().enumerate().map(|(axis, angle)| {
-            let offset = if deviation > 0.0 { deviation * stream.normal() } else { 0.0 };
             let limit = self.limit(axis);
-            (angle + offset).clamp(-limit, limit)
+            (angle + deviation * stream.normal()).clamp(-limit, limit)
         });
         Configuration(angles.collect())
     }

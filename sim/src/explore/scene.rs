@@ -37,10 +37,10 @@ impl Bounds {
 /// The arm, the object where it is now, and the walls.
 #[derive(Clone, Debug)]
 pub(super) struct Scene<'a> {
-    pub(super) arm: &'a Arm,
-    pub(super) simulator: &'a PressSimulator,
+    arm: &'a Arm,
+    simulator: &'a PressSimulator,
     pub(super) session_from_object: Pose,
-    pub(super) room: Bounds,
+    room: Bounds,
 }
 
 /// How a motion ended.
@@ -66,7 +66,17 @@ enum Met {
 /// The longest step of any point of the arm between two checks, metres.
 const CHECK_STEP: f64 = 1.0 * MM;
 
-impl Scene<'_> {
+impl<'a> Scene<'a> {
+    /// The arm in its `room`, before an object at `session_from_object`.
+    pub(super) fn new(
+        arm: &'a Arm,
+        simulator: &'a PressSimulator,
+        session_from_object: Pose,
+        room: Bounds,
+    ) -> Self {
+        Self { arm, simulator, session_from_object, room }
+    }
+
     /// Moves from one free configuration towards another until it arrives or meets something.
     pub(super) fn motion(&self, from: &Configuration, to: &Configuration) -> Motion {
         let n_steps = self.n_steps(from, to);

@@ -186,3 +186,49 @@ fn iterations_and_the_caller_bound_an_exploration() {
     let refused = explore(&simulator, place(1), 5, 1, &config, stop_at_two);
     assert_eq!(refused, Err(ArmError::Links { found: 1 }));
 }
+
+#[test]
+fn a_touch_covers_the_cap_of_a_ball_around_it() {
+    let simulator = ball();
+    let config = ExploreConfig::for_simulator(&simulator, 8);
+    let found = explored(&simulator, 1, &config);
+    // Radius of the ball 30 mm, of the neighbourhood 20 mm: a cap of height 20²/(2·30) mm of
+    // 60 mm, 0.11 of the surface; a little less since the sensor rests inside the surface.
+    let share = covered_share(&simulator, &found.touches, 20.0 * MM);
+    assert!((0.08..0.14).contains(&share), "{share}");
+    assert!(covered_share(&simulator, &[], 20.0 * MM).abs() < 1e-12);
+    assert!((covered_share(&simulator, &found.touches, 100.0 * MM) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn look() {
+    for name in shapes::NAMES {
+        let simulator = simulator(name);
+        for local in [0.0, 0.5, 1.0] {
+            let config = ExploreConfig { local, ..ExploreConfig::for_simulator(&simulator, 8) };
+            let begun = std::time::Instant::now();
+            let found = explored(&simulator, 100, &config);
+            let seconds = begun.elapsed().as_secs_f64();
+            let up = found
+                .touches
+                .iter()
+                .map(|t| t.reading.session_from_sensor().turn(DVec3::Z))
+                .sum::<DVec3>()
+                / found.touches.len() as f64;
+            let c = |n: usize| {
+                covered_share(&simulator, &found.touches[..n.min(found.touches.len())], 10.0 * MM)
+            };
+            println!(
+                "LOOK {name} L={local} n={} s={seconds:.2} c20={:.3} c50={:.3} c100={:.3} bias={:.2} {:.2} {:.2} {:?}",
+                found.touches.len(),
+                c(20),
+                c(50),
+                c(100),
+                up.x,
+                up.y,
+                up.z,
+                found.statistics
+            );
+        }
+    }
+}
