@@ -3,9 +3,10 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs, jobs::JobsArgs,
-    objects::ObjectsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
-    touch::TouchArgs, train::TrainArgs,
+    analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
+    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, objects::ObjectsArgs,
+    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
+    train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -56,12 +57,18 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Sensors that robots send readings of.
     Sensors(SensorsArgs),
+    /// Questions about sensors: which covering to choose.
+    Analyses(AnalysesArgs),
     /// Objects to recognise: their meshes and training readings.
     Objects(ObjectsArgs),
+    /// Raised letters: their meshes, and readings of them from a simulated rig.
+    Letters(LettersArgs),
     /// Train a catalogue of objects.
     Train(TrainArgs),
     /// Trainings: list, follow, cancel.
     Jobs(JobsArgs),
+    /// Trained maps of contact: show, export, merge.
+    Maps(MapsArgs),
     /// Let a simulated robot touch a mesh and see whether it is recognised.
     Touch(TouchArgs),
     /// Let a simulated arm explore an object that it knows nothing of.
@@ -100,6 +107,10 @@ mod tests {
             "palpate objects add mug --mesh mug.stl --unit m",
             "palpate objects example --all --out meshes",
             "palpate objects readings add mug --file readings.json",
+            "palpate letters list",
+            "palpate letters mesh --all --out letters",
+            "palpate letters press A --out a.json --repetition 1 --seed 3 --noise harsh",
+            "palpate letters press q --out q.json --pose -5,3.5,120 --readings 9",
             "palpate sensors add finger --preset digitacts-6x6",
             "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
             "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
@@ -107,11 +118,23 @@ mod tests {
             "palpate explore --mesh part.stl --readings 100 --offline --out part.json",
             "palpate explore --replay mug.json --session 0198a0d0-0000-7000-8000-000000000000",
             "palpate explore --object mug --local 1 --links 6 --perturb --noise 0.4",
+            "palpate touch --object A --mesh A.stl --method geometric --sensor digitacts-6x6-thin",
+            "palpate train --geometry planar --cell-mm 0.5 A E I O U",
+            "palpate train --geometry solid",
+            "palpate maps show --object A",
+            "palpate maps export --object A --png A.png --slice 0 --ply A.ply --form mesh",
+            "palpate maps merge --catalogue lab-1 --with-catalogue lab-2 --with-version 3",
+            "palpate sessions marginals 0198a0d0-0000-7000-8000-000000000000 --object A",
             "palpate sessions list --json",
             "palpate jobs cancel 0198a0d0-0000-7000-8000-000000000000",
+            "palpate sensors indent finger --out indentation.json --seed 3",
+            "palpate sensors calibrate finger --file indentation.json",
+            "palpate sensors calibration finger --number 1 --json",
+            "palpate analyses covering --element-width-mm 2 --thickness-mm 1,2.5",
             "palpate openapi",
             "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
             "palpate experiment server-throughput --json",
+            "palpate experiment covering --seed 1",
             "palpate --server http://host:1 objects list",
         ] {
             assert!(parse(line).is_ok(), "{line}: {}", parse(line).unwrap_err());
@@ -126,6 +149,10 @@ mod tests {
             "palpate objects add mug --mesh mug.stl --unit inch",
             "palpate objects example --out meshes",
             "palpate objects example mug --all --out meshes",
+            "palpate letters mesh A --all",
+            "palpate letters press AB --out a.json",
+            "palpate letters press A --out a.json --pose 5,3",
+            "palpate letters press A --out a.json --readings 193",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
             "palpate explore",
@@ -133,7 +160,14 @@ mod tests {
             "palpate explore --object mug --local 1.5",
             "palpate explore --object mug --links 2",
             "palpate explore --object mug --replay mug.json",
+            "palpate sensors calibrate finger",
+            "palpate analyses covering --thickness-mm 1 --spread-mm 2",
             "palpate experiment sva-objects --size-mm 0.08",
+            "palpate train --cell-mm 0.5",
+            "palpate train --geometry flat",
+            "palpate train --geometry planar --cell-mm 0",
+            "palpate maps export --object A",
+            "palpate maps merge",
         ] {
             let error = parse(line).expect_err(line);
             assert_eq!(error.exit_code(), 2, "{line}");

@@ -1,9 +1,13 @@
 //! The subcommands, one file each, and where each of them is called.
 
+pub(crate) mod analyses;
+pub(crate) mod calibrate;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod explore;
 pub(crate) mod jobs;
+pub(crate) mod letters;
+pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod openapi;
 pub(crate) mod sensors;
@@ -34,8 +38,11 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Serve(args) => serve::run(args, output).await,
         Command::Demo(args) => demo::run(args, output).await,
         Command::Sensors(args) => sensors::run(args, &context()?).await,
+        Command::Analyses(args) => analyses::run(args, &context()?).await,
         Command::Objects(args) => objects::run(args, &context()?).await,
+        Command::Letters(args) => letters::run(args, output),
         Command::Train(args) => train::run(args, &context()?).await,
+        Command::Maps(args) => maps::run(args, &context()?).await,
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Explore(args) => explore::run(args, &context()?).await,

@@ -48,6 +48,14 @@ pub(crate) fn table<const N: usize>(
     table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
 }
 
+/// A choice as the API writes it.
+pub(crate) fn word(choice: &impl Serialize) -> String {
+    match serde_json::to_value(choice) {
+        Ok(serde_json::Value::String(word)) => word,
+        _ => "–".to_owned(),
+    }
+}
+
 /// Metres as millimetres.
 pub(crate) fn mm(metres: f64) -> String {
     format!("{:.1} mm", metres * 1e3)

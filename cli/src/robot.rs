@@ -4,18 +4,20 @@
 //! Where the object lies and how it is touched comes from a seed and the number of the trial,
 //! from streams that training never draws from.
 
+use std::f64::consts::{PI, SQRT_2};
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
-use glam::DVec3;
-use palpate_client::schemas::{self, MeshUnit};
+use glam::{DQuat, DVec3};
+use palpate_client::schemas::{self, MeshUnit, PosePrior};
 use palpate_core::pose::Pose;
-use palpate_core::reading::SensorId;
+use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_sim::press::PressSimulator;
+use palpate_sim::rig::{INDENTATION, PlanarPose};
 use palpate_sim::sampler::{SampleError, SamplerConfig, touch_anywhere};
 
 /// How far from the session frame's origin the object may lie, along each axis.
@@ -29,17 +31,43 @@ pub(crate) struct Press {
     pub(crate) image: Vec<Option<f64>>,
 }
 
+/// How far from the middle of what a camera would say the object may lie, along each axis.
+const SEEN_WITHIN: f64 = 8.0 * MM;
+/// And how far it may be turned, rad.
+const SEEN_WITHIN_ANGLE: f64 = 0.2;
+
+/// How a robot touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Approach {
+    /// Anywhere, along the surface's normal.
+    Anywhere,
+    /// Straight down on an object that lies flat.
+    StraightDown,
+}
+
 /// A robot in front of one object.
 pub(crate) struct Robot {
     simulator: Arc<PressSimulator>,
     config: SamplerConfig,
+    approach: Approach,
     session_from_mesh: Pose,
     touches: Stream,
+    seen: Stream,
 }
 
 impl Robot {
     /// A robot whose object lies where `seed` and `trial` say.
     pub(crate) fn new(simulator: Arc<PressSimulator>, seed: u64, trial: u64) -> Self {
+        Self::approaching(simulator, Approach::Anywhere, seed, trial)
+    }
+
+    /// A robot that touches as `approach` says.
+    pub(crate) fn approaching(
+        simulator: Arc<PressSimulator>,
+        approach: Approach,
+        seed: u64,
+        trial: u64,
+    ) -> Self {
         let mut place = Stream::new(seed, Purpose::ObjectPose, trial);
         let rotation = place.rotation();
         let mut along = || place.uniform(-PLACE_MAX, PLACE_MAX);
@@ -47,20 +75,79 @@ impl Robot {
         Self {
             config: SamplerConfig::for_simulator(&simulator),
             simulator,
+            approach,
             session_from_mesh: Pose::from_parts(rotation, translation),
             touches: Stream::new(seed, Purpose::SensorNoise, trial),
+            seen: place,
         }
     }
 
     /// Touches the object once, somewhere.
     pub(crate) fn touch(&mut self) -> Result<Press, SampleError> {
-        let reading =
-            touch_anywhere(&self.simulator, SensorId(0), &self.config, &mut self.touches)?;
+        let reading = match self.approach {
+            Approach::Anywhere => {
+                touch_anywhere(&self.simulator, SensorId(0), &self.config, &mut self.touches)?
+            }
+            Approach::StraightDown => self.press_down(),
+        };
         // The simulator's session frame is the mesh's.
         let mesh_from_sensor = reading.session_from_sensor();
         let session_from_sensor = self.session_from_mesh * mesh_from_sensor;
         let image = reading.image().pressures.iter().copied().map(Some).collect();
         Ok(Press { pose: to_wire(session_from_sensor), image })
+    }
+
+    /// Presses straight down somewhere over the object.
+    fn press_down(&mut self) -> Reading {
+        let (low, high) = self.simulator.mesh().bounds();
+        let at = PlanarPose {
+            x: self.touches.uniform(low.x, high.x),
+            y: self.touches.uniform(low.y, high.y),
+            angle: self.touches.uniform(-PI, PI),
+        };
+        let mesh_from_sensor = at.object_from_sensor(-self.pressed_height());
+        self.simulator.read(SensorId(0), mesh_from_sensor, &mut self.touches)
+    }
+
+    /// How high the sensor is when it presses straight down, in the mesh.
+    fn pressed_height(&self) -> f64 {
+        let below_top = INDENTATION * self.simulator.sensor().parameters().covering_thickness;
+        self.simulator.mesh().bounds().1.z - below_top
+    }
+
+    /// What a camera would say of where the object's frame is, roughly; as a session's prior.
+    pub(crate) fn pose_prior(&mut self, origin_in_mesh: [f64; 3]) -> PosePrior {
+        let session_from_object = self.session_from_object(origin_in_mesh);
+        let mut along = |reach: f64| self.seen.uniform(-reach, reach);
+        let off = DVec3::new(along(SEEN_WITHIN), along(SEEN_WITHIN), along(SEEN_WITHIN));
+        match self.approach {
+            Approach::StraightDown => {
+                let turn = along(PI);
+                let height = self.pressed_height() - origin_in_mesh[2];
+                let object_from_plane =
+                    Pose::from_parts(DQuat::from_rotation_z(turn), off.with_z(height));
+                PosePrior::Planar {
+                    plane: Some(to_wire(session_from_object * object_from_plane)),
+                    // The plane's origin was moved by a vector of this length at most.
+                    half_extent: Some(SEEN_WITHIN * SQRT_2),
+                    center: None,
+                    angle: None,
+                    half_angle: None,
+                }
+            }
+            Approach::Anywhere => {
+                let axis = self.seen.direction();
+                let turn = DQuat::from_axis_angle(axis, self.seen.uniform(0.0, SEEN_WITHIN_ANGLE));
+                PosePrior::Bounded {
+                    pose: to_wire(Pose::from_parts(
+                        turn * session_from_object.rotation,
+                        session_from_object.translation + off,
+                    )),
+                    half_extents: [1.1 * SEEN_WITHIN; 3],
+                    half_angle: 1.1 * SEEN_WITHIN_ANGLE,
+                }
+            }
+        }
     }
 
     /// Where the object's frame is; its origin lies at `origin_in_mesh`, metres.

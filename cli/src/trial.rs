@@ -31,6 +31,8 @@ pub(crate) struct Truth {
     pub(crate) object: String,
     /// Where its frame is.
     pub(crate) session_from_object: Pose,
+    /// Where its frame's origin is in the mesh, metres.
+    pub(crate) origin_in_mesh: [f64; 3],
 }
 
 impl Truth {
@@ -48,6 +50,7 @@ impl Truth {
         Ok(Self {
             object: trained.name.clone(),
             session_from_object: robot.session_from_object(trained.origin_in_mesh),
+            origin_in_mesh: trained.origin_in_mesh,
         })
     }
 }
@@ -184,7 +187,11 @@ mod tests {
 
     #[test]
     fn a_step_compares_identity_and_pose_with_the_truth() {
-        let truth = Truth { object: "mug".to_owned(), session_from_object: Pose::IDENTITY };
+        let truth = Truth {
+            object: "mug".to_owned(),
+            session_from_object: Pose::IDENTITY,
+            origin_in_mesh: [0.0; 3],
+        };
         let step = Step::new(3, &belief(["mug", "cup"]), &truth, 1.0);
         assert!(step.right);
         // 3 mm and 4 mm make 5 mm; a turn by π/4 about y.
@@ -196,7 +203,11 @@ mod tests {
 
     #[test]
     fn an_object_without_a_pose_has_no_errors() {
-        let truth = Truth { object: "cup".to_owned(), session_from_object: Pose::IDENTITY };
+        let truth = Truth {
+            object: "cup".to_owned(),
+            session_from_object: Pose::IDENTITY,
+            origin_in_mesh: [0.0; 3],
+        };
         let step = Step::new(1, &belief(["cup", "mug"]), &truth, 1.0);
         assert_eq!((step.right, step.position_error, step.angle_error), (true, None, None));
     }

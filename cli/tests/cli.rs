@@ -158,6 +158,28 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
 }
 
 #[test]
+fn a_newcomer_calibrates_a_sensor_with_a_simulated_indentation() {
+    let folder = TempDir::new().unwrap();
+    let (at, data) = (folder.path(), folder.path().join("data"));
+    let server = Server::start(&data);
+    let ask = |arguments: &str| {
+        let output = run(at, &format!("--server {} {arguments}", server.address));
+        assert_eq!(output.status.code(), Some(0), "{arguments}: {}", stderr(&output));
+        stdout(&output)
+    };
+    ask("sensors add finger --preset digitacts-6x6");
+    let said = ask("sensors indent finger --out indentation.json --seed 3");
+    assert!(said.contains("palpate sensors calibrate finger"), "{said}");
+    let table = ask("sensors calibrate finger --file indentation.json");
+    assert!(table.contains(" dead") && table.contains(" wired"), "{table}");
+    let shown = ask("sensors calibration finger --json");
+    let calibration: serde_json::Value = serde_json::from_str(&shown).unwrap();
+    assert_eq!((&calibration["number"], &calibration["n_unusable"]), (&1.into(), &2.into()));
+    let coverings = ask("analyses covering --thickness-mm 1,2.54 --force-resolution 0.05");
+    assert!(coverings.contains("sharpest") && coverings.contains("2.54 mm"), "{coverings}");
+}
+
+#[test]
 fn the_demonstration_ends_with_one_line_of_figures() {
     let folder = TempDir::new().unwrap();
     let output = run(

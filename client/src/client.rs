@@ -134,6 +134,12 @@ impl Client {
         self.send_for_bytes(&request, &url).await.map(|_| ())
     }
 
+    /// Makes a call whose answer is a file.
+    pub(crate) async fn send_for_file(&self, request: Request) -> Result<Vec<u8>, Error> {
+        let url = self.url(&request);
+        self.send_for_bytes(&request, &url).await
+    }
+
     /// Opens a stream of events; a stream has no end and hence no time-out.
     pub(crate) async fn open_events(&self, request: &Request) -> Result<Response, Error> {
         let url = self.url(request);

@@ -32,6 +32,8 @@ mod objects;
 
 mod training;
 
+mod maps;
+
 mod sessions;
 
 mod events;

@@ -1,6 +1,9 @@
 //! Calls about sensors.
 
-use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, SensorPage};
+use palpate_schemas::{
+    AnalyseCoverings, CalibrateSensor, CalibrationQuery, CoveringAnalysis, CreateSensor, PageQuery,
+    Reading, ReadingCheck, Sensor, SensorCalibration, SensorPage,
+};
 
 use crate::client::Client;
 use crate::error::Error;
@@ -42,6 +45,43 @@ impl Client {
         reading: &Reading,
     ) -> Result<ReadingCheck, Error> {
         let request = Request::post(["v1", "sensors", sensor, "check"]).json(reading);
+        self.send(request.repeat(Repeat::Harmless)).await
+    }
+
+    /// Calibrates a sensor: readings that come after it are corrected.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn calibrate_sensor(
+        &self,
+        sensor: &str,
+        indentations: &CalibrateSensor,
+    ) -> Result<SensorCalibration, Error> {
+        self.send(Request::post(["v1", "sensors", sensor, "calibration"]).json(indentations)).await
+    }
+
+    /// A sensor's calibration, the newest if no number is asked for.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn calibration(
+        &self,
+        sensor: &str,
+        query: &CalibrationQuery,
+    ) -> Result<SensorCalibration, Error> {
+        let request = Request::get(["v1", "sensors", sensor, "calibration"]);
+        self.send(request.query("number", query.number)).await
+    }
+
+    /// Compares coverings; nothing is stored.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn analyse_coverings(
+        &self,
+        question: &AnalyseCoverings,
+    ) -> Result<CoveringAnalysis, Error> {
+        let request = Request::post(["v1", "analyses", "covering"]).json(question);
         self.send(request.repeat(Repeat::Harmless)).await
     }
 }

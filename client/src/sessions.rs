@@ -1,8 +1,8 @@
 //! Calls about sessions: readings in, beliefs out.
 
 use palpate_schemas::{
-    AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, PageQuery, ReadingsAdded,
-    ReadingsQuery, Session, SessionPage,
+    AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, Marginals, MarginalsQuery,
+    PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
 };
 use uuid::Uuid;
 
@@ -82,5 +82,19 @@ impl Client {
     pub async fn belief(&self, session: Uuid, query: BeliefQuery) -> Result<Belief, Error> {
         let path = ["v1", "sessions", &session.to_string(), "belief"];
         self.send(Request::get(path).query("poses", query.poses).query("at", query.at)).await
+    }
+
+    /// How probable each value of each coordinate of an object's pose is; of the likeliest
+    /// object if `query` names none.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the session's method keeps no probabilities of poses.
+    pub async fn marginals(
+        &self,
+        session: Uuid,
+        query: &MarginalsQuery,
+    ) -> Result<Marginals, Error> {
+        let path = ["v1", "sessions", &session.to_string(), "marginals"];
+        self.send(Request::get(path).query("object", query.object.as_ref())).await
     }
 }

@@ -22,6 +22,8 @@ pub mod contact;
 
 pub mod occupancy;
 
+pub mod metric;
+
 pub mod mosaic;
 
 pub mod descriptor;
@@ -41,3 +43,5 @@ pub mod belief;
 pub mod train;
 
 pub mod recognise;
+
+pub mod geometric;

@@ -4,6 +4,13 @@
 //! keeps the force. A cell holds the mean pressure at unit press amplitude and how far single
 //! readings stray from it. Frame: the object's, in the grid's plane.
 
+mod kernel;
+pub mod learn;
+pub mod press_fit;
+pub mod screen;
+pub mod tile;
+mod variance;
+
 use crate::occupancy::{GridError, GridShape};
 
 /// Mean pressure and its deviation in every cell of a planar grid.

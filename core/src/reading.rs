@@ -7,7 +7,7 @@
 use thiserror::Error;
 
 use crate::pose::Pose;
-use crate::sensor::{ImageOrder, SensorDescription};
+use crate::sensor::{Calibration, SensorDescription};
 
 /// Which sensor of a session took a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -82,7 +82,8 @@ pub enum ReadingError {
 
 impl Reading {
     /// Checks an image against the sensor that took it and brings it into the sensor frame's
-    /// order. `pressures` are in the driver's order (the sensor's [`ImageOrder`]), in pascal.
+    /// order. `pressures` are in the driver's order (the sensor's [`crate::sensor::ImageOrder`]),
+    /// in pascal.
     ///
     /// Missing taxels take the mean of their valid neighbours, nearest ring first.
     ///
@@ -95,24 +96,31 @@ impl Reading {
         pressures: &[Option<f64>],
         session_from_sensor: Pose,
     ) -> Result<Self, ReadingError> {
-        let grid = description.grid();
-        let (rows, cols, expected) = (grid.rows, grid.cols, grid.n_taxels());
-        if pressures.len() != expected {
-            return Err(ReadingError::TaxelCount { expected, found: pressures.len(), rows, cols });
+        Self::calibrated(sensor, description, None, pressures, session_from_sensor)
+    }
+
+    /// As [`Reading::new`], with the pressures corrected by a calibration of the sensor
+    /// (equation 2.1); taxels that it leaves out count as missing.
+    ///
+    /// # Errors
+    /// As [`Reading::new`].
+    pub fn calibrated(
+        sensor: SensorId,
+        description: &SensorDescription,
+        calibration: Option<&Calibration>,
+        pressures: &[Option<f64>],
+        session_from_sensor: Pose,
+    ) -> Result<Self, ReadingError> {
+        let mut ordered = checked(description, pressures)?;
+        if let Some(calibration) = calibration {
+            calibration.correct(&mut ordered);
         }
-        for (taxel, pressure) in pressures.iter().enumerate() {
-            if let Some(found) = *pressure
-                && !(found.is_finite() && found.abs() <= 1e8)
-            {
-                return Err(ReadingError::Pressure { taxel, found });
-            }
-        }
-        let missing = pressures.iter().filter(|pressure| pressure.is_none()).count();
-        if 2 * missing > expected {
-            return Err(ReadingError::Missing { missing, expected });
-        }
-        let ordered = reorder(pressures, rows, cols, description.parameters().image_order);
+        let (rows, cols) = (description.grid().rows, description.grid().cols);
         let missing: Vec<bool> = ordered.iter().map(Option::is_none).collect();
+        let n_missing = missing.iter().filter(|missing| **missing).count();
+        if 2 * n_missing > ordered.len() {
+            return Err(ReadingError::Missing { missing: n_missing, expected: ordered.len() });
+        }
         let pressures = fill_missing(&ordered, rows, cols);
         let image = TactileImage { rows, cols, pressures };
         Ok(Self { sensor, session_from_sensor, image, missing })
@@ -149,21 +157,27 @@ impl Reading {
     }
 }
 
-fn reorder(given: &[Option<f64>], rows: usize, cols: usize, order: ImageOrder) -> Vec<Option<f64>> {
-    let mut ordered = Vec::with_capacity(given.len());
-    for row in 0..rows {
-        for col in 0..cols {
-            let from_row = if order.rows_reversed { rows - 1 - row } else { row };
-            let from_col = if order.cols_reversed { cols - 1 - col } else { col };
-            let index = if order.transposed {
-                from_col * rows + from_row
-            } else {
-                from_row * cols + from_col
-            };
-            ordered.push(given[index]);
+/// The pressures of a driver's image, checked, in the sensor frame's row-major order.
+///
+/// # Errors
+/// [`ReadingError::TaxelCount`] and [`ReadingError::Pressure`].
+pub fn checked(
+    description: &SensorDescription,
+    pressures: &[Option<f64>],
+) -> Result<Vec<Option<f64>>, ReadingError> {
+    let grid = description.grid();
+    let (rows, cols, expected) = (grid.rows, grid.cols, grid.n_taxels());
+    if pressures.len() != expected {
+        return Err(ReadingError::TaxelCount { expected, found: pressures.len(), rows, cols });
+    }
+    for (taxel, pressure) in pressures.iter().enumerate() {
+        if let Some(found) = *pressure
+            && !(found.is_finite() && found.abs() <= 1e8)
+        {
+            return Err(ReadingError::Pressure { taxel, found });
         }
     }
-    ordered
+    Ok(description.parameters().image_order.row_major(pressures, rows, cols))
 }
 
 fn fill_missing(ordered: &[Option<f64>], rows: usize, cols: usize) -> Vec<f64> {
@@ -191,7 +205,7 @@ fn fill_missing(ordered: &[Option<f64>], rows: usize, cols: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::{SensorParameters, TaxelGrid};
+    use crate::sensor::{ImageOrder, SensorParameters, TaxelGrid};
     use crate::units::MM;
 
     fn sensor(rows: usize, cols: usize, image_order: ImageOrder) -> SensorDescription {

@@ -25,6 +25,12 @@ pub enum Purpose {
     ReadingChoice = 5,
     /// Shapes of generated objects.
     Shape = 6,
+    /// Noise and placement of the letter rig's presses.
+    RigNoise = 7,
+    /// Particles: where they start, how they move and which are drawn again.
+    Particles = 8,
+    /// Gains of the letter rig's taxels.
+    RigGains = 10,
     /// Where a blind arm goes next, and what it feels there.
     Exploration = 11,
     /// How an object moves when it is touched.

@@ -1,8 +1,14 @@
 //! What the service must know of a tactile array sensor to understand its readings.
 
+pub mod calibration;
+pub mod covering;
 pub mod description;
+pub mod line;
 pub mod point_spread;
+pub mod response;
+pub mod spread_fit;
 
+pub use calibration::{Calibration, TaxelResponse, TaxelState};
 pub use description::{
     ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid,
 };

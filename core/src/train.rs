@@ -6,11 +6,15 @@
 //! Frames: a training reading's pose is `object_from_sensor` in the frame of the mesh or of
 //! the robot that took it. Not here: where readings come from, and storing the result.
 
+mod force;
+pub mod geometry;
+
 use glam::DVec3;
 use thiserror::Error;
 
 use crate::descriptor::DescriptorKind;
 use crate::model::{MapError, ObjectMap};
+use crate::occupancy::GridError;
 use crate::patch::{Patch, observe_patch, touches};
 use crate::patch_pair::DistanceBins;
 use crate::reading::Reading;
@@ -112,6 +116,30 @@ pub enum TrainError {
     /// The readings of one object do not make a map.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// The cells of a map of chapter 3 are not usable.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// Not one origin an object.
+    #[error("{found} origins of object frames, expected {expected}, one an object")]
+    Origins {
+        /// How many objects there are.
+        expected: usize,
+        /// How many origins came.
+        found: usize,
+    },
+    /// A reading for a planar map does not press along the object's −z.
+    #[error(
+        "reading {reading} of object {object} presses {tilt_degrees:.1} degrees off the object's \
+         -z, expected at most 30 for a planar map"
+    )]
+    NotPlanar {
+        /// The object, by its position.
+        object: usize,
+        /// The first such reading of it.
+        reading: usize,
+        /// The angle between the sensor's z and the object's −z, degrees.
+        tilt_degrees: f64,
+    },
 }
 
 /// Learns the appearance classes from the readings of all objects together.

@@ -6,6 +6,8 @@
 
 pub mod contact_rates;
 pub mod coverage;
+pub mod covering;
+pub mod letters_geometric;
 pub mod objects;
 pub mod plot;
 pub mod report;

@@ -1,4 +1,4 @@
-//! Line plots as SVG, small enough to write by hand.
+//! Line plots and heat maps as SVG, small enough to write by hand.
 
 use std::fmt::Write as _;
 
@@ -127,6 +127,121 @@ fn draw(panel: &Panel) -> String {
     out
 }
 
+/// A heat map over two logarithmic axes, with a line where it is best in each row.
+pub struct Heat {
+    /// The title above it.
+    pub title: String,
+    /// The label of the x axis, with its unit.
+    pub x: String,
+    /// The label of the y axis, with its unit.
+    pub y: String,
+    /// The columns' x, rising.
+    pub xs: Vec<f64>,
+    /// The rows' y, rising upward.
+    pub ys: Vec<f64>,
+    /// Row-major values; one that is not finite stays grey.
+    pub values: Vec<f64>,
+    /// The best x of every row.
+    pub ridge: Vec<f64>,
+}
+
+/// Heat maps side by side.
+#[must_use]
+pub fn heat_svg(maps: &[Heat]) -> String {
+    let width = WIDTH * maps.len() as f64;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" \
+         font-family=\"sans-serif\" font-size=\"11\">\n\
+         <rect width=\"{width}\" height=\"{HEIGHT}\" fill=\"white\"/>\n"
+    );
+    for (index, map) in maps.iter().enumerate() {
+        let x = WIDTH * index as f64;
+        let _ = writeln!(svg, "<g transform=\"translate({x} 0)\">{}</g>", draw_heat(map));
+    }
+    svg + "</svg>\n"
+}
+
+fn draw_heat(map: &Heat) -> String {
+    let (plot_width, plot_height) = (WIDTH - LEFT - 16.0, HEIGHT - TOP - 46.0);
+    let (n_cols, n_rows) = (map.xs.len(), map.ys.len());
+    let (cell_width, cell_height) = (plot_width / n_cols as f64, plot_height / n_rows as f64);
+    let finite = || map.values.iter().copied().filter(|value| value.is_finite());
+    let (low, high) = (finite().fold(f64::MAX, f64::min), finite().fold(f64::MIN, f64::max));
+    let mut out = String::new();
+    for (index, value) in map.values.iter().enumerate() {
+        let x = LEFT + (index % n_cols) as f64 * cell_width;
+        let y = TOP + plot_height - (index / n_cols + 1) as f64 * cell_height;
+        let share = (value - low) / (high - low).max(f64::MIN_POSITIVE);
+        let _ = write!(
+            out,
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{}\"/>",
+            cell_width + 0.2,
+            cell_height + 0.2,
+            if value.is_finite() { heat_color(share) } else { "#ccc".to_owned() }
+        );
+    }
+    let along = |x: f64| {
+        let place = (x / map.xs[0]).ln() / (map.xs[n_cols - 1] / map.xs[0]).ln();
+        LEFT + (place * (n_cols as f64 - 1.0) + 0.5) * cell_width
+    };
+    let ridge: Vec<String> = (map.ridge.iter().enumerate())
+        .filter(|(_, x)| x.is_finite())
+        .map(|(row, x)| {
+            let y = TOP + plot_height - (row as f64 + 0.5) * cell_height;
+            format!("{:.1},{y:.1}", along(*x))
+        })
+        .collect();
+    let _ = write!(
+        out,
+        "<polyline fill=\"none\" stroke=\"#d1495b\" stroke-width=\"2\" points=\"{}\"/>",
+        ridge.join(" ")
+    );
+    for (title, x, y, size) in [
+        (&map.title, LEFT + plot_width / 2.0, 18.0, 13),
+        (&map.x, LEFT + plot_width / 2.0, HEIGHT - 14.0, 11),
+    ] {
+        let _ = write!(
+            out,
+            "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" font-size=\"{size}\">{}</text>",
+            escape(title)
+        );
+    }
+    let _ = write!(
+        out,
+        "<text transform=\"translate(13 {}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+        TOP + plot_height / 2.0,
+        escape(&map.y)
+    );
+    for index in [0, n_cols / 2, n_cols - 1] {
+        let x = along(map.xs[index]);
+        let (bottom, label) = (HEIGHT - 31.0, number(map.xs[index]));
+        let _ =
+            write!(out, "<text x=\"{x:.1}\" y=\"{bottom}\" text-anchor=\"middle\">{label}</text>");
+    }
+    for index in [0, n_rows / 2, n_rows - 1] {
+        let y = TOP + plot_height - (index as f64 + 0.5) * cell_height + 4.0;
+        let (right, label) = (LEFT - 5.0, format!("{:.3}", map.ys[index]));
+        let _ = write!(out, "<text x=\"{right}\" y=\"{y:.1}\" text-anchor=\"end\">{label}</text>");
+    }
+    let range = format!("dark {} to bright {}", number(low), number(high));
+    out + &format!(
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"#444\">{range}</text>",
+        LEFT + plot_width,
+        TOP - 4.0
+    )
+}
+
+/// Dark blue at 0 over green to yellow at 1.
+fn heat_color(share: f64) -> String {
+    let stops = [(43.0, 33.0, 86.0), (28.0, 128.0, 128.0), (240.0, 225.0, 70.0)];
+    let place = share.clamp(0.0, 1.0) * 2.0;
+    let from = (place as usize).min(1);
+    let part = place - from as f64;
+    let mix = |a: f64, b: f64| (a + (b - a) * part).round() as u8;
+    let (a, b) = (stops[from], stops[from + 1]);
+    format!("#{:02x}{:02x}{:02x}", mix(a.0, b.0), mix(a.1, b.1), mix(a.2, b.2))
+}
+
 /// The next of 1, 2, 2.5, 5 times a power of ten.
 fn nice(value: f64) -> f64 {
     let power = 10f64.powf(value.log10().floor());
@@ -157,6 +272,24 @@ mod tests {
         let drawn = svg(&[panel]);
         assert!(drawn.contains(&format!("{:.1},{TOP:.1}", WIDTH - 16.0)), "{drawn}");
         assert!(drawn.contains("a&lt;b"));
+    }
+
+    #[test]
+    fn a_heat_map_runs_from_dark_to_bright_and_leaves_out_what_is_missing() {
+        let map = Heat {
+            title: "t".into(),
+            x: "x".into(),
+            y: "y".into(),
+            xs: vec![1.0, 10.0],
+            ys: vec![0.1, 1.0],
+            values: vec![0.0, 2.0, f64::NAN, 1.0],
+            ridge: vec![10.0, f64::NAN],
+        };
+        let drawn = heat_svg(&[map]);
+        assert_eq!((heat_color(0.0), heat_color(1.0)), ("#2b2156".into(), "#f0e146".into()));
+        for color in ["#2b2156", "#f0e146", "#ccc", "#1c8080"] {
+            assert_eq!(drawn.matches(&format!("fill=\"{color}\"")).count(), 1, "{color}");
+        }
     }
 
     #[test]

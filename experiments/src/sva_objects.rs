@@ -6,13 +6,15 @@
 //! Each object is touched 1,000 times for training and 100 times for testing. A trial draws a
 //! pose (any rotation, ±200 mm along each axis) and presents test readings in random order;
 //! after each one both methods answer. Errors of pose count only when the identity is right,
-//! as in the dissertation; angles are plain, not modulo symmetry.
+//! as in the dissertation; angles are plain, not modulo symmetry. The inertial error takes the
+//! mesh as a solid of uniform density.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use palpate_core::metric::Inertia;
 use palpate_core::model::{Catalogue, ObjectIdx};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
@@ -187,6 +189,7 @@ fn run_trials(
     progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Step>> {
     let done = AtomicUsize::new(0);
+    let inertias: Vec<Inertia> = objects.iter().map(|object| object.mesh.inertia()).collect();
     let trials: Vec<(usize, usize)> = (0..objects.len())
         .flat_map(|object| (0..config.trials).map(move |trial| (object, trial)))
         .collect();
@@ -194,7 +197,7 @@ fn run_trials(
         .par_iter()
         .map(|(object, trial)| {
             progress("trials", done.fetch_add(1, Ordering::Relaxed), trials.len());
-            run_trial(config, *object, *trial, &test[*object], methods)
+            run_trial(config, (*object, *trial), &test[*object], &inertias[*object], methods)
         })
         .collect();
     Ok(per_trial?.into_iter().flatten().collect())
@@ -202,9 +205,9 @@ fn run_trials(
 
 fn run_trial(
     config: &SvaObjects,
-    object: usize,
-    trial: usize,
+    (object, trial): (usize, usize),
     test: &[Reading],
+    inertia: &Inertia,
     methods: &[Method],
 ) -> anyhow::Result<Vec<Step>> {
     let index = (object * config.trials + trial) as u64;
@@ -232,22 +235,14 @@ fn run_trial(
                 PoseError {
                     translation: found.distance_to(&session_from_object),
                     angle: found.angle_to(&session_from_object),
-                    inertial: found.inertial_distance_to(&session_from_object, 40.0 * MM),
+                    inertial: inertia.distance(&found, &session_from_object),
                 }
             });
             let probability = answer.probabilities[named];
             let readings = n + 1;
             let method = method_index;
-            steps.push(Step {
-                method,
-                object,
-                trial,
-                readings,
-                named,
-                probability,
-                error,
-                seconds,
-            });
+            let step = Step { method, object, trial, readings, named, probability, error, seconds };
+            steps.push(step);
         }
     }
     Ok(steps)

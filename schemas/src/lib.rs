@@ -4,6 +4,9 @@
 //! refuse unknown fields, because a robot's typo must not be ignored; answers may gain fields.
 //! Ids are `UUIDv7` strings. Not here: checking values (the server's `wire`), HTTP itself.
 
+pub mod analysis;
+pub mod calibration;
+pub mod geometry;
 pub mod health;
 pub mod object;
 pub mod page;
@@ -14,6 +17,17 @@ pub mod sensor;
 pub mod session;
 pub mod training;
 
+pub use analysis::{AnalyseCoverings, CoveringAnalysis, CoveringTradeOff, SpatialAcuity};
+pub use calibration::{
+    CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
+    SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
+    TaxelState,
+};
+pub use geometry::{
+    AxisUnit, GeometryKind, GeometryReport, GeometryTraining, Marginal, Marginals, MarginalsQuery,
+    MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior, SliceQuery,
+    VersionReference,
+};
 pub use health::{Check, Liveness, Readiness, Version};
 pub use object::{
     AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshReport, MeshUnit,

@@ -170,6 +170,9 @@ pub struct StoredReading {
     pub pose: Pose,
     /// Pressures in pascal, as they were sent.
     pub image: Vec<Option<f64>>,
+    /// The number of the sensor's calibration that corrects them; null when there was none.
+    #[serde(default)]
+    pub calibration: Option<u32>,
 }
 
 /// A page of training readings.

@@ -53,6 +53,9 @@ pub enum SensorPreset {
     /// 6 × 6 taxels at 2 mm, 0–20 kPa, under a 2.54 mm covering.
     #[serde(rename = "digitacts-6x6")]
     Digitacts6x6,
+    /// The same under the thinnest covering, 1.016 mm: for letters and other fine shapes.
+    #[serde(rename = "digitacts-6x6-thin")]
+    Digitacts6x6Thin,
     /// 6 × 8 taxels at 2 mm: two physical modules.
     #[serde(rename = "digitacts-6x8")]
     Digitacts6x8,
@@ -66,14 +69,20 @@ pub enum SensorPreset {
 
 impl SensorPreset {
     /// Every preset.
-    pub const ALL: [Self; 4] =
-        [Self::Digitacts6x6, Self::Digitacts6x8, Self::Fingertip14x14, Self::Tekscan26x26];
+    pub const ALL: [Self; 5] = [
+        Self::Digitacts6x6,
+        Self::Digitacts6x6Thin,
+        Self::Digitacts6x8,
+        Self::Fingertip14x14,
+        Self::Tekscan26x26,
+    ];
 
     /// The preset's name, as on the wire.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Digitacts6x6 => "digitacts-6x6",
+            Self::Digitacts6x6Thin => "digitacts-6x6-thin",
             Self::Digitacts6x8 => "digitacts-6x8",
             Self::Fingertip14x14 => "fingertip-14x14",
             Self::Tekscan26x26 => "tekscan-26x26",
@@ -180,6 +189,13 @@ pub struct ReadingCheck {
     pub centroid_in_session: Option<Point>,
     /// Where the sensor looks: its +z, towards the object, in the session frame.
     pub sensor_z_in_session: Point,
+    /// The number of the calibration that would correct the reading, as it did `image`; null
+    /// when the sensor has none.
+    #[serde(default)]
+    pub calibration: Option<u32>,
+    /// Taxels that the calibration leaves out (dead or cross-wired), as indices into `image`.
+    #[serde(default)]
+    pub unusable: Vec<u32>,
     /// What is unusual about the reading, in words.
     pub hints: Vec<String>,
 }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::geometry::PosePrior;
 use crate::pose::Pose;
 use crate::reading::Reading;
 
@@ -31,6 +32,26 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 10_000)]
     pub prior: Option<Vec<PriorEntry>>,
+    /// Where the object may lie, for the methods `geometric…`. With maps of kind `planar` the
+    /// planar prior's defaults when not given; with maps of kind `solid` it must be given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_prior: Option<PosePrior>,
+    /// How many bins an object has along x, y and the turn, each 2 to 200, together at most
+    /// 100000; 25, 25, 16 when not given. Only for `geometric_histogram`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Vec<u32>>, min_items = 3, max_items = 3,
+        example = json!([25, 25, 16]))]
+    pub bins: Option<[u32; 3]>,
+    /// How many particles there are, of all objects together, 100 to 100000; 10000 when not
+    /// given. Only for `geometric_particles`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 100, maximum = 100_000)]
+    pub particles: Option<u32>,
+    /// The seed of the random choices of the methods `geometric…`, up to 2⁵³ − 1; 1 when
+    /// not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
+    pub seed: Option<u64>,
     /// Seconds without a new reading after which the session closes, 1 to 31536000; it stays
     /// open when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,6 +79,13 @@ pub enum Method {
     Sva,
     /// Spatially varying appearance as the dissertation prints it, for its figures.
     SvaLiteral,
+    /// Maps of contact and pressure over poses that a prior bounds. Needs a version that was
+    /// trained with `geometry`, and takes readings of any sensor.
+    Geometric,
+    /// Maps of contact with the dissertation's histogram filter, for its figures.
+    GeometricHistogram,
+    /// Maps of contact with the dissertation's particle filter, for its figures.
+    GeometricParticles,
 }
 
 /// A session: one object that rests in one frame and is touched.
@@ -71,6 +99,16 @@ pub struct Session {
     pub version: u32,
     /// How it recognises.
     pub method: Method,
+    /// Where its object may lie, defaults filled in; null with methods that need no prior.
+    pub pose_prior: Option<PosePrior>,
+    /// Bins of an object along x, y and the turn; null unless the method is
+    /// `geometric_histogram`.
+    #[schema(value_type = Option<Vec<u32>>, min_items = 3, max_items = 3)]
+    pub bins: Option<[u32; 3]>,
+    /// Particles of all objects; null unless the method is `geometric_particles`.
+    pub particles: Option<u32>,
+    /// The seed of its random choices; null when it makes none.
+    pub seed: Option<u64>,
     /// The frame of its sensor poses, if it was named.
     pub frame_id: Option<String>,
     /// Whether it takes readings.
@@ -239,7 +277,7 @@ pub enum SessionEvent {
     #[schema(title = "ClosedEvent")]
     Closed {
         /// The session as it is now.
-        session: Session,
+        session: Box<Session>,
     },
     /// The session was deleted.
     #[schema(title = "DeletedEvent")]

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
+
 /// A named line of trained models, one of whose versions new sessions use.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Catalogue {
@@ -59,8 +61,10 @@ pub struct CatalogueVersion {
     /// When it was trained.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// The job that trained it.
-    pub job: Uuid,
+    /// The job that trained it; null when it was merged.
+    pub job: Option<Uuid>,
+    /// The two versions whose maps were merged into it; empty when it was trained.
+    pub merged_from: Vec<VersionReference>,
     /// What was asked for, defaults filled in.
     pub training: StartTraining,
     /// What came out.
@@ -108,6 +112,9 @@ pub struct ObjectReport {
     /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub origin_in_mesh: [f64; 3],
+    /// What was learnt of its geometry; null when nothing was asked for.
+    #[serde(default)]
+    pub geometry: Option<GeometryReport>,
 }
 
 /// The trained map of one object, a page of its patches at a time.
@@ -191,6 +198,9 @@ pub struct StartTraining {
     /// when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_range: Option<DistanceRange>,
+    /// What to learn for the methods `geometric…`; nothing when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<GeometryTraining>,
     /// Whether new sessions use the version as soon as it is trained; true when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub activate: Option<bool>,
@@ -294,6 +304,8 @@ pub enum JobStage {
     Vocabulary,
     /// Building the objects' maps; steps are objects.
     Mapping,
+    /// Learning maps of contact and pressure; steps are objects.
+    Geometry,
     /// Writing the version.
     Storing,
 }

@@ -3,11 +3,14 @@
 //! A model is read from the store when a session first needs it and shared by all sessions
 //! that pin it; the last few stay in memory.
 
+mod maps;
+
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use dashmap::DashMap;
 use palpate_core::model::Catalogue as CoreCatalogue;
+use palpate_core::model::geometry::GeometricModel;
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
 use palpate_store::database::Database;
@@ -34,6 +37,14 @@ pub(crate) struct Model {
 }
 
 impl Model {
+    /// What the version knows of its objects' geometry.
+    pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
+        self.core.geometry.as_ref().ok_or_else(|| Refusal::NoGeometry {
+            catalogue: self.name.clone(),
+            version: self.version,
+        })
+    }
+
     /// The place of an object among the model's, by its id or its name when it was trained.
     pub(crate) fn find(&self, reference: &str) -> Option<usize> {
         match Uuid::parse_str(reference) {
@@ -131,14 +142,25 @@ impl Catalogues {
         query: &wire::PageQuery,
     ) -> Result<wire::ObjectMap, Refusal> {
         let (from, limit) = (page_number(query)?, page_length(query)?);
+        let (model, place) = self.object_of(name, version, object).await?;
+        let from = usize::try_from(from).unwrap_or(usize::MAX);
+        Ok(training::object_map(&model.objects[place], &model.core.objects[place], from, limit))
+    }
+
+    /// A version's model and the place of one of its objects, all as a path names them.
+    async fn object_of(
+        &self,
+        name: &str,
+        version: &str,
+        object: &str,
+    ) -> Result<(Arc<Model>, usize), Refusal> {
         let catalogue = self.find(name)?;
         let version = self.manifest(&catalogue, number(version)?)?.version;
         let model = self.load(catalogue.id, version).await?;
         let place = model
             .find(object)
             .ok_or_else(|| Refusal::NotFound { what: "object", reference: object.to_owned() })?;
-        let from = usize::try_from(from).unwrap_or(usize::MAX);
-        Ok(training::object_map(&model.objects[place], &model.core.objects[place], from, limit))
+        Ok((model, place))
     }
 
     /// Makes a version current if nobody else has switched since `revision`.

@@ -368,6 +368,7 @@ impl Jobs {
             parameters: serde_json::to_string(&VersionParameters {
                 training: training.clone(),
                 report,
+                merged_from: Vec::new(),
             })
             .expect("a report consists of finite numbers and strings"),
         };
@@ -390,6 +391,7 @@ impl Jobs {
             readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
             seed: training.seed.unwrap_or(1),
             config: convert::training::config(training)?,
+            geometry: training.geometry.as_ref().map(convert::geometry::config),
         })
     }
 

@@ -11,6 +11,8 @@ pub mod server;
 
 mod admission;
 mod app;
+mod belief;
+mod calibrations;
 mod catalogues;
 mod clock;
 mod compute;

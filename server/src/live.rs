@@ -9,15 +9,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use palpate_core::belief::answer::Answer;
-use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
+use palpate_core::model::ObjectIdx;
 use palpate_schemas as wire;
-use palpate_schemas::{BeliefDetail, Method, SessionEvent};
+use palpate_schemas::{BeliefDetail, SessionEvent};
 use palpate_store::database::Database;
 use palpate_store::entity::{ReadingId, Session, StoredReading};
 use palpate_store::error::StoreError;
 use palpate_store::journal::{Event, Journal, NewEntry};
 use tokio::sync::{Mutex, broadcast};
 
+use crate::belief::{SessionBelief, check};
 use crate::catalogues::Model;
 use crate::clock::now_ms;
 use crate::compute::Place;
@@ -25,9 +26,9 @@ use crate::refusal::Refusal;
 use crate::repeats::new_readings;
 use crate::sensors::Sensors;
 use crate::sessions::{POSES, Tools, status};
-use crate::wire::count;
 use crate::wire::reading::{Incoming, from_store};
-use crate::wire::session::{Status, belief, method, top};
+use crate::wire::session::{Status, belief, top};
+use crate::wire::{count, geometry};
 
 /// How many answers are remembered for robots that repeat a reading.
 const ANSWERS_MAX: usize = 64;
@@ -47,7 +48,7 @@ pub(crate) struct Live {
 
 #[derive(Default)]
 struct State {
-    belief: Option<SvaBelief>,
+    belief: Option<SessionBelief>,
     n_folded: u64,
     /// What was answered to the reading that a robot is likeliest to repeat, newest last.
     answers: VecDeque<(ReadingId, wire::Belief)>,
@@ -85,19 +86,9 @@ impl Live {
         let _ = self.events.send(event);
     }
 
-    /// Refuses readings whose images the model cannot understand.
-    pub(crate) fn check_shapes(&self, readings: &[Incoming]) -> Result<(), Refusal> {
-        let vocabulary = &self.model.core.vocabulary;
-        let wrong = readings.iter().position(|r| !vocabulary.fits(r.reading.image()));
-        let Some(index) = wrong else { return Ok(()) };
-        let image = readings[index].reading.image();
-        let error = RecogniseError::Shape {
-            rows: vocabulary.rows,
-            cols: vocabulary.cols,
-            found_rows: image.rows,
-            found_cols: image.cols,
-        };
-        Err(Refusal::field(format!("/readings/{index}/sensor"), error))
+    /// Refuses readings that the session's method cannot fold: none of them is stored.
+    pub(crate) fn check(&self, readings: &[Incoming]) -> Result<(), Refusal> {
+        check(&self.session, &self.model, readings)
     }
 
     /// Stores readings and answers the belief after them.
@@ -137,7 +128,8 @@ impl Live {
         let belief = match (remembered, place) {
             (Some(belief), _) => Some(belief),
             (None, Some(place)) => {
-                let belief = self.catch_up(&mut state, tools, place, POSES, length).await?;
+                let answer = self.ask(&mut state, tools, place, length, answer(POSES)).await?;
+                let belief = self.shown(length, &answer);
                 if n_new > 0 {
                     state.remember(last_id, &belief);
                     self.publish(SessionEvent::Belief { belief: belief.clone() });
@@ -168,7 +160,29 @@ impl Live {
             return Ok(None);
         }
         let place = tools.pool.place()?;
-        self.catch_up(&mut state, tools, place, poses, length).await.map(Some)
+        let answer = self.ask(&mut state, tools, place, length, answer(poses)).await?;
+        Ok(Some(self.shown(length, &answer)))
+    }
+
+    /// How probable each coordinate of an object's pose is (of the likeliest object if none
+    /// is named); `None` when the revision is known.
+    pub(crate) async fn marginals(
+        &self,
+        tools: &Tools<'_>,
+        object: Option<&str>,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Marginals>, Refusal> {
+        let object = object.map(|reference| self.object(reference)).transpose()?;
+        let mut state = self.state.lock().await;
+        let length = tools.store.journal().len(self.session.id)?;
+        if known_revision == Some(length) {
+            return Ok(None);
+        }
+        let place = tools.pool.place()?;
+        let ask = move |belief: &SessionBelief| belief.marginals(object);
+        let found = self.ask(&mut state, tools, place, length, ask).await?;
+        let marginals = found.ok_or(Refusal::NoMarginals { session: self.session.id })?;
+        Ok(Some(geometry::marginals(self.session.id, length, &marginals, &self.model)))
     }
 
     /// The belief after the session's first `at` readings, folded anew; `None` when that
@@ -191,11 +205,11 @@ impl Live {
         let place = tools.pool.place()?;
         let folding = self.folding(tools, 0, at);
         let answer =
-            place.run(move || folding.run(None, poses).map(|(_, answer)| answer)).await??;
+            place.run(move || Ok::<_, Refusal>(folding.run(None)?.answer(poses))).await??;
         if (answer.n_readings as u64) < at {
             return Err(self.unknown());
         }
-        Ok(Some(belief(self.session.id, at, &answer, &self.model, BeliefDetail::Full)))
+        Ok(Some(self.shown(at, &answer)))
     }
 
     /// Closes the session: nothing follows in its journal. Closing it again changes nothing.
@@ -254,21 +268,40 @@ impl Live {
         }
     }
 
-    /// Folds the entries up to `length` into the belief, and answers it.
-    async fn catch_up(
+    /// Folds the entries up to `length` into the belief, and asks it something.
+    async fn ask<T: Send + 'static>(
         &self,
         state: &mut State,
         tools: &Tools<'_>,
         place: Place,
-        poses: usize,
         length: u64,
-    ) -> Result<wire::Belief, Refusal> {
+        question: impl FnOnce(&SessionBelief) -> T + Send + 'static,
+    ) -> Result<T, Refusal> {
         let folding = self.folding(tools, std::mem::take(&mut state.n_folded), length);
         let before = state.belief.take();
-        let (after, answer) = place.run(move || folding.run(before, poses)).await??;
+        let work = move || {
+            let belief = folding.run(before)?;
+            let answer = question(&belief);
+            Ok::<_, Refusal>((belief, answer))
+        };
+        let (after, answer) = place.run(work).await??;
         state.belief = Some(after);
         state.n_folded = length;
-        Ok(belief(self.session.id, length, &answer, &self.model, BeliefDetail::Full))
+        Ok(answer)
+    }
+
+    fn shown(&self, revision: u64, answer: &Answer) -> wire::Belief {
+        belief(self.session.id, revision, answer, &self.model, BeliefDetail::Full)
+    }
+
+    fn object(&self, reference: &str) -> Result<ObjectIdx, Refusal> {
+        let found = self.model.find(reference).ok_or_else(|| {
+            let (name, version) = (&self.model.name, self.model.version);
+            let detail =
+                format!("version {version} of catalogue {name:?} does not know {reference:?}");
+            Refusal::field("?object", detail)
+        })?;
+        Ok(ObjectIdx(found as u32))
     }
 
     fn folding(&self, tools: &Tools<'_>, from: u64, length: u64) -> Folding {
@@ -309,7 +342,7 @@ struct Folding {
 }
 
 impl Folding {
-    fn run(&self, before: Option<SvaBelief>, poses: usize) -> Result<(SvaBelief, Answer), Refusal> {
+    fn run(&self, before: Option<SessionBelief>) -> Result<SessionBelief, Refusal> {
         let (mut belief, mut next) = match before {
             Some(belief) => (belief, self.from),
             None => (self.empty()?, 0),
@@ -325,24 +358,18 @@ impl Folding {
             }
             next += limit as u64;
         }
-        let answer = belief.answer(poses);
-        Ok((belief, answer))
+        Ok(belief)
     }
 
-    fn empty(&self) -> Result<SvaBelief, Refusal> {
-        let options = match method(&self.session) {
-            Method::Sva => SvaOptions::default(),
-            Method::SvaLiteral => SvaOptions::literal(),
-        };
-        let weights: Vec<f64> = self.session.prior.iter().map(|(_, weight)| *weight).collect();
-        let prior = (!weights.is_empty()).then_some(weights.as_slice());
-        SvaBelief::new(Arc::clone(&self.model.core), options, prior)
-            .map_err(|error| self.unusable(&error))
+    fn empty(&self) -> Result<SessionBelief, Refusal> {
+        SessionBelief::new(&self.session, &self.model).map_err(|error| self.unusable(&error))
     }
 
-    fn fold(&self, belief: &mut SvaBelief, stored: &StoredReading) -> Result<(), Refusal> {
+    fn fold(&self, belief: &mut SessionBelief, stored: &StoredReading) -> Result<(), Refusal> {
         let sensor = self.sensors.get(&stored.sensor.to_string())?;
-        let reading = from_store(stored, &sensor).map_err(|error| self.unusable(&error))?;
+        let calibration = self.sensors.calibrations().of(sensor.id, stored.calibration)?;
+        let reading = from_store(stored, &sensor, calibration.as_deref())
+            .map_err(|error| self.unusable(&error))?;
         belief.add(&reading, &sensor.description).map_err(|error| self.unusable(&error))
     }
 
@@ -350,6 +377,11 @@ impl Folding {
         let id = self.session.id.to_string();
         Refusal::Unusable { what: "session", id, reason: error.to_string() }
     }
+}
+
+/// The question for an answer with at most `poses` poses.
+fn answer(poses: usize) -> impl FnOnce(&SessionBelief) -> Answer + Send + 'static {
+    move |belief| belief.answer(poses)
 }
 
 fn stored(

@@ -29,6 +29,11 @@ pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
+/// A map of contact as an image or a model.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
+
 #[derive(utoipa::OpenApi)]
 #[openapi(
     info(
@@ -41,6 +46,7 @@ pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents
     servers((url = "/", description = "This server")),
     tags(
         (name = "sensors", description = "Tactile sensors: geometry and response"),
+        (name = "analyses", description = "Questions about sensors, answered without storing"),
         (name = "objects", description = "Things to recognise: meshes and training readings"),
         (name = "training", description = "Catalogues: trained versions, and the current one"),
         (name = "jobs", description = "Trainings under way"),

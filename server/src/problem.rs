@@ -110,6 +110,8 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::ReadingConflict { .. } => ProblemType::Conflict,
         Refusal::SessionClosed { .. }
         | Refusal::Untrained { .. }
+        | Refusal::NoGeometry { .. }
+        | Refusal::NoMarginals { .. }
         | Refusal::ReadingsFull { .. }
         | Refusal::JobFinished { .. }
         | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,

@@ -33,6 +33,16 @@ pub(crate) enum Refusal {
     SessionClosed { session: Uuid },
     #[error("catalogue {catalogue:?} has no current version: train it first")]
     Untrained { catalogue: String },
+    #[error(
+        "version {version} of catalogue {catalogue:?} has no geometry: train one with \
+         `\"geometry\": {{\"kind\": \"planar\"}}` or `solid`"
+    )]
+    NoGeometry { catalogue: String, version: u32 },
+    #[error(
+        "session {session} has no marginals: its method keeps no probabilities of poses, or its \
+         readings rule the object out"
+    )]
+    NoMarginals { session: Uuid },
     #[error("reading {seq} of robot {robot:?} was stored with other content")]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]

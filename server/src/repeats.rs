@@ -22,8 +22,8 @@ pub(crate) fn new_readings(
             continue;
         };
         let is_same = match ids.get(id) {
-            Some(before) => Some(**before == reading.stored),
-            None => stored(id)?.map(|before| before == reading.stored),
+            Some(before) => Some(before.is_repeated_by(&reading.stored)),
+            None => stored(id)?.map(|before| before.is_repeated_by(&reading.stored)),
         };
         match is_same {
             Some(true) => {}

@@ -1,8 +1,11 @@
 //! What can be asked of the service, resource by resource. Each handler finds, parses, does
 //! and answers; everything else lives behind it.
 
+pub(crate) mod analyses;
+pub(crate) mod calibrations;
 pub(crate) mod events;
 pub(crate) mod jobs;
+pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod sensors;
 pub(crate) mod sessions;
@@ -24,6 +27,8 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sensors::list_sensors, sensors::create_sensor))
         .routes(routes!(sensors::get_sensor))
         .routes(routes!(sensors::check_reading))
+        .routes(routes!(calibrations::get_calibration, calibrations::calibrate_sensor))
+        .routes(routes!(analyses::analyse_coverings))
         .routes(routes!(objects::list_objects, objects::create_object))
         .routes(routes!(objects::get_object, objects::update_object, objects::delete_object))
         .routes(routes!(objects::get_mesh, objects::put_mesh))
@@ -35,6 +40,10 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(training::get_version))
         .routes(routes!(training::get_report))
         .routes(routes!(training::get_object_map))
+        .routes(routes!(maps::get_occupancy))
+        .routes(routes!(maps::get_occupancy_png))
+        .routes(routes!(maps::get_occupancy_ply))
+        .routes(routes!(maps::merge_maps))
         .routes(routes!(training::get_current, training::set_current))
         .routes(routes!(jobs::list_jobs))
         .routes(routes!(jobs::get_job))
@@ -45,6 +54,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::close_session))
         .routes(routes!(sessions::add_readings))
         .routes(routes!(sessions::get_belief))
+        .routes(routes!(sessions::get_marginals))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
 }

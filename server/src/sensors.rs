@@ -11,6 +11,7 @@ use palpate_store::entity::Sensor;
 use palpate_store::error::StoreError;
 use uuid::Uuid;
 
+use crate::calibrations::Calibrations;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::wire::{cursor, page_id, page_length, reading, sensor};
@@ -19,11 +20,18 @@ use crate::wire::{cursor, page_id, page_length, reading, sensor};
 pub(crate) struct Sensors {
     store: Database,
     known: DashMap<String, Arc<Sensor>>,
+    calibrations: Calibrations,
 }
 
 impl Sensors {
     pub(crate) fn new(store: Database) -> Self {
-        Self { store, known: DashMap::new() }
+        let calibrations = Calibrations::new(store.clone());
+        Self { store, known: DashMap::new(), calibrations }
+    }
+
+    /// What is known of how they respond.
+    pub(crate) fn calibrations(&self) -> &Calibrations {
+        &self.calibrations
     }
 
     /// Makes a sensor of every preset, under the preset's name, unless the name is taken.
@@ -90,7 +98,8 @@ impl Sensors {
             let detail = format!("came {:?}, expected {reference:?} as in the path", given.sensor);
             return Err(Refusal::field("/sensor", detail));
         }
-        Ok(sensor::check(&incoming.reading, &expected.description))
+        let applied = self.calibrations.newest(expected.id)?;
+        Ok(sensor::check(&incoming.reading, &expected.description, applied.as_ref()))
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Refusal> {

@@ -18,7 +18,8 @@ use palpate_store::journal::Event;
 use tokio::sync::broadcast;
 use uuid::Uuid;
 
-use crate::catalogues::{Catalogues, DEFAULT};
+use crate::belief::SessionBelief;
+use crate::catalogues::{Catalogues, DEFAULT, Model};
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
@@ -72,12 +73,25 @@ impl Sessions {
         let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
         let model = self.catalogues.model(name, request.version).await?;
         let session = convert::session::new_session(request, &model, Uuid::now_v7(), now_ms())?;
+        self.try_out(&session, &model).await?;
         self.store.sessions().create(&session).await?;
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
         let status = Status { n_readings: 0, closed_at_ms: None };
         let shown = convert::session::session(&session, &model.name, status);
         self.keep(session.id, Arc::new(Live::new(session, model)));
         Ok(shown)
+    }
+
+    /// Makes the belief of a geometric session once: a version that it cannot be had of is
+    /// refused now, not when readings are stored.
+    async fn try_out(&self, session: &Session, model: &Arc<Model>) -> Result<(), Refusal> {
+        if !convert::session::is_geometric(convert::session::options(session).method) {
+            return Ok(());
+        }
+        let (session, model) = (session.clone(), Arc::clone(model));
+        let begin = move || SessionBelief::new(&session, &model).map(drop);
+        let begun = self.pool.place()?.run(begin).await?;
+        begun.map_err(|error| Refusal::field("/method", error))
     }
 
     pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Refusal> {
@@ -99,7 +113,7 @@ impl Sessions {
         let closing = tokio::spawn(async move {
             live.close(&sessions.store).await?;
             let session = sessions.show(&sessions.store.sessions().get(id)?)?;
-            live.publish(SessionEvent::Closed { session: session.clone() });
+            live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
             Ok(session)
         });
         closing.await.unwrap_or(Err(Refusal::Panicked))
@@ -132,7 +146,7 @@ impl Sessions {
         let live = self.live(self.parse(id)?).await?;
         let frame_id = convert::session::frame_id(live.session());
         let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
-        live.check_shapes(&readings)?;
+        live.check(&readings)?;
         let sessions = Arc::clone(self);
         let adding =
             tokio::spawn(async move { live.add(&sessions.tools(), readings, detail).await });
@@ -157,6 +171,23 @@ impl Sessions {
             }
             None => self.belief_of(live, poses as usize, known_revision).await,
         }
+    }
+
+    /// The marginals of an object's pose as they are now; `None` when they are those of
+    /// `known_revision`.
+    pub(crate) async fn marginals(
+        self: &Arc<Self>,
+        id: &str,
+        query: wire::MarginalsQuery,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Marginals>, Refusal> {
+        let live = self.live(self.parse(id)?).await?;
+        let sessions = Arc::clone(self);
+        let asking = tokio::spawn(async move {
+            let object = query.object.as_deref();
+            live.marginals(&sessions.tools(), object, known_revision).await
+        });
+        asking.await.unwrap_or(Err(Refusal::Panicked))
     }
 
     /// What happens to a session from now on, and its belief as it is now.
@@ -321,6 +352,7 @@ mod tests {
             session_from_sensor: Pose::IDENTITY,
             pressures: vec![None],
             stamp_ns: None,
+            calibration: 0,
         });
         let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
         store.journal().append(session.id, 0, &[entry]).await.unwrap();

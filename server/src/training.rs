@@ -1,8 +1,10 @@
-//! What a training job does: readings of each object, a vocabulary, a map of each object.
+//! What a training job does: readings of each object, a vocabulary, maps of each object.
 //!
 //! Everything is decided by the stored material, the request and its seed. It runs on the
 //! training pool's threads and asks between steps whether it is to stop. Not here: queueing
 //! jobs and storing what comes out.
+
+mod geometry;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -10,12 +12,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use palpate_core::model::{Catalogue, ObjectMap};
+use palpate_core::occupancy::GridError;
+use palpate_core::occupancy::grid::CELLS_MAX;
 use palpate_core::reading::{Reading, ReadingError, SensorId};
+use palpate_core::train::geometry::GeometryConfig;
 use palpate_core::train::{TrainError, TrainingConfig, TrainingSet, learn_vocabulary, map_object};
 use palpate_core::vocabulary::Vocabulary;
 use palpate_schemas::{JobStage, ObjectReport};
 use palpate_sim::mesh::{Mesh, MeshError};
 use palpate_sim::press::PressSimulator;
+use palpate_sim::rig::PlanarError;
 use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
 use palpate_store::catalogue::VersionObject;
 use palpate_store::database::Database;
@@ -28,9 +34,9 @@ use uuid::Uuid;
 
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
-use crate::wire::count;
 use crate::wire::object::{read_format, unit_metres};
 use crate::wire::reading::from_store;
+use crate::wire::{count, geometry as wire_geometry};
 
 /// What is to be trained.
 pub(crate) struct Plan {
@@ -40,6 +46,8 @@ pub(crate) struct Plan {
     pub(crate) readings_per_object: usize,
     pub(crate) seed: u64,
     pub(crate) config: TrainingConfig,
+    /// How maps of contact are trained, if they are.
+    pub(crate) geometry: Option<GeometryConfig>,
 }
 
 /// What came out, object by object in the plan's order.
@@ -74,6 +82,15 @@ pub(crate) enum TrainingFailure {
     Sampling { object: String, source: SampleError },
     #[error("object {object:?}: {source}")]
     Mapping { object: String, source: TrainError },
+    #[error("object {object:?}: {source}")]
+    Planar { object: String, source: PlanarError },
+    #[error("object {object:?}: {source} with cells of {} mm", cell * 1e3)]
+    Grid { object: String, cell: f64, source: GridError },
+    #[error(
+        "object {object:?} brings the maps to {found} cells of {} mm, expected at most \
+         {CELLS_MAX} for all objects: choose larger cells", cell * 1e3
+    )]
+    Cells { object: String, cell: f64, found: usize },
     #[error(transparent)]
     Vocabulary(#[from] TrainError),
     #[error(transparent)]
@@ -88,6 +105,9 @@ struct Material {
     readings: Vec<Reading>,
     sensor: Arc<Sensor>,
     origin: Option<DVec3>,
+    /// Presses straight down, of a mesh whose planar map is to be learnt; else the maps of
+    /// contact are learnt from the readings.
+    planar: Option<Vec<Reading>>,
 }
 
 /// Trains. The object at place i of the plan is touched with seed + i.
@@ -102,14 +122,20 @@ pub(crate) fn train(
     let vocabulary = learn_vocabulary(&sets, &plan.config, plan.seed)?;
     step(progress, JobStage::Vocabulary, 1, 1)?;
     let maps = map_all(plan, &materials, &vocabulary, progress)?;
-    let objects = materials.iter().zip(&maps).map(|(material, map)| report(material, map));
-    let objects = objects.collect();
-    let maps = maps.into_iter().map(Arc::new).collect();
+    let geometry = match &plan.geometry {
+        Some(config) => Some(geometry::learn(config, &materials, &maps, progress)?),
+        None => None,
+    };
+    let mut objects: Vec<ObjectReport> =
+        materials.iter().zip(&maps).map(|(material, map)| report(material, map)).collect();
+    for (object, map) in objects.iter_mut().zip(geometry.iter().flat_map(|model| &model.maps)) {
+        object.geometry = Some(wire_geometry::report(map));
+    }
     let model = Catalogue {
         vocabulary,
         association: plan.config.association,
-        objects: maps,
-        geometry: None,
+        objects: maps.into_iter().map(Arc::new).collect(),
+        geometry: geometry.map(Arc::new),
     };
     Ok(Trained { model, objects })
 }
@@ -117,6 +143,12 @@ pub(crate) fn train(
 impl Material {
     fn set(&self) -> TrainingSet<'_> {
         TrainingSet { readings: &self.readings, sensor: &self.sensor.description }
+    }
+
+    /// The readings that maps of contact are learnt from.
+    fn pressed(&self) -> TrainingSet<'_> {
+        let readings = self.planar.as_deref().unwrap_or(&self.readings);
+        TrainingSet { readings, ..self.set() }
     }
 }
 
@@ -132,7 +164,7 @@ fn gather(
         let material = match own_readings(object, sources)? {
             Some((readings, sensor)) => {
                 done.fetch_add(plan.readings_per_object, Ordering::Relaxed);
-                Material { object: object.clone(), readings, sensor, origin: None }
+                Material { object: object.clone(), readings, sensor, origin: None, planar: None }
             }
             None => touch(plan, index, object, sources, &done, progress)?,
         };
@@ -160,7 +192,8 @@ fn own_readings(
             Some(_) => return Err(TrainingFailure::Sensors { object: object.name.clone() }),
             None => sources.sensors.get(&stored.sensor.to_string())?,
         };
-        let reading = from_store(stored, &used)
+        let calibration = sources.sensors.calibrations().of(used.id, stored.calibration)?;
+        let reading = from_store(stored, &used, calibration.as_deref())
             .map_err(|source| TrainingFailure::Reading { object: object.name.clone(), source })?;
         readings.push(reading);
         sensor = Some(used);
@@ -181,6 +214,7 @@ fn touch(
     let mesh = mesh(object.id, sources, &name)?;
     let origin = mesh.centroid();
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
+    let planar = geometry::planar_presses(plan, index, object, &simulator)?;
     let config = SamplerConfig::for_simulator(&simulator);
     let total = plan.objects.len() * plan.readings_per_object;
     let mut counted = 0;
@@ -197,7 +231,7 @@ fn touch(
             source => TrainingFailure::Sampling { object: name(), source },
         })?;
     let sensor = Arc::clone(&plan.sensor);
-    Ok(Material { object: object.clone(), readings, sensor, origin: Some(origin) })
+    Ok(Material { object: object.clone(), readings, sensor, origin: Some(origin), planar })
 }
 
 fn mesh(
@@ -242,6 +276,7 @@ fn report(material: &Material, map: &ObjectMap) -> ObjectReport {
         n_patches: count(map.patches().len()),
         index_bytes: map.index().bytes() as u64,
         origin_in_mesh: map.origin_in_training().to_array(),
+        geometry: None,
     }
 }
 

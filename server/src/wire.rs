@@ -4,6 +4,9 @@
 //! JSON lets numbers through that are no numbers: 1e999 is refused by the parser, null by
 //! the types; everything else that core would choke on is refused here.
 
+pub(crate) mod analysis;
+pub(crate) mod calibration;
+pub(crate) mod geometry;
 pub(crate) mod object;
 pub(crate) mod reading;
 pub(crate) mod sensor;
@@ -60,6 +63,15 @@ pub(crate) fn text(pointer: &str, text: &str, max: usize) -> Result<(), Refusal>
 
 /// Checks an integer against its range.
 pub(crate) fn within(pointer: &str, found: u64, low: u64, high: u64) -> Result<u64, Refusal> {
+    if (low..=high).contains(&found) {
+        Ok(found)
+    } else {
+        Err(Refusal::field(pointer, format!("came {found}, expected {low} to {high}")))
+    }
+}
+
+/// Checks a number against its range.
+pub(crate) fn number(pointer: &str, found: f64, low: f64, high: f64) -> Result<f64, Refusal> {
     if (low..=high).contains(&found) {
         Ok(found)
     } else {

@@ -186,7 +186,7 @@ impl PressSimulator {
 }
 
 /// The same sensor with a driver that sends the sensor frame's own order.
-fn in_row_major_order(sensor: &SensorDescription) -> SensorDescription {
+pub(crate) fn in_row_major_order(sensor: &SensorDescription) -> SensorDescription {
     let parameters = sensor.parameters().clone();
     let row_major = SensorParameters { image_order: ImageOrder::default(), ..parameters };
     SensorDescription::new(row_major).expect("the order of an image has no bad values")

@@ -4,6 +4,7 @@
 
 mod arm;
 mod canvas;
+pub mod occupancy;
 
 use glam::{DQuat, DVec3};
 use palpate_core::reading::TactileImage;

@@ -6,7 +6,7 @@
 
 mod creatures;
 mod field;
-mod surface_nets;
+pub(crate) mod surface_nets;
 mod tools;
 mod vessels;
 mod wheels;

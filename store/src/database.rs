@@ -6,6 +6,7 @@ use std::sync::Arc;
 use thiserror::Error;
 use uuid::Uuid;
 
+use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
 use crate::engine::{Commit, CommitError, Engine, EngineError, EngineStats, Expected, OpenError};
 use crate::entity::{Job, Object, Sensor, Session};
@@ -114,6 +115,12 @@ impl Database {
     #[must_use]
     pub fn sensors(&self) -> Table<Sensor> {
         Table::new(Arc::clone(&self.engine))
+    }
+
+    /// The calibrations of sensors.
+    #[must_use]
+    pub fn calibrations(&self) -> Calibrations {
+        Calibrations::new(Arc::clone(&self.engine))
     }
 
     /// All objects. Remove one with [`Database::remove_object`].

@@ -150,6 +150,17 @@ pub struct StoredReading {
     pub pressures: Vec<Option<f64>>,
     /// The robot's own time stamp, nanoseconds of its own clock.
     pub stamp_ns: Option<i64>,
+    /// The number of the sensor's calibration that the pressures, which are stored as they
+    /// came, are to be corrected with; 0 is none.
+    pub calibration: u32,
+}
+
+impl StoredReading {
+    /// Whether a robot sent the same: the calibration is the service's own note.
+    #[must_use]
+    pub fn is_repeated_by(&self, other: &Self) -> bool {
+        *self == Self { calibration: self.calibration, ..other.clone() }
+    }
 }
 
 /// A robot's own number of a reading; with it a repeated request is recognised.

@@ -46,6 +46,8 @@ pub enum Kind {
     Version = 13,
     /// A catalogue's block, raw.
     Block = 14,
+    /// A calibration of a sensor.
+    Calibration = 15,
 }
 
 /// An envelope that was found whole.

@@ -2,6 +2,7 @@
 
 use palpate_core::pose::PoseError;
 use palpate_core::sensor::SensorError;
+use palpate_core::sensor::calibration::CalibrationError;
 use thiserror::Error;
 use uuid::Uuid;
 
@@ -52,6 +53,9 @@ pub enum RecordError {
     /// A sensor's numbers do not describe one.
     #[error(transparent)]
     Sensor(#[from] SensorError),
+    /// A calibration's numbers are none.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
     /// A piece of a large record is missing.
     #[error("piece {piece} of the record is missing")]
     Piece {

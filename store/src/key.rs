@@ -42,6 +42,8 @@ pub enum Space {
     Catalogue = b'c',
     /// Manifests of catalogue versions, by catalogue and number.
     Version = b'v',
+    /// Calibrations, by sensor and number from 1.
+    Calibration = b'k',
     /// Immutable blocks, by the hash of their content.
     Block = b'b',
 }

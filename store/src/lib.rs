@@ -2,8 +2,8 @@
 //!
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
-//! values are; `pieces` splits what is large; [`table`], [`journal`], [`mesh`] and
-//! [`catalogue`] are the repositories that [`database::Database`] opens. `docs/formats.md`
+//! values are; `pieces` splits what is large; [`table`], [`journal`], [`calibration`],
+//! [`mesh`] and [`catalogue`] are the repositories that [`database::Database`] opens. `docs/formats.md`
 //! draws every byte. Times are arguments, in milliseconds since 1970.
 //! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
@@ -28,6 +28,8 @@ pub mod error;
 pub mod table;
 
 pub mod journal;
+
+pub mod calibration;
 
 pub mod mesh;
 

@@ -1,20 +1,29 @@
-//! Trained models ↔ blocks: one for the vocabulary, one for each object's map.
+//! Trained models ↔ blocks: one for the vocabulary, one for each object's map, and where
+//! geometry was trained the blocks of `geometry`.
 //!
 //! Blocks are raw little-endian arrays behind a short header, drawn in `docs/formats.md`.
 //! That a block is whole is checked before it comes here (envelope and hash); here it is
 //! checked that its numbers make a model. A map's block does not know its place in the
 //! catalogue, so versions share the maps of objects that were not trained again.
 
+mod geometry;
+mod reader;
+
 use std::sync::Arc;
 
 use palpate_core::descriptor::DescriptorKind;
+use palpate_core::model::geometry::ClassTableError;
 use palpate_core::model::{Catalogue, MapPatch, ObjectMap};
+use palpate_core::occupancy::GridError;
 use palpate_core::patch_pair::distance::DistanceBinsError;
 use palpate_core::patch_pair::index::Posting;
 use palpate_core::patch_pair::{DistanceBins, PairIndex};
 use palpate_core::vocabulary::{AssociationRule, MAX_CLASSES, Vocabulary};
+use reader::Reader;
 use thiserror::Error;
 use uuid::Uuid;
+
+pub use geometry::{GEOMETRY_BLOCK, geometry_block_name};
 
 /// The name of the vocabulary's block.
 pub const VOCABULARY_BLOCK: &str = "vocabulary";
@@ -76,6 +85,18 @@ pub enum CodecError {
         /// The block's name.
         name: String,
     },
+    /// A grid of occupancy or force is not one.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The table of class probabilities is not one.
+    #[error(transparent)]
+    ClassTable(#[from] ClassTableError),
+    /// A taxel's gain is not one.
+    #[error("gain is {found}, expected a finite number above 0")]
+    Gain {
+        /// What was found.
+        found: f64,
+    },
     /// A map was built over another vocabulary.
     #[error("map has {found} classes, expected the vocabulary's {expected}")]
     Classes {
@@ -95,11 +116,13 @@ pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<
         .iter()
         .zip(&model.objects)
         .map(|(object, map)| (map_block_name(*object), map_to_block(map)));
-    std::iter::once(vocabulary).chain(maps).collect()
+    let geometry = model.geometry.iter().flat_map(|model| geometry::to_blocks(model, objects));
+    std::iter::once(vocabulary).chain(maps).chain(geometry).collect()
 }
 
 /// The model of a version's blocks. `objects` are the ids of its objects, in its order;
-/// other blocks are left alone.
+/// other blocks are left alone. Without the block [`GEOMETRY_BLOCK`] the model has no
+/// geometry.
 ///
 /// # Errors
 /// [`CodecError`] names what is missing or does not fit.
@@ -107,10 +130,11 @@ pub fn model_from_blocks(
     blocks: &[(String, Vec<u8>)],
     objects: &[Uuid],
 ) -> Result<Catalogue, CodecError> {
-    let block = |name: String| {
+    let find = |name: &str| {
         let found = blocks.iter().find(|(candidate, _)| *candidate == name);
-        found.map(|(_, content)| content.as_slice()).ok_or(CodecError::Missing { name })
+        found.map(|(_, content)| content.as_slice())
     };
+    let block = |name: String| find(&name).ok_or(CodecError::Missing { name });
     let (vocabulary, association) = vocabulary_from_block(block(VOCABULARY_BLOCK.to_owned())?)?;
     let map = |object: &Uuid| {
         let map = map_from_block(block(map_block_name(*object))?)?;
@@ -121,8 +145,13 @@ pub fn model_from_blocks(
             Err(CodecError::Classes { expected, found })
         }
     };
-    let objects = objects.iter().map(map).collect::<Result<_, _>>()?;
-    Ok(Catalogue { vocabulary, association, objects, geometry: None })
+    let maps = objects.iter().map(map).collect::<Result<_, _>>()?;
+    let geometry = find(GEOMETRY_BLOCK).map(|shared| {
+        let block = |object: &Uuid| block(geometry_block_name(*object));
+        geometry::from_blocks(shared, objects.iter().map(block))
+    });
+    let geometry = geometry.transpose()?.map(Arc::new);
+    Ok(Catalogue { vocabulary, association, objects: maps, geometry })
 }
 
 /// The block of a model's vocabulary and association rule.
@@ -277,62 +306,6 @@ fn count(n: usize) -> u32 {
     u32::try_from(n).expect("a model's counts fit into 32 bits: a map has at most 65,536 patches")
 }
 
-/// Takes a block's parts from front to back.
-struct Reader<'block> {
-    block: &'block [u8],
-    at: usize,
-}
-
-impl<'block> Reader<'block> {
-    /// Begins behind the form's number, which is checked.
-    fn new(block: &'block [u8]) -> Result<Self, CodecError> {
-        let mut reader = Self { block, at: 0 };
-        match reader.number()? {
-            FORM => Ok(reader),
-            found => Err(CodecError::Form { found }),
-        }
-    }
-
-    fn take(&mut self, n: usize, bytes_each: usize) -> Result<&'block [u8], CodecError> {
-        let length = n.saturating_mul(bytes_each);
-        let expected = self.at.saturating_add(length);
-        let taken = self
-            .block
-            .get(self.at..expected)
-            .ok_or(CodecError::Length { expected, found: self.block.len() })?;
-        self.at = expected;
-        Ok(taken)
-    }
-
-    fn number(&mut self) -> Result<u32, CodecError> {
-        let bytes = self.take(1, 4)?;
-        Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
-    }
-
-    fn count(&mut self, field: &'static str, low: u32, high: u32) -> Result<usize, CodecError> {
-        match self.number()? {
-            found if (low..=high).contains(&found) => Ok(found as usize),
-            found => Err(CodecError::Count { field, found, low, high }),
-        }
-    }
-
-    fn floats(&mut self, field: &'static str, n: usize) -> Result<Vec<f64>, CodecError> {
-        let bytes = self.take(n, 8)?.as_chunks::<8>().0;
-        let values: Vec<f64> = bytes.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
-        match values.iter().find(|value| !value.is_finite()) {
-            Some(found) => Err(CodecError::Finite { field, found: *found }),
-            None => Ok(values),
-        }
-    }
-
-    fn end(&self) -> Result<(), CodecError> {
-        if self.at == self.block.len() {
-            return Ok(());
-        }
-        Err(CodecError::Length { expected: self.at, found: self.block.len() })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use palpate_core::patch::Patch;
@@ -382,6 +355,16 @@ mod tests {
         let blocks = model_to_blocks(&model(), &OBJECTS);
         assert_eq!(blocks.len(), 3);
         assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model()));
+    }
+
+    #[test]
+    fn a_model_with_geometry_comes_back_and_needs_the_geometry_of_every_object() {
+        let geometry = Some(Arc::new(geometry::tests::model()));
+        let model = Catalogue { geometry, ..model() };
+        let blocks = model_to_blocks(&model, &OBJECTS);
+        assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
+        let missing = model_from_blocks(&blocks[..5], &OBJECTS).unwrap_err();
+        assert_eq!(missing, CodecError::Missing { name: geometry_block_name(OBJECTS[1]) });
     }
 
     #[test]

@@ -3,24 +3,26 @@
 //! A struct that ends in `V1` never changes; a new field makes a `V2` with the next schema
 //! number, and decoding turns what it finds into today's type. Payloads are bincode 2.0.1's
 //! `legacy` form (fixed-width little-endian, u64 lengths); readings' pressures are raw
-//! little-endian f64, NaN for a taxel without a value.
+//! little-endian f64, NaN for a taxel without a value. Journal entries and calibrations have
+//! files of their own.
+
+mod calibration;
+mod journal_entry;
 
 use bincode::config::{self, Configuration, Fixint, Limit, LittleEndian};
 use bincode::{Decode, Encode};
-use palpate_core::pose::Pose;
 use palpate_core::sensor::{
     ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
 };
 use uuid::Uuid;
 
 use crate::catalogue::{BlockEntry, Catalogue, Manifest, Switch, VersionObject};
-use crate::entity::{Job, JobState, Method, Object, ReadingId, Sensor, Session, StoredReading};
+use crate::entity::{Job, JobState, Method, Object, Sensor, Session};
 use crate::envelope::{self, Kind};
 use crate::error::RecordError;
-use crate::journal::{Entry, Event};
 use crate::mesh::{MeshFormat, MeshInfo, MeshUnit};
 
-/// The schema number of every record so far.
+/// The schema number of every record that has had no other.
 pub const SCHEMA: u16 = 1;
 /// No bincode payload may claim more.
 const PAYLOAD_LIMIT: usize = 64 << 20;
@@ -31,20 +33,30 @@ const CONFIG: Configuration<LittleEndian, Fixint, Limit<PAYLOAD_LIMIT>> =
 pub trait Record: Sized {
     /// What its envelope says.
     const KIND: Kind;
+    /// The schema number it is written with.
+    const SCHEMA: u16 = SCHEMA;
 
     /// Its payload.
     fn to_payload(&self) -> Vec<u8>;
 
-    /// The value of a payload of [`SCHEMA`].
+    /// The value of a payload of [`Record::SCHEMA`].
     ///
     /// # Errors
     /// [`RecordError`] when the payload is not such a value.
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError>;
+
+    /// The value of a payload of an earlier schema.
+    ///
+    /// # Errors
+    /// [`RecordError`] when there was no such schema, or the payload is not of it.
+    fn from_older(schema: u16, _payload: &[u8]) -> Result<Self, RecordError> {
+        Err(RecordError::Schema { found: schema, known: Self::SCHEMA })
+    }
 }
 
 /// The stored bytes of a value.
 pub fn encode<T: Record>(value: &T) -> Vec<u8> {
-    envelope::seal(T::KIND, SCHEMA, &value.to_payload())
+    envelope::seal(T::KIND, T::SCHEMA, &value.to_payload())
 }
 
 /// The value of stored bytes.
@@ -53,10 +65,11 @@ pub fn encode<T: Record>(value: &T) -> Vec<u8> {
 /// [`RecordError`] says how the bytes are damaged or too new.
 pub fn decode<T: Record>(bytes: &[u8]) -> Result<T, RecordError> {
     let opened = envelope::open(T::KIND, bytes)?;
-    if opened.schema != SCHEMA {
-        return Err(RecordError::Schema { found: opened.schema, known: SCHEMA });
+    match opened.schema {
+        schema if schema == T::SCHEMA => T::from_payload(opened.payload),
+        older if older < T::SCHEMA => T::from_older(older, opened.payload),
+        found => Err(RecordError::Schema { found, known: T::SCHEMA }),
     }
-    T::from_payload(opened.payload)
 }
 
 fn write<T: Encode>(stored: &T) -> Vec<u8> {
@@ -314,95 +327,6 @@ impl Record for Session {
             closed_at_ms: stored.closed_at_ms,
         })
     }
-}
-
-#[derive(Encode, Decode)]
-struct JournalEntryV1 {
-    seq: u64,
-    received_at_ms: u64,
-    reading_id: Option<(String, u64)>,
-    event: EventV1,
-}
-
-#[derive(Encode, Decode)]
-enum EventV1 {
-    Reading {
-        sensor: IdV1,
-        position: [f64; 3],
-        quaternion_xyzw: [f64; 4],
-        stamp_ns: Option<i64>,
-        pressures: Vec<u8>,
-    },
-    Retraction {
-        seq: u64,
-    },
-    Closed,
-}
-
-impl Record for Entry {
-    const KIND: Kind = Kind::JournalEntry;
-
-    fn to_payload(&self) -> Vec<u8> {
-        let event = match &self.event {
-            Event::Reading(reading) => EventV1::Reading {
-                sensor: reading.sensor.into_bytes(),
-                position: reading.session_from_sensor.translation.to_array(),
-                quaternion_xyzw: reading.session_from_sensor.rotation.to_array(),
-                stamp_ns: reading.stamp_ns,
-                pressures: pressures_to_bytes(&reading.pressures),
-            },
-            Event::Retraction { seq } => EventV1::Retraction { seq: *seq },
-            Event::Closed => EventV1::Closed,
-        };
-        let reading_id = self.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
-        write(&JournalEntryV1 {
-            seq: self.seq,
-            received_at_ms: self.received_at_ms,
-            reading_id,
-            event,
-        })
-    }
-
-    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: JournalEntryV1 = read(payload)?;
-        let event = match stored.event {
-            EventV1::Reading { sensor, position, quaternion_xyzw, stamp_ns, pressures } => {
-                Event::Reading(StoredReading {
-                    sensor: Uuid::from_bytes(sensor),
-                    session_from_sensor: stored_pose(position, quaternion_xyzw)?,
-                    pressures: pressures_from_bytes(&pressures)?,
-                    stamp_ns,
-                })
-            }
-            EventV1::Retraction { seq } => Event::Retraction { seq },
-            EventV1::Closed => Event::Closed,
-        };
-        let reading_id = stored.reading_id.map(|(robot, seq)| ReadingId { robot, seq });
-        Ok(Self { seq: stored.seq, received_at_ms: stored.received_at_ms, reading_id, event })
-    }
-}
-
-/// A pose bit by bit as it was stored: checked, but not normalised again, so that a reading
-/// that is sent twice equals the stored one.
-fn stored_pose(position: [f64; 3], quaternion_xyzw: [f64; 4]) -> Result<Pose, RecordError> {
-    let mut pose = Pose::new(position, quaternion_xyzw)?;
-    let [x, y, z, w] = quaternion_xyzw;
-    (pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w) = (x, y, z, w);
-    Ok(pose)
-}
-
-fn pressures_to_bytes(pressures: &[Option<f64>]) -> Vec<u8> {
-    pressures.iter().flat_map(|pressure| pressure.unwrap_or(f64::NAN).to_le_bytes()).collect()
-}
-
-fn pressures_from_bytes(bytes: &[u8]) -> Result<Vec<Option<f64>>, RecordError> {
-    let (values, rest) = bytes.as_chunks::<8>();
-    if !rest.is_empty() {
-        let consumed = bytes.len() - rest.len();
-        return Err(RecordError::Trailing { consumed, length: bytes.len() });
-    }
-    let value = |bytes: &[u8; 8]| Some(f64::from_le_bytes(*bytes)).filter(|value| !value.is_nan());
-    Ok(values.iter().map(value).collect())
 }
 
 /// How long a journal is.

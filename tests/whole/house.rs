@@ -34,6 +34,7 @@ const CORE_ORDER: &[&str] = &[
     "reading",
     "contact",
     "occupancy",
+    "metric",
     "mosaic",
     "descriptor",
     "vocabulary",
@@ -44,6 +45,7 @@ const CORE_ORDER: &[&str] = &[
     "belief",
     "train",
     "recognise",
+    "geometric",
 ];
 
 fn root() -> PathBuf {

@@ -2,4 +2,5 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod house;
+mod letters;
 mod story;

@@ -7,14 +7,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use palpate_client::{Client, ClientOptions};
 use palpate_core::units::MM;
 use palpate_experiments::contact_rates::{self, ContactRates};
+use palpate_experiments::covering::{self, Covering};
+use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_named};
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
 use palpate_experiments::sva_objects::{self, SvaObjects};
 use palpate_server::{Config, Server};
+use palpate_sim::rig::RigNoise;
 
 use crate::output::{Output, table};
 use crate::progress::StepProgress;
@@ -54,6 +57,27 @@ enum Experiment {
         #[arg(long, default_value_t = 10, value_parser = count)]
         trials: usize,
     },
+    /// Section 3.4: raised letters by geometry, histogram and particle filters.
+    LettersGeometric {
+        /// AEIOU, capitals, all, or any letters.
+        #[arg(long, default_value = "AEIOU", value_parser = letters_named)]
+        letters: String,
+        /// How many seeds, from --seed on; each is a sensor, its noise and its trials.
+        #[arg(long, default_value_t = 10, value_parser = count)]
+        seeds: usize,
+        /// Trials a letter and seed.
+        #[arg(long, default_value_t = 10, value_parser = count)]
+        trials: usize,
+        /// How far presses are from ideal.
+        #[arg(long, value_enum, default_value_t = LetterNoise::Physical)]
+        noise: LetterNoise,
+        /// A TrueType or OpenType font; Quicksand Bold when not given.
+        #[arg(long, value_name = "PATH")]
+        font: Option<PathBuf>,
+        /// Only methods whose names begin so; may be repeated.
+        #[arg(long = "method", value_name = "NAME")]
+        methods: Vec<String>,
+    },
     /// Presses and converged readings per second on one core.
     ContactRates {
         /// A folder of meshes; the built-in objects when not given.
@@ -63,12 +87,39 @@ enum Experiment {
         #[arg(long, default_value_t = 300, value_parser = count)]
         touches: usize,
     },
+    /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
+    Covering,
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput {
         /// Readings that are posted in each setting.
         #[arg(long, default_value_t = 1280, value_parser = count)]
         readings: usize,
     },
+}
+
+/// The noise of the letter rig.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum LetterNoise {
+    /// As of a real rig and array.
+    Physical,
+    /// Worse in everything, with values that are stuck.
+    Harsh,
+}
+
+impl LetterNoise {
+    fn of_rig(self) -> RigNoise {
+        match self {
+            Self::Physical => RigNoise::physical(),
+            Self::Harsh => RigNoise::harsh(),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Physical => "physical",
+            Self::Harsh => "harsh",
+        }
+    }
 }
 
 fn millimetres(text: &str) -> Result<f64, String> {
@@ -99,9 +150,27 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
                 SvaObjects { meshes, size: size_mm * MM, seed, trials, ..SvaObjects::default() };
             on_a_thread(move || sva_objects::run(&config, command, &show)).await?
         }
+        Experiment::LettersGeometric { letters, seeds, trials, noise, font, methods } => {
+            let noise = noise.of_rig();
+            let config = LettersGeometric {
+                letters,
+                seed,
+                seeds,
+                trials,
+                noise,
+                font,
+                methods,
+                ..LettersGeometric::default()
+            };
+            on_a_thread(move || letters_geometric::run(&config, command, &show)).await?
+        }
         Experiment::ContactRates { meshes, touches } => {
             let config = ContactRates { meshes, seed, touches };
             on_a_thread(move || contact_rates::run(&config, command, &show)).await?
+        }
+        Experiment::Covering => {
+            let config = Covering { seed, ..Covering::default() };
+            on_a_thread(move || covering::run(&config, command, &show)).await?
         }
         Experiment::ServerThroughput { readings } => {
             let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
@@ -129,9 +198,21 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::SvaObjects { meshes, size_mm, trials } => {
             format!("sva-objects{} --size-mm {size_mm} --trials {trials}", folder(meshes))
         }
+        Experiment::LettersGeometric { letters, seeds, trials, noise, font, methods } => {
+            let font = font.as_ref().map(|font| format!(" --font {}", font.display()));
+            let methods = methods.iter().map(|name| format!(" --method {name}"));
+            format!(
+                "letters-geometric --letters {letters} --seeds {seeds} --trials {trials} \
+                 --noise {}{}{}",
+                noise.name(),
+                font.unwrap_or_default(),
+                methods.collect::<String>()
+            )
+        }
         Experiment::ContactRates { meshes, touches } => {
             format!("contact-rates{} --touches {touches}", folder(meshes))
         }
+        Experiment::Covering => "covering".to_owned(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
-    CreateSensor, PageQuery, Reading, Sensor, SensorDescription, SensorPreset,
+    CalibrateSensor, CalibrationQuery, CreateSensor, PageQuery, Reading, Sensor, SensorDescription,
+    SensorPreset,
 };
 
-use super::Context;
+use super::{Context, calibrate};
 use crate::output;
 
 /// Arguments of `palpate sensors`.
@@ -42,6 +43,34 @@ enum Action {
         #[arg(long, value_name = "FILE", conflicts_with = "preset")]
         description: Option<PathBuf>,
     },
+    /// Fit how a sensor's taxels respond to indentations; later readings are corrected.
+    Calibrate {
+        /// The sensor's id or name.
+        sensor: String,
+        /// A JSON file as the API's `CalibrateSensor`.
+        #[arg(long, value_name = "FILE")]
+        file: PathBuf,
+    },
+    /// Show a sensor's calibration.
+    Calibration {
+        /// The sensor's id or name.
+        sensor: String,
+        /// Its number; the newest if not given.
+        #[arg(long)]
+        number: Option<u32>,
+    },
+    /// Simulate an indentation run of a sensor, with a dead and a cross-wired taxel, to try
+    /// `calibrate` with.
+    Indent {
+        /// The sensor's id or name.
+        sensor: String,
+        /// The file to write.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+        /// The seed of gains, faults and noise.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
     /// Ask how the server understands a reading: its orientation, dead taxels, contact.
     Check {
         /// The sensor's id or name.
@@ -70,6 +99,19 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
             let sensor = client.create_sensor(&new).await?;
             output.answer(&sensor, |sensor| format!("added sensor {} ({})", sensor.name, sensor.id))
         }
+        Action::Calibrate { sensor, file } => {
+            let indentations: CalibrateSensor = read_json(file)?;
+            let calibration = client.calibrate_sensor(&sensor, &indentations).await?;
+            output.answer(&calibration, calibrate::text)
+        }
+        Action::Calibration { sensor, number } => {
+            let calibration = client.calibration(&sensor, &CalibrationQuery { number }).await?;
+            output.answer(&calibration, calibrate::text)
+        }
+        Action::Indent { sensor, out, seed } => {
+            let said = calibrate::indent(client, &sensor, &out, seed).await?;
+            output.answer(&out, |_| said)
+        }
         Action::Check { sensor, reading } => {
             let reading: Reading = read_json(reading)?;
             let check = client.check_reading(&sensor, &reading).await?;
@@ -86,6 +128,11 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
                     check.missing.len(),
                     check.max_pressure
                 ));
+                if let Some(number) = check.calibration {
+                    let n = check.unusable.len();
+                    lines
+                        .push(format!("corrected with calibration {number}, which leaves out {n}"));
+                }
                 lines.extend(check.hints.iter().map(|hint| format!("note: {hint}")));
                 lines.join("\n")
             })

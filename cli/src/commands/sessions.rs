@@ -2,7 +2,9 @@
 
 use clap::{Args, Subcommand};
 use futures::StreamExt;
-use palpate_client::schemas::{Belief, BeliefQuery, PageQuery, Session, SessionEvent};
+use palpate_client::schemas::{
+    AxisUnit, Belief, BeliefQuery, Marginals, MarginalsQuery, PageQuery, Session, SessionEvent,
+};
 use serde::Serialize;
 use uuid::Uuid;
 
@@ -33,6 +35,14 @@ enum Action {
     Watch {
         /// Its id.
         session: Uuid,
+    },
+    /// Show how probable each value of each coordinate is (methods `geometric…`).
+    Marginals {
+        /// Its id.
+        session: Uuid,
+        /// Id or name of an object of its version [default: the likeliest].
+        #[arg(long)]
+        object: Option<String>,
     },
     /// Remove a session with its readings.
     Remove {
@@ -66,6 +76,10 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             })
         }
         Action::Watch { session } => watch(session, context).await,
+        Action::Marginals { session, object } => {
+            let marginals = client.marginals(session, &MarginalsQuery { object }).await?;
+            output.answer(&marginals, marginals_words)
+        }
         Action::Remove { session } => {
             client.delete_session(session).await?;
             output.say(format!("removed session {session}"));
@@ -135,15 +149,38 @@ fn belief_words(belief: &Belief) -> String {
     format!("{objects}\n\n{poses}\n\n{} readings, {entropy:.2} bits", belief.n_readings)
 }
 
+/// The likeliest bin of each coordinate.
+fn marginals_words(marginals: &Marginals) -> String {
+    let rows = marginals.axes.iter().map(|axis| {
+        let shown = |value: f64| match axis.unit {
+            AxisUnit::M => output::mm(value),
+            AxisUnit::Rad => output::degrees(value),
+        };
+        let width = (axis.high - axis.low) / axis.probabilities.len().max(1) as f64;
+        let best = axis.probabilities.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+        let (bin, probability) = best.unwrap_or((0, &0.0));
+        let begin = axis.low + bin as f64 * width;
+        [
+            axis.axis.clone(),
+            format!("{} to {}", shown(axis.low), shown(axis.high)),
+            format!("{} to {}", shown(begin), shown(begin + width)),
+            format!("{:.1} %", probability * 100.0),
+        ]
+    });
+    let rows = output::table(["axis", "range", "likeliest bin", "probability"], rows);
+    format!("{}, {:.1} %\n\n{rows}", marginals.name, marginals.probability * 100.0)
+}
+
 fn table(sessions: &[Session]) -> String {
     output::table(
-        ["id", "catalogue", "version", "state", "readings", "frame", "created"],
+        ["id", "catalogue", "version", "method", "state", "readings", "frame", "created"],
         sessions.iter().map(|session| {
             [
                 session.id.to_string(),
                 session.catalogue.clone(),
                 session.version.to_string(),
-                format!("{:?}", session.state).to_lowercase(),
+                output::word(&session.method),
+                output::word(&session.state),
                 session.n_readings.to_string(),
                 session.frame_id.clone().unwrap_or_default(),
                 session.created_at.clone(),

@@ -4,8 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::Args;
-use palpate_client::schemas::{CreateSensor, CreateSession, ProblemType, SensorPreset};
+use clap::{Args, ValueEnum};
+use palpate_client::schemas::{
+    CatalogueVersion, CreateSensor, CreateSession, GeometryKind, Method, ProblemType, SensorPreset,
+};
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::sensor::SensorDescription;
 use palpate_sim::press::PressSimulator;
@@ -16,7 +18,7 @@ use super::objects::Unit;
 use super::sensors::parse_preset;
 use crate::exit::Ended;
 use crate::output;
-use crate::robot::{self, Robot};
+use crate::robot::{self, Approach, Robot};
 use crate::trial::{self, Step, StopRule, Truth};
 
 /// Arguments of `palpate touch`.
@@ -44,9 +46,42 @@ pub(crate) struct TouchArgs {
     /// The catalogue to recognise with.
     #[arg(long, default_value = "default")]
     catalogue: String,
+    /// How to recognise [default: sva]. The methods `geometric…` need a version trained with
+    /// `--geometry`: planar, and the robot presses straight down within 8 mm of where a camera
+    /// saw the object; or solid, and it touches from all sides, and the camera is right to
+    /// within 8 mm and 0.2 rad.
+    #[arg(long, value_enum)]
+    method: Option<TouchMethod>,
     /// The robot's sensor.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
+}
+
+/// How to recognise.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum TouchMethod {
+    /// Spatially varying appearance.
+    Sva,
+    /// Spatially varying appearance as printed.
+    SvaLiteral,
+    /// Maps of contact and pressure.
+    Geometric,
+    /// Maps of contact with the printed histogram filter.
+    GeometricHistogram,
+    /// Maps of contact with the printed particle filter.
+    GeometricParticles,
+}
+
+impl TouchMethod {
+    fn wire(self) -> Method {
+        match self {
+            Self::Sva => Method::Sva,
+            Self::SvaLiteral => Method::SvaLiteral,
+            Self::Geometric => Method::Geometric,
+            Self::GeometricHistogram => Method::GeometricHistogram,
+            Self::GeometricParticles => Method::GeometricParticles,
+        }
+    }
 }
 
 /// The answer.
@@ -65,13 +100,21 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     let (client, output) = (&context.client, context.output);
     let mesh = robot::read_mesh(&args.mesh, args.unit.wire())?;
     ensure_sensor(client, args.sensor).await?;
-    let robot =
-        Robot::new(Arc::new(PressSimulator::new(mesh, described(args.sensor))), args.seed, 0);
-    let session = CreateSession { catalogue: Some(args.catalogue), ..CreateSession::default() };
-    let mut session = client.touch_session(&session, "simulated").await?;
-    let pinned = session.session();
-    let version = client.catalogue_version(&pinned.catalogue, pinned.version).await?;
+    let current = client.current_version(&args.catalogue).await?.version;
+    let version = client.catalogue_version(&args.catalogue, current).await?;
+    let method = args.method.map(TouchMethod::wire);
+    let simulator = Arc::new(PressSimulator::new(mesh, described(args.sensor)));
+    let approach = approach(method, &version);
+    let mut robot = Robot::approaching(simulator, approach, args.seed, 0);
     let truth = Truth::new(&robot, &args.object, &version.report)?;
+    let session = CreateSession {
+        catalogue: Some(args.catalogue),
+        version: Some(current),
+        method,
+        pose_prior: is_geometric(method).then(|| robot.pose_prior(truth.origin_in_mesh)),
+        ..CreateSession::default()
+    };
+    let mut session = client.touch_session(&session, "simulated").await?;
     // All readings are wanted: no probability is reached.
     let rule = StopRule {
         probability: f64::INFINITY,
@@ -110,6 +153,20 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         )
     })?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }
+}
+
+fn is_geometric(method: Option<Method>) -> bool {
+    matches!(
+        method,
+        Some(Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles)
+    )
+}
+
+/// How the robot touches: maps of a plane are for presses straight down.
+fn approach(method: Option<Method>, version: &CatalogueVersion) -> Approach {
+    let mut kinds = version.report.objects.iter().filter_map(|object| object.geometry);
+    let is_planar = kinds.any(|geometry| geometry.kind == GeometryKind::Planar);
+    if is_geometric(method) && is_planar { Approach::StraightDown } else { Approach::Anywhere }
 }
 
 fn step_words(step: &Step) -> String {

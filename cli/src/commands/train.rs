@@ -2,9 +2,11 @@
 
 use std::io::{IsTerminal, Write};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use palpate_client::Client;
-use palpate_client::schemas::{CatalogueVersion, Job, JobState, StartTraining};
+use palpate_client::schemas::{
+    CatalogueVersion, GeometryKind, GeometryReport, GeometryTraining, Job, JobState, StartTraining,
+};
 use serde::Serialize;
 
 use super::Context;
@@ -15,7 +17,8 @@ use crate::progress::TrainingProgress;
 /// Arguments of `palpate train`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate train\n  \
-    palpate train mug hammer --readings-per-object 500 --seed 3\n\n\
+    palpate train mug hammer --readings-per-object 500 --seed 3\n  \
+    palpate train A E I O U --geometry planar\n\n\
     Ctrl-C asks whether to cancel the training; without a terminal it goes on in the server.")]
 pub(crate) struct TrainArgs {
     /// Ids or names of the objects; all that have a mesh or readings when none is given.
@@ -35,9 +38,32 @@ pub(crate) struct TrainArgs {
     /// Number of appearance classes [default: 25].
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=255))]
     classes: Option<u32>,
+    /// Also learn maps of contact, for sessions with the methods `geometric…`: of a plane
+    /// that is pressed from above, or of a solid.
+    #[arg(long, value_enum)]
+    geometry: Option<Geometry>,
+    /// The side of a cell of these maps, 0.1 to 50 mm [default: what suits the kind].
+    #[arg(long, requires = "geometry", value_parser = parse_cell_mm)]
+    cell_mm: Option<f64>,
     /// Do not wait: print the job and leave.
     #[arg(long)]
     detach: bool,
+}
+
+/// What maps of contact are of.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Geometry {
+    /// A raised shape in a plane, such as a letter.
+    Planar,
+    /// A solid touched from all sides.
+    Solid,
+}
+
+fn parse_cell_mm(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(cell) if (0.1..=50.0).contains(&cell) => Ok(cell),
+        _ => Err("expected 0.1 to 50 mm".to_owned()),
+    }
 }
 
 /// The answer: the job, and the version it made.
@@ -49,12 +75,20 @@ struct Trained {
 
 /// Does what was asked.
 pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
+    let geometry = args.geometry.map(|kind| GeometryTraining {
+        kind: match kind {
+            Geometry::Planar => GeometryKind::Planar,
+            Geometry::Solid => GeometryKind::Solid,
+        },
+        cell: args.cell_mm.map(|cell| cell / 1e3),
+    });
     let training = StartTraining {
         objects: (!args.objects.is_empty()).then_some(args.objects),
         sensor: args.sensor,
         readings_per_object: args.readings_per_object,
         seed: args.seed,
         n_classes: args.classes,
+        geometry,
         ..StartTraining::default()
     };
     let job = context.client.start_training(&args.catalogue, &training).await?;
@@ -134,13 +168,14 @@ fn trained_words(trained: &Trained) -> String {
     };
     let report = &version.report;
     let objects = output::table(
-        ["object", "readings", "patches", "index"],
+        ["object", "readings", "patches", "index", "cells"],
         report.objects.iter().map(|object| {
             [
                 object.name.clone(),
                 object.n_readings.to_string(),
                 object.n_patches.to_string(),
                 format!("{:.1} MB", object.index_bytes as f64 / 1e6),
+                object.geometry.as_ref().map_or("–".to_owned(), cells),
             ]
         }),
     );
@@ -154,4 +189,9 @@ fn trained_words(trained: &Trained) -> String {
         report.index_bytes as f64 / 1e6,
         if version.is_current { ", current" } else { "" }
     )
+}
+
+fn cells(geometry: &GeometryReport) -> String {
+    let [x, y, z] = geometry.n_cells;
+    format!("{x} × {y} × {z} of {}", output::mm(geometry.cell))
 }

@@ -6,11 +6,11 @@
 
 use std::sync::Arc;
 
-use thiserror::Error;
-
 use crate::mosaic::ForceMosaic;
 use crate::occupancy::OccupancyGrid;
 use crate::reading::SensorId;
+
+pub use crate::occupancy::table::{ClassTable, ClassTableError, TABLE_LOG_ODDS};
 
 /// The geometry of one object.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,58 +30,6 @@ pub struct SensorGains {
     pub gains: Vec<f64>,
 }
 
-/// How likely each contact class is where the map says so much: Pr(class | log-odds).
-///
-/// Row i belongs to the log-odds `-8 + 16·(i + ½)/n`; values between rows are interpolated,
-/// beyond the first and last they are those. Classes: in contact, no contact, unknown.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ClassTable(Vec<[f64; 3]>);
-
-/// The largest log-odds that a [`ClassTable`] distinguishes, and minus the smallest.
-pub const TABLE_LOG_ODDS: f64 = 8.0;
-
-/// Why numbers are not a table of class probabilities.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum ClassTableError {
-    /// No or too many rows.
-    #[error("{found} rows, expected 1 to 4096")]
-    Rows {
-        /// How many came.
-        found: usize,
-    },
-    /// A row is not a distribution.
-    #[error("row {row} is not three positive numbers that sum to 1")]
-    Row {
-        /// The first such row.
-        row: usize,
-    },
-}
-
-impl ClassTable {
-    /// A table from its rows: (in contact, no contact, unknown).
-    ///
-    /// # Errors
-    /// [`ClassTableError`] unless there are 1 to 4096 rows of positive numbers that sum to 1.
-    pub fn new(rows: Vec<[f64; 3]>) -> Result<Self, ClassTableError> {
-        if !(1..=4096).contains(&rows.len()) {
-            return Err(ClassTableError::Rows { found: rows.len() });
-        }
-        let valid = |row: &[f64; 3]| {
-            row.iter().all(|p| *p > 0.0) && (row.iter().sum::<f64>() - 1.0).abs() < 1e-6
-        };
-        match rows.iter().position(|row| !valid(row)) {
-            Some(row) => Err(ClassTableError::Row { row }),
-            None => Ok(Self(rows)),
-        }
-    }
-
-    /// The rows, smallest log-odds first.
-    #[must_use]
-    pub fn rows(&self) -> &[[f64; 3]] {
-        &self.0
-    }
-}
-
 /// The geometry of all objects of a catalogue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeometricModel {
@@ -91,17 +39,4 @@ pub struct GeometricModel {
     pub gains: Vec<SensorGains>,
     /// The maps, in the order of the catalogue's objects.
     pub maps: Vec<Arc<GeometricMap>>,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rows_of_a_table_are_distributions() {
-        assert!(ClassTable::new(vec![[0.9, 0.05, 0.05]]).is_ok());
-        assert_eq!(ClassTable::new(Vec::new()), Err(ClassTableError::Rows { found: 0 }));
-        let bad = vec![[0.5, 0.25, 0.25], [0.5, 0.5, 0.0]];
-        assert_eq!(ClassTable::new(bad), Err(ClassTableError::Row { row: 1 }));
-    }
 }

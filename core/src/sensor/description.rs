@@ -108,6 +108,48 @@ pub struct ImageOrder {
     pub cols_reversed: bool,
 }
 
+impl ImageOrder {
+    /// The values of a driver's image of `rows` × `cols` taxels in the sensor frame's
+    /// row-major order.
+    ///
+    /// # Panics
+    /// When there are not `rows` × `cols` values.
+    #[must_use]
+    pub fn row_major<T: Copy>(self, given: &[T], rows: usize, cols: usize) -> Vec<T> {
+        assert_eq!(given.len(), rows * cols, "an image has a value a taxel");
+        let mut ordered = Vec::with_capacity(given.len());
+        for row in 0..rows {
+            for col in 0..cols {
+                ordered.push(given[self.place(row, col, rows, cols)]);
+            }
+        }
+        ordered
+    }
+
+    /// The inverse of [`ImageOrder::row_major`]: the image as the driver sends it.
+    ///
+    /// # Panics
+    /// When there are not `rows` × `cols` values.
+    #[must_use]
+    pub fn of_driver<T: Copy>(self, row_major: &[T], rows: usize, cols: usize) -> Vec<T> {
+        assert_eq!(row_major.len(), rows * cols, "an image has a value a taxel");
+        let mut sent = row_major.to_vec();
+        for row in 0..rows {
+            for col in 0..cols {
+                sent[self.place(row, col, rows, cols)] = row_major[row * cols + col];
+            }
+        }
+        sent
+    }
+
+    /// Where the driver's image has the taxel of a row and column.
+    fn place(self, row: usize, col: usize, rows: usize, cols: usize) -> usize {
+        let row = if self.rows_reversed { rows - 1 - row } else { row };
+        let col = if self.cols_reversed { cols - 1 - col } else { col };
+        if self.transposed { col * rows + row } else { row * cols + col }
+    }
+}
+
 /// The numbers that describe a sensor, unchecked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorParameters {
@@ -209,6 +251,14 @@ impl SensorDescription {
         Self::digitacts(6, 6)
     }
 
+    /// The 6 × 6 sensor under the thinnest covering, 0.04 inch, of the dissertation's raised
+    /// letters: σ = 1.3625 elements (section 3.2.3).
+    #[must_use]
+    pub fn digitacts_6x6_thin() -> Self {
+        let grid = TaxelGrid { rows: 6, cols: 6, pitch: 2.0 * MM, taxel_width: 1.8 * MM };
+        Self::covered(grid, 0.04 * INCH)
+    }
+
     /// The 6 × 8 image of the two physical modules (section 2.1.1).
     #[must_use]
     pub fn digitacts_6x8() -> Self {
@@ -233,7 +283,10 @@ impl SensorDescription {
     }
 
     fn preset(grid: TaxelGrid) -> Self {
-        let covering_thickness = 0.10 * INCH;
+        Self::covered(grid, 0.10 * INCH)
+    }
+
+    fn covered(grid: TaxelGrid, covering_thickness: f64) -> Self {
         let saturation = 20.0 * KPA;
         Self(SensorParameters {
             grid,
@@ -252,6 +305,7 @@ impl SensorDescription {
     pub fn preset_named(name: &str) -> Option<Self> {
         match name {
             "digitacts-6x6" => Some(Self::digitacts_6x6()),
+            "digitacts-6x6-thin" => Some(Self::digitacts_6x6_thin()),
             "digitacts-6x8" => Some(Self::digitacts_6x8()),
             "fingertip-14x14" => Some(Self::fingertip_14x14()),
             "tekscan-26x26" => Some(Self::tekscan_26x26()),
@@ -260,8 +314,13 @@ impl SensorDescription {
     }
 
     /// The names that [`SensorDescription::preset_named`] knows.
-    pub const PRESET_NAMES: [&'static str; 4] =
-        ["digitacts-6x6", "digitacts-6x8", "fingertip-14x14", "tekscan-26x26"];
+    pub const PRESET_NAMES: [&'static str; 5] = [
+        "digitacts-6x6",
+        "digitacts-6x6-thin",
+        "digitacts-6x8",
+        "fingertip-14x14",
+        "tekscan-26x26",
+    ];
 
     /// The checked numbers.
     #[must_use]
@@ -286,7 +345,8 @@ mod tests {
             let sensor = SensorDescription::preset_named(name).unwrap();
             assert!(SensorDescription::new(sensor.parameters().clone()).is_ok(), "{name}");
             let grid = sensor.grid();
-            assert!(name.ends_with(&format!("{}x{}", grid.rows, grid.cols)));
+            let shape = name.trim_end_matches("-thin");
+            assert!(shape.ends_with(&format!("{}x{}", grid.rows, grid.cols)));
         }
         assert_eq!(SensorDescription::preset_named("6x6"), None);
     }

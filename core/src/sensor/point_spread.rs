@@ -6,13 +6,17 @@
 use crate::units::MM;
 
 /// The pitch in which equation 2.5 counts, in metres.
-const ELEMENT_WIDTH: f64 = 2.0 * MM;
+pub const ELEMENT_WIDTH: f64 = 2.0 * MM;
+/// The spread without any covering, in element widths (equation 2.5).
+pub const SPREAD_OFFSET: f64 = 1.11;
+/// Element widths of spread an element width of covering (equation 2.5).
+pub const SPREAD_SLOPE: f64 = 0.497;
 
 /// The standard deviation (metres) of the Gaussian point spread under a covering of
 /// `thickness` metres. Equation 2.5: σ⁺ ≈ 1.11 + 0.497 t, in element widths.
 #[must_use]
 pub fn point_spread_of_covering(thickness: f64) -> f64 {
-    (1.11 + 0.497 * thickness / ELEMENT_WIDTH) * ELEMENT_WIDTH
+    (SPREAD_OFFSET + SPREAD_SLOPE * thickness / ELEMENT_WIDTH) * ELEMENT_WIDTH
 }
 
 /// The separable kernel of a Gaussian of deviation `sigma`, sampled every `step` (both in the

@@ -5,8 +5,8 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
-    AddReadings, Belief, BeliefQuery, CreateSession, PageQuery, ReadingsAdded, ReadingsQuery,
-    Session, SessionPage,
+    AddReadings, Belief, BeliefQuery, CreateSession, Marginals, MarginalsQuery, PageQuery,
+    ReadingsAdded, ReadingsQuery, Session, SessionPage,
 };
 
 use crate::app::App;
@@ -121,4 +121,31 @@ pub(crate) async fn get_belief(
     };
     let etag = [(header::ETAG, format!("\"{}\"", belief.revision))];
     Ok((etag, Json(belief)).into_response())
+}
+
+/// Get how probable each coordinate of the pose is
+///
+/// For plotting, in sessions with the methods `geometric…`: given that the object is the one
+/// named (or the likeliest), the probabilities of bins along x, y and the turn in the prior's
+/// plane, or along the session's axes. With `If-None-Match` and the `ETag` of a belief that is
+/// still the newest, 304. 409 when there are none.
+#[utoipa::path(get, path = "/v1/sessions/{session}/marginals", operation_id = "get_marginals",
+    tag = "sessions",
+    params(("session" = String, Path, description = "The session's id"), MarginalsQuery),
+    responses((status = 200, description = "The marginals", body = Marginals,
+            headers(("etag" = String, description = "The revision"))),
+        (status = 304, description = "The belief is still the one of `If-None-Match`"),
+        Conflict))]
+pub(crate) async fn get_marginals(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    Params(query): Params<MarginalsQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let known = revision(&headers, &header::IF_NONE_MATCH);
+    let Some(marginals) = app.sessions().marginals(&session, query, known).await? else {
+        return Ok(StatusCode::NOT_MODIFIED.into_response());
+    };
+    let etag = [(header::ETAG, format!("\"{}\"", marginals.revision))];
+    Ok((etag, Json(marginals)).into_response())
 }

@@ -2,6 +2,7 @@
 
 use palpate_core::pose::{Pose, PoseError};
 use palpate_core::reading::{Reading, ReadingError, SensorId};
+use palpate_core::sensor::Calibration;
 use palpate_schemas as wire;
 use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, Sensor, StoredReading};
@@ -14,9 +15,9 @@ use crate::wire::{INTEGER_MAX, sensor};
 /// The most readings of one request.
 pub(crate) const READINGS_MAX: usize = 1000;
 /// The most taxels of one request, over all its readings: one commit must hold them.
-const TAXELS_MAX: usize = 4_000_000;
+pub(crate) const TAXELS_MAX: usize = 4_000_000;
 /// The most wrong fields that one answer lists.
-const ERRORS_MAX: usize = 20;
+pub(crate) const ERRORS_MAX: usize = 20;
 /// The largest coordinate of a position, in metres.
 const POSITION_MAX: f64 = 1e6;
 /// The longest name of a frame, in characters.
@@ -89,28 +90,34 @@ pub(crate) fn one(
         Refusal::field(format!("{pointer}/sensor"), detail)
     })?;
     let session_from_sensor = pose(&format!("{pointer}/pose"), &given.pose)?;
-    let core_id = SensorId(sensor.id.as_u128());
-    let reading = Reading::new(core_id, &sensor.description, &given.image, session_from_sensor)
-        .map_err(|error| {
-            let at = match error {
-                ReadingError::Pressure { taxel, .. } => format!("{pointer}/image/{taxel}"),
-                _ => format!("{pointer}/image"),
-            };
-            Refusal::field(at, error)
-        })?;
+    let applied = sensors.calibrations().newest(sensor.id)?;
     let stored = StoredReading {
         sensor: sensor.id,
         session_from_sensor,
         pressures: given.image.clone(),
         stamp_ns: given.stamp.map(|given| stamp_ns(pointer, given)).transpose()?,
+        calibration: applied.as_ref().map_or(0, |applied| applied.number),
     };
+    let calibration = applied.as_ref().map(|applied| &*applied.calibration);
+    let reading = from_store(&stored, &sensor, calibration).map_err(|error| {
+        let at = match error {
+            ReadingError::Pressure { taxel, .. } => format!("{pointer}/image/{taxel}"),
+            _ => format!("{pointer}/image"),
+        };
+        Refusal::field(at, error)
+    })?;
     Ok(Incoming { id, stored, reading, sensor })
 }
 
-/// A stored reading as core knows it. It was checked when it came, but not by this program.
-pub(crate) fn from_store(stored: &StoredReading, sensor: &Sensor) -> Result<Reading, ReadingError> {
-    let id = SensorId(stored.sensor.as_u128());
-    Reading::new(id, &sensor.description, &stored.pressures, stored.session_from_sensor)
+/// A stored reading as core knows it, corrected with the calibration that it names. It was
+/// checked when it came, but not by this program.
+pub(crate) fn from_store(
+    stored: &StoredReading,
+    sensor: &Sensor,
+    calibration: Option<&Calibration>,
+) -> Result<Reading, ReadingError> {
+    let (id, pose) = (SensorId(stored.sensor.as_u128()), stored.session_from_sensor);
+    Reading::calibrated(id, &sensor.description, calibration, &stored.pressures, pose)
 }
 
 /// A stored training reading for the wire; `None` for entries that are not readings.
@@ -124,6 +131,7 @@ pub(crate) fn stored(entry: &Entry) -> Option<wire::StoredReading> {
         stamp: reading.stamp_ns.map(stamp),
         pose: sensor::pose(&reading.session_from_sensor),
         image: reading.pressures.clone(),
+        calibration: (reading.calibration > 0).then_some(reading.calibration),
     })
 }
 

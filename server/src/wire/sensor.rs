@@ -10,6 +10,7 @@ use palpate_schemas as wire;
 use palpate_store::entity::Sensor;
 use uuid::Uuid;
 
+use crate::calibrations::Applied;
 use crate::refusal::Refusal;
 use crate::wire::time;
 
@@ -129,7 +130,11 @@ fn refuse(error: SensorError) -> Refusal {
 }
 
 /// How a reading is understood.
-pub(crate) fn check(reading: &Reading, description: &SensorDescription) -> wire::ReadingCheck {
+pub(crate) fn check(
+    reading: &Reading,
+    description: &SensorDescription,
+    applied: Option<&Applied>,
+) -> wire::ReadingCheck {
     let (image, parameters) = (reading.image(), description.parameters());
     let indices = |fits: &dyn Fn(usize, f64) -> bool| -> Vec<u32> {
         let taxels = image.pressures.iter().enumerate();
@@ -157,6 +162,11 @@ pub(crate) fn check(reading: &Reading, description: &SensorDescription) -> wire:
         centroid_in_sensor: touches.then(|| point(center.to_array())),
         centroid_in_session: touches.then(|| point((session_from_sensor * center).to_array())),
         sensor_z_in_session: point(looks.to_array()),
+        calibration: applied.map(|applied| applied.number),
+        unusable: applied.map_or_else(Vec::new, |applied| {
+            let is_unusable = |taxel: &u32| !applied.calibration.is_usable(*taxel as usize);
+            (0..image.pressures.len() as u32).filter(is_unusable).collect()
+        }),
         hints,
     }
 }

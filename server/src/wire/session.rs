@@ -9,17 +9,30 @@ use uuid::Uuid;
 
 use crate::catalogues::Model;
 use crate::refusal::Refusal;
-use crate::wire::{count, sensor, time};
+use crate::wire::{INTEGER_MAX, count, geometry, sensor, time};
 
 /// How far probabilities may miss the sum 1.
 const SUM_TOLERANCE: f64 = 1e-6;
 /// The longest time to live, in seconds.
 const TTL_MAX: u64 = 31_536_000;
 
+/// Bins of an object along x, y and the turn when the request does not say: Table 3.1.
+const BINS: [u32; 3] = [25, 25, 16];
+/// Particles when the request does not say.
+const PARTICLES: u32 = 10_000;
+/// The most bins of an object, and the most particles.
+const HYPOTHESES_MAX: u64 = 100_000;
+
 /// The options of a session that have no field of their own in the store.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
-struct StoredOptions {
-    method: Method,
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+pub(crate) struct Options {
+    pub(crate) method: Method,
+    #[serde(default)]
+    pub(crate) pose_prior: Option<wire::PosePrior>,
+    #[serde(default)]
+    pub(crate) bins: Option<[u32; 3]>,
+    #[serde(default)]
+    pub(crate) particles: Option<u32>,
 }
 
 /// What a session is doing, beside what is stored under its id.
@@ -32,11 +45,16 @@ pub(crate) struct Status {
 /// A session for the wire.
 pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wire::Session {
     let is_open = status.closed_at_ms.is_none();
+    let options = options(session);
     wire::Session {
         id: session.id,
         catalogue: catalogue.to_owned(),
         version: session.version,
-        method: method(session),
+        method: options.method,
+        seed: is_geometric(options.method).then_some(session.seed),
+        pose_prior: options.pose_prior,
+        bins: options.bins,
+        particles: options.particles,
         frame_id: frame_id(session).map(str::to_owned),
         state: if is_open { SessionState::Open } else { SessionState::Closed },
         n_readings: count(status.n_readings),
@@ -47,9 +65,16 @@ pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wir
 }
 
 /// How a stored session recognises.
-pub(crate) fn method(session: &Session) -> Method {
-    let options: StoredOptions = serde_json::from_str(&session.options).unwrap_or_default();
-    options.method
+pub(crate) fn options(session: &Session) -> Options {
+    serde_json::from_str(&session.options).unwrap_or_default()
+}
+
+/// Whether a method needs maps of contact, and a prior over poses.
+pub(crate) fn is_geometric(method: Method) -> bool {
+    match method {
+        Method::Sva | Method::SvaLiteral => false,
+        Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => true,
+    }
 }
 
 /// The frame of a stored session, if it was named.
@@ -70,23 +95,82 @@ pub(crate) fn new_session(
         return Err(Refusal::field("/frame_id", "came empty, expected a frame's name"));
     }
     let ttl_s = request.ttl_s.map(|ttl| super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX));
-    let options = StoredOptions { method: request.method.unwrap_or_default() };
-    let options = serde_json::to_string(&options).expect("an enum can be written");
+    let options = checked_options(request, model)?;
+    let is_geometric = is_geometric(options.method);
+    let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
+    let options = serde_json::to_string(&options).expect("numbers and names can be written");
     Ok(Session {
         id,
         catalogue: model.catalogue,
         version: model.version,
-        method: StoredMethod::Sva,
+        method: if is_geometric { StoredMethod::Geometric } else { StoredMethod::Sva },
         sensors: Vec::new(),
         frame_id,
         prior: prior(request.prior.as_deref().unwrap_or_default(), model)?,
         object_may_move: false,
-        seed: 0,
+        seed: if is_geometric { seed } else { 0 },
         time_to_live_ms: ttl_s.transpose()?.unwrap_or(0) * 1000,
         options,
         created_at_ms,
         closed_at_ms: None,
     })
+}
+
+/// The options of a new session with every default filled in. What another method would use
+/// is a mistake.
+fn checked_options(request: &wire::CreateSession, model: &Model) -> Result<Options, Refusal> {
+    let method = request.method.unwrap_or_default();
+    let only = |field: &str, methods: &str| {
+        let detail = format!("came with the method {}, expected with {methods}", name(method));
+        Refusal::field(field, detail)
+    };
+    if !is_geometric(method) {
+        let unused =
+            [("/pose_prior", request.pose_prior.is_some()), ("/seed", request.seed.is_some())];
+        if let Some((field, _)) = unused.iter().find(|(_, came)| *came) {
+            return Err(only(field, "geometric methods only"));
+        }
+    }
+    if request.bins.is_some() && method != Method::GeometricHistogram {
+        return Err(only("/bins", "`geometric_histogram` only"));
+    }
+    if request.particles.is_some() && method != Method::GeometricParticles {
+        return Err(only("/particles", "`geometric_particles` only"));
+    }
+    let mut options = Options { method, ..Options::default() };
+    match method {
+        Method::Sva | Method::SvaLiteral => return Ok(options),
+        Method::Geometric => {}
+        Method::GeometricHistogram => options.bins = Some(bins(request.bins.unwrap_or(BINS))?),
+        Method::GeometricParticles => {
+            let n = u64::from(request.particles.unwrap_or(PARTICLES));
+            options.particles = Some(count(super::within("/particles", n, 100, HYPOTHESES_MAX)?));
+        }
+    }
+    let kind = geometry::kind(model.geometry()?);
+    options.pose_prior = Some(geometry::pose_prior(request.pose_prior.as_ref(), kind)?);
+    Ok(options)
+}
+
+/// Bins of the histogram filter, checked.
+fn bins(n: [u32; 3]) -> Result<[u32; 3], Refusal> {
+    for (axis, n) in n.into_iter().enumerate() {
+        super::within(&format!("/bins/{axis}"), u64::from(n), 2, 200)?;
+    }
+    let found = n.into_iter().map(u64::from).product();
+    super::within("/bins", found, 8, HYPOTHESES_MAX)?;
+    Ok(n)
+}
+
+/// A method's name on the wire.
+fn name(method: Method) -> &'static str {
+    match method {
+        Method::Sva => "`sva`",
+        Method::SvaLiteral => "`sva_literal`",
+        Method::Geometric => "`geometric`",
+        Method::GeometricHistogram => "`geometric_histogram`",
+        Method::GeometricParticles => "`geometric_particles`",
+    }
 }
 
 /// The prior over all objects of the model; empty when the request names none.

@@ -10,7 +10,6 @@ use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};
 use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
-use uuid::Uuid;
 
 use crate::refusal::Refusal;
 use crate::wire::{INTEGER_MAX, count, time};
@@ -27,6 +26,9 @@ const DISTANCE_MAX: f64 = 10.0;
 pub(crate) struct VersionParameters {
     pub(crate) training: StartTraining,
     pub(crate) report: wire::TrainingReport,
+    /// The versions whose maps were merged, when it was not trained.
+    #[serde(default)]
+    pub(crate) merged_from: Vec<wire::VersionReference>,
 }
 
 /// A catalogue for the wire.
@@ -57,20 +59,28 @@ pub(crate) fn version(
     catalogue: &Catalogue,
     manifest: &Manifest,
 ) -> Result<wire::CatalogueVersion, Refusal> {
-    let parameters: VersionParameters =
-        serde_json::from_str(&manifest.parameters).map_err(|error| Refusal::Unusable {
-            what: "version",
-            id: format!("{}/{}", catalogue.name, manifest.version),
-            reason: error.to_string(),
-        })?;
+    let parameters = parameters(catalogue, manifest)?;
     Ok(wire::CatalogueVersion {
         catalogue: catalogue.name.clone(),
         version: manifest.version,
         is_current: catalogue.current == Some(manifest.version),
         created_at: time(manifest.created_at_ms),
-        job: manifest.job.unwrap_or(Uuid::nil()),
+        job: manifest.job,
+        merged_from: parameters.merged_from,
         training: parameters.training,
         report: parameters.report,
+    })
+}
+
+/// What a version's manifest says beside its objects and blocks.
+pub(crate) fn parameters(
+    catalogue: &Catalogue,
+    manifest: &Manifest,
+) -> Result<VersionParameters, Refusal> {
+    serde_json::from_str(&manifest.parameters).map_err(|error| Refusal::Unusable {
+        what: "version",
+        id: format!("{}/{}", catalogue.name, manifest.version),
+        reason: error.to_string(),
     })
 }
 
@@ -135,14 +145,21 @@ pub(crate) fn stage_name(stage: JobStage) -> &'static str {
         JobStage::Sampling => "sampling",
         JobStage::Vocabulary => "vocabulary",
         JobStage::Mapping => "mapping",
+        JobStage::Geometry => "geometry",
         JobStage::Storing => "storing",
     }
 }
 
 fn stage(name: &str) -> Option<JobStage> {
-    [JobStage::Sampling, JobStage::Vocabulary, JobStage::Mapping, JobStage::Storing]
-        .into_iter()
-        .find(|stage| stage_name(*stage) == name)
+    [
+        JobStage::Sampling,
+        JobStage::Vocabulary,
+        JobStage::Mapping,
+        JobStage::Geometry,
+        JobStage::Storing,
+    ]
+    .into_iter()
+    .find(|stage| stage_name(*stage) == name)
 }
 
 /// A stored job's state for the wire.
@@ -175,6 +192,7 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
         n_classes: Some(count(n_classes)),
         descriptor: Some(request.descriptor.unwrap_or(Descriptor::Mnti)),
         distance_range: request.distance_range,
+        geometry: request.geometry.map(super::geometry::training).transpose()?,
         activate: Some(request.activate.unwrap_or(true)),
     })
 }

@@ -4,6 +4,8 @@
 #![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
 mod bad_input;
+mod calibration;
+mod geometry;
 mod harness;
 mod msgpack;
 mod objects;

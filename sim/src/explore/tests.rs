@@ -27,7 +27,8 @@ fn explored(simulator: &PressSimulator, n: usize, config: &ExploreConfig) -> Exp
 }
 
 /// Whether a motion goes through the object, checked finely and without the scene: no link's
-/// axis may cross the mesh, and nothing may lie in the housing or deep in the covering.
+/// axis may cross the mesh, and nothing may lie in the housing or deeper in the covering than
+/// half a step of the check: as far as it can go in and come out again unseen.
 fn passes_through(
     simulator: &PressSimulator,
     arm: &Arm,
@@ -43,7 +44,7 @@ fn passes_through(
             !simulator.is_clear_between(from, to)
         });
         let object_from_sensor = object_from_session * placement.session_from_sensor;
-        crosses || simulator.heights(object_from_sensor, 0.0).lowest() < -0.1 * MM
+        crosses || simulator.heights(object_from_sensor, 0.0).lowest() < -0.5 * MM
     })
 }
 
@@ -198,37 +199,4 @@ fn a_touch_covers_the_cap_of_a_ball_around_it() {
     assert!((0.08..0.14).contains(&share), "{share}");
     assert!(covered_share(&simulator, &[], 20.0 * MM).abs() < 1e-12);
     assert!((covered_share(&simulator, &found.touches, 100.0 * MM) - 1.0).abs() < 1e-12);
-}
-
-#[test]
-fn look() {
-    for name in shapes::NAMES {
-        let simulator = simulator(name);
-        for local in [0.0, 0.5, 1.0] {
-            let config = ExploreConfig { local, ..ExploreConfig::for_simulator(&simulator, 8) };
-            let begun = std::time::Instant::now();
-            let found = explored(&simulator, 100, &config);
-            let seconds = begun.elapsed().as_secs_f64();
-            let up = found
-                .touches
-                .iter()
-                .map(|t| t.reading.session_from_sensor().turn(DVec3::Z))
-                .sum::<DVec3>()
-                / found.touches.len() as f64;
-            let c = |n: usize| {
-                covered_share(&simulator, &found.touches[..n.min(found.touches.len())], 10.0 * MM)
-            };
-            println!(
-                "LOOK {name} L={local} n={} s={seconds:.2} c20={:.3} c50={:.3} c100={:.3} bias={:.2} {:.2} {:.2} {:?}",
-                found.touches.len(),
-                c(20),
-                c(50),
-                c(100),
-                up.x,
-                up.y,
-                up.z,
-                found.statistics
-            );
-        }
-    }
 }

@@ -1,6 +1,7 @@
 //! Measures of a mesh: extent, area, volume, centre, and whether it is closed.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
+use palpate_core::metric::{Inertia, outer};
 
 use super::Mesh;
 
@@ -82,6 +83,32 @@ impl Mesh {
         used_once && directed.iter().all(|&[a, b]| directed.binary_search(&[b, a]).is_ok())
     }
 
+    /// How mass is spread in the body: a solid of uniform density when the mesh is closed,
+    /// otherwise a uniform shell.
+    #[must_use]
+    pub fn inertia(&self) -> Inertia {
+        let solid = self.is_watertight() && self.signed_volume().abs() > 0.0;
+        let origin = self.vertices[0];
+        let (mut mass, mut moment, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
+        for triangle in 0..self.triangles.len() {
+            let corners = self.corners(triangle).map(|corner| corner - origin);
+            let [a, b, c] = corners;
+            let sum = a + b + c;
+            let squares = corners.into_iter().fold(outer(sum), |sum, v| sum + outer(v));
+            // A tetrahedron with its apex at the origin, or the triangle itself.
+            let (part, mean, share) = if solid {
+                (a.dot(b.cross(c)) / 6.0, sum / 4.0, 1.0 / 20.0)
+            } else {
+                (self.area(triangle), sum / 3.0, 1.0 / 12.0)
+            };
+            mass += part;
+            moment += part * mean;
+            second += part * share * squares;
+        }
+        let center = moment / mass;
+        Inertia { center: origin + center, second_moment: second * mass.recip() - outer(center) }
+    }
+
     /// Twice the area times the normal.
     fn area_vector(&self, triangle: usize) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
@@ -103,6 +130,25 @@ mod tests {
         assert!((mesh.largest_dimension() - 3.0).abs() < 1e-12);
         assert!(mesh.is_watertight() && mesh.inside_out().is_watertight());
         assert!(mesh.inside_out().signed_volume() < 0.0);
+    }
+
+    #[test]
+    fn a_box_has_the_moments_of_a_solid_and_an_open_one_of_a_shell() {
+        // A solid's variance along a side s is s²/12.
+        let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0)).translated(DVec3::new(5.0, 0.0, 0.0));
+        for mesh in [mesh.clone(), mesh.inside_out()] {
+            let inertia = mesh.inertia();
+            assert!(inertia.center.distance(DVec3::new(5.0, 0.0, 0.0)) < 1e-12);
+            let expected = DMat3::from_diagonal(DVec3::new(1.0, 4.0, 9.0) / 12.0);
+            assert!(inertia.second_moment.abs_diff_eq(expected, 1e-10), "{inertia:?}");
+        }
+        // Two triangles of a unit square, z = 0: 1/12 along x and y.
+        let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        let vertices = corners.map(|(x, y)| DVec3::new(x, y, 0.0)).to_vec();
+        let square = Mesh::new(vertices, vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        let expected = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0) / 12.0);
+        assert!(square.inertia().second_moment.abs_diff_eq(expected, 1e-12));
+        assert!(square.inertia().center.distance(DVec3::new(0.5, 0.5, 0.0)) < 1e-12);
     }
 
     #[test]

@@ -62,7 +62,7 @@ impl Grid {
 /// Vertices and outward triangles of the level where `field` (negative inside) is zero.
 ///
 /// The grid covers `low` to `high`, which must hold the whole body, in cells of side `cell`.
-pub(super) fn mesh(
+pub(crate) fn mesh(
     field: impl Fn(DVec3) -> f64 + Sync,
     low: DVec3,
     high: DVec3,

@@ -1,7 +1,10 @@
 //! Values to store, each field different from every other.
 
 use palpate_core::pose::Pose;
-use palpate_core::sensor::SensorDescription;
+use palpate_core::sensor::line::{Goodness, Line};
+use palpate_core::sensor::spread_fit::SpreadFit;
+use palpate_core::sensor::{Calibration, SensorDescription, TaxelResponse, TaxelState};
+use palpate_store::calibration::{StoredCalibration, StoredSpread};
 use palpate_store::catalogue::{Catalogue, Draft, VersionObject};
 use palpate_store::database::Database;
 use palpate_store::entity::{
@@ -83,6 +86,44 @@ pub(crate) fn reading(n_taxels: usize) -> StoredReading {
             .unwrap(),
         pressures: pressures.collect(),
         stamp_ns: Some(-5),
+        calibration: 0,
+    }
+}
+
+/// A reading that a calibration applies to.
+pub(crate) fn calibrated_entry(robot: &str, seq: u64, calibration: u32) -> NewEntry {
+    let event = Event::Reading(StoredReading { calibration, ..reading(36) });
+    NewEntry { event, ..entry(robot, seq) }
+}
+
+/// A calibration of 2 × 2 taxels, one of every state.
+pub(crate) fn calibration(sensor: u128) -> StoredCalibration {
+    let taxel = |slope, offset, state| {
+        let r_squared = 1.0 - offset / 100.0;
+        TaxelResponse { line: Line { slope, offset }, r_squared, state }
+    };
+    let taxels = vec![
+        taxel(1.1e7, 1.0, TaxelState::Ok),
+        taxel(0.0, 2.0, TaxelState::Dead),
+        taxel(4e6, 3.0, TaxelState::CrossWired { answers: 3 }),
+        taxel(0.9e7, 4.0, TaxelState::Ok),
+    ];
+    let target = Line { slope: 1e7, offset: 2.5 };
+    let fit = SpreadFit { sigma: 2.7e-3, sigma_in_widths: 1.35, cosine: 0.99, pearson: 0.98 };
+    StoredCalibration {
+        sensor: Uuid::from_u128(sensor),
+        number: 0,
+        calibration: Calibration::new(target, taxels).unwrap(),
+        before: Goodness { r_squared: 0.9, residual: 400.0 },
+        after: Goodness { r_squared: 0.999, residual: 20.0 },
+        n_presses: 20,
+        spread: Some(StoredSpread {
+            fit,
+            n_presses: 225,
+            indenter_diameter: 1e-3,
+            covering_thickness: Some(1.016e-3),
+        }),
+        created_at_ms: 1_700_000_000_012,
     }
 }
 

@@ -1,0 +1,140 @@
+//! `palpate sensors calibrate`, `calibration` and `indent`: how a sensor's taxels respond.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use palpate_client::Client;
+use palpate_client::schemas::{
+    CalibrateSensor, ResponsePress, Sensor, SensorCalibration, SpreadPress, SpreadPresses,
+    TaxelState,
+};
+use palpate_core::sensor::{
+    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+};
+use palpate_sim::indent::{INDENTER, indentation_run};
+
+use crate::output;
+
+/// Simulates an indentation run of a sensor of the server and writes it as a request.
+pub(crate) async fn indent(
+    client: &Client,
+    sensor: &str,
+    out: &Path,
+    seed: u64,
+) -> anyhow::Result<String> {
+    let sensor = client.sensor(sensor).await?;
+    let description = description(&sensor)?;
+    let run = indentation_run(&description, seed);
+    let grid = *description.grid();
+    let order = description.parameters().image_order;
+    let driver = |pressures: &[Option<f64>]| order.of_driver(pressures, grid.rows, grid.cols);
+    let response = run.response.iter().map(|press| ResponsePress {
+        row: (press.taxel / grid.cols) as u32,
+        col: (press.taxel % grid.cols) as u32,
+        depth: press.depth,
+        pressures: driver(&press.pressures),
+    });
+    let presses = run.spread.iter().map(|press| {
+        let pressures: Vec<Option<f64>> = press.pressures.iter().copied().map(Some).collect();
+        let (x, y) = press.at;
+        SpreadPress { x, y, depth: press.depth, pressures: driver(&pressures) }
+    });
+    let spread = SpreadPresses {
+        indenter_diameter: INDENTER.diameter,
+        covering_thickness: Some(description.parameters().covering_thickness),
+        presses: presses.collect(),
+    };
+    let indentations = CalibrateSensor { response: response.collect(), spread: Some(spread) };
+    let text = serde_json::to_string(&indentations)?;
+    std::fs::write(out, text).with_context(|| format!("cannot write {}", out.display()))?;
+    let place = |taxel: usize| format!("row {}, column {}", taxel / grid.cols, taxel % grid.cols);
+    Ok(format!(
+        "wrote {} presses of taxels and {} of a fine grid to {}\n\
+         dead: {}; cross-wired: {}, which answers {}\n\
+         next: palpate sensors calibrate {} --file {}",
+        indentations.response.len(),
+        run.spread.len(),
+        out.display(),
+        place(run.dead),
+        place(run.cross_wired.0),
+        place(run.cross_wired.1),
+        sensor.name,
+        out.display()
+    ))
+}
+
+fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> {
+    let given = &sensor.description;
+    let knots = given.force_curve.iter().map(|knot| (knot.displacement, knot.pressure)).collect();
+    Ok(SensorDescription::new(SensorParameters {
+        grid: TaxelGrid {
+            rows: given.grid.rows as usize,
+            cols: given.grid.cols as usize,
+            pitch: given.grid.pitch,
+            taxel_width: given.grid.taxel_width,
+        },
+        covering_thickness: given.covering_thickness,
+        point_spread: given.point_spread,
+        force_curve: ForceCurve::new(knots)?,
+        saturation: given.saturation,
+        noise: given.noise,
+        quantisation: given.quantisation,
+        image_order: ImageOrder {
+            transposed: given.image_order.transposed,
+            rows_reversed: given.image_order.rows_reversed,
+            cols_reversed: given.image_order.cols_reversed,
+        },
+    })?)
+}
+
+/// A calibration as a table of gains over the taxels, and what to think of it.
+pub(crate) fn text(calibration: &SensorCalibration) -> String {
+    let cols = calibration.taxels.iter().map(|taxel| taxel.col + 1).max().unwrap_or(1);
+    let mut lines = vec![format!(
+        "calibration {} of {}, made {}; slopes over the target's, row by row:",
+        calibration.number, calibration.sensor, calibration.created_at
+    )];
+    for row in calibration.taxels.chunks(cols as usize) {
+        let cells: Vec<String> = row
+            .iter()
+            .map(|taxel| match taxel.state {
+                TaxelState::Ok => format!("{:6.2}", taxel.slope / calibration.target.slope),
+                TaxelState::Dead => format!("{:>6}", "dead"),
+                TaxelState::CrossWired => format!("{:>6}", "wired"),
+            })
+            .collect();
+        lines.push(cells.join(" "));
+    }
+    for taxel in &calibration.taxels {
+        if let Some(answers) = taxel.answers {
+            lines.push(format!(
+                "row {}, column {} answers presses of row {}, column {}",
+                taxel.row, taxel.col, answers.row, answers.col
+            ));
+        }
+    }
+    let (before, after) = (calibration.before, calibration.after);
+    lines.push(format!(
+        "target {:.2} kPa/mm · depth {:+.2} kPa; residual {:.0} Pa as measured (R² {:.3}), {:.0} Pa \
+         corrected (R² {:.3})",
+        calibration.target.slope / 1e6,
+        calibration.target.offset / 1e3,
+        before.residual,
+        before.r_squared,
+        after.residual,
+        after.r_squared
+    ));
+    if let Some(spread) = calibration.spread {
+        lines.push(format!(
+            "point spread {} ({:.3} element widths; described {}, equation 2.5 {}), cosine {:.4}, \
+             Pearson {:.4}",
+            output::mm(spread.sigma),
+            spread.sigma_in_widths,
+            output::mm(spread.described),
+            output::mm(spread.published),
+            spread.cosine,
+            spread.pearson
+        ));
+    }
+    lines.join("\n")
+}

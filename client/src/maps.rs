@@ -1,0 +1,76 @@
+//! Calls about trained maps of contact: shown, exported, merged.
+
+use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyForm, SliceQuery};
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::request::Request;
+
+impl Client {
+    /// The map of contact of one object of a version, with the log-odds of the slice that
+    /// `query` names. `object` is its id, or its name when it was trained.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the version was trained without geometry.
+    pub async fn occupancy(
+        &self,
+        name: &str,
+        version: u32,
+        object: &str,
+        query: SliceQuery,
+    ) -> Result<OccupancyMap, Error> {
+        let request = map_request(name, version, object, "occupancy");
+        self.send(request.query("slice", query.slice)).await
+    }
+
+    /// The same map's slice as a PNG file; the one in the middle if `query` names none.
+    ///
+    /// # Errors
+    /// As [`Client::occupancy`].
+    pub async fn occupancy_png(
+        &self,
+        name: &str,
+        version: u32,
+        object: &str,
+        query: SliceQuery,
+    ) -> Result<Vec<u8>, Error> {
+        let request = map_request(name, version, object, "occupancy.png");
+        self.send_for_file(request.query("slice", query.slice)).await
+    }
+
+    /// The same map as a PLY file, in metres in the object frame.
+    ///
+    /// # Errors
+    /// As [`Client::occupancy`].
+    pub async fn occupancy_ply(
+        &self,
+        name: &str,
+        version: u32,
+        object: &str,
+        form: PlyForm,
+    ) -> Result<Vec<u8>, Error> {
+        let form = match form {
+            PlyForm::Points => "points",
+            PlyForm::Mesh => "mesh",
+        };
+        let request = map_request(name, version, object, "occupancy.ply");
+        self.send_for_file(request.query("form", Some(form))).await
+    }
+
+    /// Makes a version of a catalogue whose maps of contact hold another version's too.
+    ///
+    /// # Errors
+    /// [`Error`]; status 422 names what does not fit.
+    pub async fn merge_maps(
+        &self,
+        name: &str,
+        merge: &MergeMaps,
+    ) -> Result<CatalogueVersion, Error> {
+        self.send(Request::post(["v1", "catalogues", name, "merges"]).json(merge)).await
+    }
+}
+
+fn map_request(name: &str, version: u32, object: &str, file: &str) -> Request {
+    let version = version.to_string();
+    Request::get(["v1", "catalogues", name, "versions", &version, "objects", object, file])
+}

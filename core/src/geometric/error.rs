@@ -1,0 +1,72 @@
+//! Why a belief over geometry cannot be had, or cannot take a reading.
+
+use thiserror::Error;
+
+/// Why a catalogue, a prior or a reading cannot be used.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum GeometricError {
+    /// The catalogue was trained without geometry.
+    #[error("the catalogue has no geometry, expected one trained with it")]
+    NoGeometry,
+    /// An object has no force mosaic.
+    #[error("object {object} has no force mosaic, expected one for every object")]
+    NoMosaic {
+        /// The first such object.
+        object: usize,
+    },
+    /// A solid pose prior, but planar maps.
+    #[error("a bounded prior over solid poses, expected solid maps in the catalogue")]
+    NotSolid,
+    /// A planar pose prior, but solid maps.
+    #[error("a prior over poses in a plane, expected planar maps in the catalogue")]
+    NotPlanar,
+    /// The printed histogram filter has no solid form.
+    #[error("a bounded prior over solid poses, expected a planar one: the histogram is planar")]
+    PlanarOnly,
+    /// The printed filters know no bounds of the turn.
+    #[error("half_angle is {found}, expected π: the printed filters consider every turn")]
+    EveryTurn {
+        /// What was given, rad.
+        found: f64,
+    },
+    /// The prior over objects does not fit the catalogue.
+    #[error(
+        "prior over {found} objects, expected {expected} finite weights of at least 0, not all 0"
+    )]
+    Prior {
+        /// Objects of the catalogue.
+        expected: usize,
+        /// Weights that came.
+        found: usize,
+    },
+    /// A number of the pose prior or of the filter is out of range.
+    #[error("{field} is {found}, expected a finite number from {low} to {high} (SI units)")]
+    Range {
+        /// The field's name.
+        field: &'static str,
+        /// What was given.
+        found: f64,
+        /// The smallest permitted value.
+        low: f64,
+        /// The largest permitted value.
+        high: f64,
+    },
+    /// The image is not the sensor's.
+    #[error("image of {found_rows}×{found_cols} taxels, expected the sensor's {rows}×{cols}")]
+    Shape {
+        /// Rows of the sensor.
+        rows: usize,
+        /// Columns of the sensor.
+        cols: usize,
+        /// Rows that came.
+        found_rows: usize,
+        /// Columns that came.
+        found_cols: usize,
+    },
+    /// A press on a plane came from aside.
+    #[error("press tilted by {degrees:.1} degrees from the plane's normal, expected at most 30")]
+    Tilt {
+        /// Angle between the sensor's axis and the plane's normal, degrees.
+        degrees: f64,
+    },
+}

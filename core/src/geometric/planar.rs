@@ -1,0 +1,403 @@
+//! The belief over planar poses from force mosaics.
+//!
+//! A pose is (x, y, θ) of the object's frame in the stated plane, metres and rad. A bin's own
+//! extent is one more slip of the press: shift and turn widen by the bin's spread, so that a
+//! coarse bin is asked whether the press fits anywhere within it.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use nalgebra::{Matrix3, Matrix6, Matrix6x3};
+
+use super::marginals::{self, Marginals};
+use super::polish::{Mode, PressAtPose, polish};
+use super::{AdaptiveOptions, GeometricError, PosePrior};
+use crate::belief::answer::{Answer, PoseMode};
+use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, Effort};
+use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
+use crate::model::ObjectIdx;
+use crate::model::geometry::GeometricModel;
+use crate::mosaic::learn::lay_down;
+use crate::mosaic::press_fit::{Placement, Press, PressPrior, Workspace, fit};
+use crate::mosaic::screen::{ScreenTile, TurnedPress};
+use crate::mosaic::tile::Tile;
+use crate::pose::Pose;
+use crate::reading::Reading;
+use crate::sensor::SensorDescription;
+use crate::units::{DEG, MM};
+
+/// A length (m) that stands for a turn of one rad: an object's reach from its origin.
+const LEVER: f64 = 9.0 * MM;
+
+/// The most a press may be tilted from the plane's normal.
+const TILT_MAX: f64 = 30.0 * DEG;
+
+/// Bins this far behind the best are no modes, and hold no probability, nats.
+const MODE_REACH: f64 = 12.0;
+const FORGOTTEN: f64 = 40.0;
+
+/// Cells of the screening, metres: well below the point spread.
+const SCREEN_CELL: f64 = 0.5 * MM;
+
+/// How far a taxel's gain may be from 1 when nobody has learnt it.
+const UNKNOWN_GAIN: f32 = 0.2;
+
+/// Cells of a plotted axis.
+const MARGINAL_CELLS: usize = 72;
+
+/// Bins of pressure in which precisions are averaged.
+const PRESSURE_BINS: usize = 24;
+
+/// About what the volume of a press's unknowns takes from a good fit, nats.
+const UNKNOWNS_VOLUME: f64 = 6.0;
+
+const AXES: [&str; 3] = ["x", "y", "theta"];
+
+/// Refuses presses that do not come along the plane's normal.
+pub(super) fn check_tilt(plane_from_sensor: &Pose) -> Result<(), GeometricError> {
+    // The sensor looks at the object: its z points into the plane.
+    let tilt = (-plane_from_sensor.turn(DVec3::Z).z).clamp(-1.0, 1.0).acos();
+    if tilt > TILT_MAX {
+        return Err(GeometricError::Tilt { degrees: tilt / DEG });
+    }
+    Ok(())
+}
+
+/// A belief over identity and planar pose.
+#[derive(Clone, Debug)]
+pub(super) struct PlanarBelief {
+    plane: Plane,
+    effort: Effort,
+    model: PlanarModel,
+    histogram: AdaptiveHistogram<3>,
+    n_objects: usize,
+}
+
+/// The plane and the box of poses in it.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    session_from_plane: Pose,
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+/// What readings say about planar poses.
+#[derive(Clone, Debug)]
+pub(super) struct PlanarModel {
+    geometry: Arc<GeometricModel>,
+    maps: Vec<PlanarMap>,
+    readings: Vec<PlanarReading>,
+    options: AdaptiveOptions,
+    precision: PrecisionByPressure,
+    /// Spread of a bin by depth: of x and y (m) and of θ (rad).
+    spreads: Vec<[f64; 2]>,
+    workspace: Workspace,
+    turned: TurnedPress,
+    /// Which reading and angle `turned` holds.
+    turned_as: Option<(usize, u64)>,
+}
+
+/// One object: its tiles by depth, and the height of its plane, metres.
+#[derive(Clone, Debug)]
+struct PlanarMap {
+    tiles: Vec<Arc<Tile>>,
+    screen: Arc<ScreenTile>,
+    height: f64,
+}
+
+/// A reading in the plane's frame.
+#[derive(Clone, Debug)]
+struct PlanarReading {
+    center: [f64; 2],
+    press: Press,
+}
+
+impl PlanarModel {
+    fn new(
+        geometry: &Arc<GeometricModel>,
+        options: AdaptiveOptions,
+        division: &Division<3>,
+    ) -> Result<Self, GeometricError> {
+        let spreads: Vec<[f64; 2]> = (0..=division.depth_max())
+            .map(|depth| {
+                // Uniform within the bin: width over √12.
+                let [x, y, angle] = division.widths(depth).map(|width| width / 12.0_f64.sqrt());
+                [x.max(y), angle]
+            })
+            .collect();
+        let mut maps = Vec::new();
+        for (object, map) in geometry.maps.iter().enumerate() {
+            if !map.occupancy.shape().is_planar() {
+                return Err(GeometricError::NotPlanar);
+            }
+            let mosaic = map.mosaic.as_ref().ok_or(GeometricError::NoMosaic { object })?;
+            let reach = |spread: &[f64; 2]| spread[0].hypot(LEVER * spread[1]);
+            let tile = |spread| Arc::new(Tile::new(mosaic, reach(spread)));
+            let mut tiles: Vec<Arc<Tile>> = spreads.iter().take(2).map(tile).collect();
+            tiles.push(Arc::new(Tile::new(mosaic, 0.0)));
+            let first = reach(&spreads[0]).hypot(options.press.shift);
+            let screen = Arc::new(ScreenTile::new(mosaic, SCREEN_CELL, first));
+            maps.push(PlanarMap { tiles, screen, height: mosaic.shape().min().z });
+        }
+        Ok(Self {
+            geometry: geometry.clone(),
+            maps,
+            readings: Vec::new(),
+            options,
+            precision: PrecisionByPressure::new(geometry),
+            spreads,
+            workspace: Workspace::default(),
+            turned: TurnedPress::default(),
+            turned_as: None,
+        })
+    }
+
+    /// Where a reading lies on an object at a pose.
+    fn placement(center: [f64; 2], pose: &[f64; 3]) -> Placement {
+        let (sin, cos) = pose[2].sin_cos();
+        let [x, y] = [center[0] - pose[0], center[1] - pose[1]];
+        Placement { center: [cos * x + sin * y, cos * y - sin * x], turn: [cos, -sin] }
+    }
+
+    /// The strays of a press within a bin of this spread.
+    fn within_bin(&self, place: &Placement, spread: [f64; 2]) -> PressPrior {
+        let press = self.options.press;
+        let lever = place.center[0].hypot(place.center[1]);
+        let shift = press.shift.hypot(spread[0]).hypot(lever * spread[1]);
+        PressPrior { shift, turn: press.turn.hypot(spread[1]), ..press }
+    }
+
+    /// Polishes a pose on all readings.
+    fn polish(&self, object: u32, start: [f64; 3], workspace: &mut Workspace) -> Mode {
+        let Some(tile) = self.maps[object as usize].tiles.last() else {
+            return Mode::unpolished(start, [0.0; 3]);
+        };
+        let (press, temper) = (self.options.press, self.options.temper);
+        let fit_at = |pose: &[f64; 3], reading: usize| {
+            let reading = &self.readings[reading];
+            let place = Self::placement(reading.center, pose);
+            let fitted = fit(&reading.press, &place, tile, &press, workspace);
+            PressAtPose { fitted, place, prior: press, temper }
+        };
+        polish(start, self.readings.len(), fit_at)
+    }
+}
+
+/// Mean ln precision over all maps' cells by pressure.
+#[derive(Clone, Debug)]
+struct PrecisionByPressure {
+    per_bin: f32,
+    logs: Vec<f64>,
+}
+
+impl PrecisionByPressure {
+    fn new(geometry: &GeometricModel) -> Self {
+        let mosaics = || geometry.maps.iter().filter_map(|map| map.mosaic.as_ref());
+        let largest = mosaics().flat_map(|m| m.pressure().iter().copied()).fold(1.0, f32::max);
+        let per_bin = largest / PRESSURE_BINS as f32;
+        let mut sums = vec![(0.0, 0.0); PRESSURE_BINS];
+        for mosaic in mosaics() {
+            for (pressure, deviation) in mosaic.pressure().iter().zip(mosaic.deviation()) {
+                if deviation.is_finite() {
+                    let sum = &mut sums[Self::bin(*pressure, per_bin)];
+                    sum.0 -= f64::from(*deviation).ln();
+                    sum.1 += 1.0;
+                }
+            }
+        }
+        let mut logs: Vec<f64> = Vec::with_capacity(PRESSURE_BINS);
+        for (sum, n) in sums {
+            let before = logs.last().copied().unwrap_or(0.0);
+            logs.push(if n > 0.0 { sum / n } else { before });
+        }
+        Self { per_bin, logs }
+    }
+
+    fn bin(pressure: f32, per_bin: f32) -> usize {
+        ((pressure.max(0.0) / per_bin) as usize).min(PRESSURE_BINS - 1)
+    }
+
+    fn of(&self, pressure: f32) -> f64 {
+        self.logs[Self::bin(pressure, self.per_bin)]
+    }
+}
+
+impl BinLikelihood<3> for PlanarModel {
+    fn expected(&self, reading: usize) -> f64 {
+        let press = &self.readings[reading].press;
+        let precision: f64 = press.pressures.iter().map(|z| self.precision.of(*z)).sum();
+        let n = press.pressures.len() as f64;
+        // Half a nat a taxel, four of their deviations, and the volume of the unknowns.
+        self.options.temper * (precision - 0.5 * n - 4.0 * (0.5 * n).sqrt() - UNKNOWNS_VOLUME)
+    }
+
+    fn log_likelihood(
+        &mut self,
+        object: u32,
+        center: &[f64; 3],
+        depth: usize,
+        reading: usize,
+    ) -> f64 {
+        let place = Self::placement(self.readings[reading].center, center);
+        let prior = self.within_bin(&place, self.spreads[depth.min(self.spreads.len() - 1)]);
+        let tiles = &self.maps[object as usize].tiles;
+        let tile = &tiles[depth.min(tiles.len() - 1)];
+        let press = &self.readings[reading].press;
+        self.options.temper * fit(press, &place, tile, &prior, &mut self.workspace).log_likelihood
+    }
+
+    fn screen(&mut self, object: u32, center: &[f64; 3], _depth: usize, reading: usize) -> f64 {
+        let PlanarReading { center: at, press } = &self.readings[reading];
+        let place = Self::placement(*at, center);
+        let name = (reading, center[2].to_bits());
+        if self.turned_as != Some(name) {
+            self.turned.turn(press, &place);
+            self.turned_as = Some(name);
+        }
+        let screen = &self.maps[object as usize].screen;
+        let amplitude = self.options.press.amplitude as f32;
+        self.options.temper * screen.log_likelihood(&mut self.turned, place.center, amplitude)
+    }
+}
+
+impl PlanarBelief {
+    pub(super) fn new(
+        geometry: &Arc<GeometricModel>,
+        pose: PosePrior,
+        options: AdaptiveOptions,
+        log_prior: &[f64],
+    ) -> Result<Self, GeometricError> {
+        let PosePrior::Planar { session_from_plane, center, half_extent, angle, half_angle } = pose
+        else {
+            return Err(GeometricError::NotSolid);
+        };
+        let half = [half_extent, half_extent, half_angle];
+        let middle = [center[0], center[1], angle];
+        let low = [0, 1, 2].map(|axis: usize| middle[axis] - half[axis]);
+        let high = [0, 1, 2].map(|axis: usize| middle[axis] + half[axis]);
+        let lengths = [1.0, 1.0, LEVER];
+        let division = Division::new(low, high, options.first, lengths, options.smallest, 3);
+        let model = PlanarModel::new(geometry, options, &division)?;
+        let n_alive = log_prior.iter().filter(|log| log.is_finite()).count();
+        let first: usize = options.first.iter().product();
+        let effort = Effort {
+            keep: options.keep,
+            split: options.split,
+            floor: options.floor,
+            screened_max: options.screened * n_alive,
+            screen_temper: options.screen_temper,
+            evaluations_max: options.evaluations * n_alive,
+            bins_max: 4 * first * n_alive,
+        };
+        let histogram = AdaptiveHistogram::new(division, log_prior);
+        let plane = Plane { session_from_plane, low, high };
+        Ok(Self { plane, effort, model, histogram, n_objects: log_prior.len() })
+    }
+
+    pub(super) fn add(
+        &mut self,
+        reading: &Reading,
+        sensor: &SensorDescription,
+    ) -> Result<(), GeometricError> {
+        let plane_from_sensor =
+            self.plane.session_from_plane.inverse() * reading.session_from_sensor();
+        check_tilt(&plane_from_sensor)?;
+        let known = self.model.geometry.gains.iter().find(|g| g.sensor == reading.sensor());
+        let gains = known
+            .map(|known| &known.gains[..])
+            .filter(|gains| gains.len() == reading.image().pressures.len());
+        let (center, mut press, _) = lay_down(&plane_from_sensor, reading, sensor, gains);
+        press.gain_deviation = if gains.is_some() { 0.0 } else { UNKNOWN_GAIN };
+        self.model.readings.push(PlanarReading { center, press });
+        self.histogram.add(&mut self.model, &self.effort);
+        Ok(())
+    }
+
+    /// Probabilities of the objects and polished poses.
+    pub(super) fn answer(&self, n_modes: usize, n_readings: usize) -> Answer {
+        let masses = || self.histogram.bins().iter().map(|bin| self.histogram.log_mass(bin));
+        let best = masses().fold(f64::NEG_INFINITY, f64::max);
+        let mut sums = vec![0.0; self.n_objects];
+        for (bin, log_mass) in self.histogram.bins().iter().zip(masses()) {
+            if log_mass > best - FORGOTTEN {
+                sums[bin.object as usize] += (log_mass - best).exp();
+            }
+        }
+        let log_objects: Vec<f64> = sums.into_iter().map(|sum: f64| best + sum.ln()).collect();
+        let probabilities = normalize(&log_objects);
+        let total = log_sum_exp(log_objects.iter().copied());
+        let modes = self.modes(n_modes, total);
+        let entropy_bits = entropy_bits(&probabilities);
+        Answer { probabilities, modes, entropy_bits, n_readings }
+    }
+
+    /// Polishes the most massive bin and gathers those around it, time and again.
+    fn modes(&self, n_modes: usize, log_total: f64) -> Vec<PoseMode> {
+        let mut bins: Vec<(f64, Bin<3>)> =
+            self.histogram.bins().iter().map(|bin| (self.histogram.log_mass(bin), *bin)).collect();
+        let best = bins.iter().map(|bin| bin.0).fold(f64::NEG_INFINITY, f64::max);
+        bins.retain(|bin| bin.0 >= best - MODE_REACH);
+        bins.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.object.cmp(&b.1.object)));
+        let mut workspace = Workspace::default();
+        let mut modes = Vec::new();
+        while modes.len() < n_modes
+            && let Some((log_first, first)) = bins.first().copied()
+        {
+            let widths = self.histogram.division().widths(first.depth as usize);
+            let mode = match self.model.readings.is_empty() {
+                true => Mode::unpolished(first.center, widths),
+                false => self.model.polish(first.object, first.center, &mut workspace),
+            };
+            // The best bin is a member, wherever polishing has moved the mode.
+            bins.remove(0);
+            let mut weight = (log_first - log_total).exp();
+            bins.retain(|(log_mass, bin)| {
+                let widths = self.histogram.division().widths(bin.depth as usize);
+                let here = bin.object == first.object && mode.holds(&bin.center, &widths);
+                if here {
+                    weight += (log_mass - log_total).exp();
+                }
+                !here
+            });
+            modes.push(self.pose_mode(first.object, &mode, weight));
+        }
+        modes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        modes
+    }
+
+    fn pose_mode(&self, object: u32, mode: &Mode, weight: f64) -> PoseMode {
+        let [x, y, angle] = mode.pose;
+        let height = self.model.maps[object as usize].height;
+        let plane_from_object =
+            Pose::from_parts(DQuat::from_rotation_z(angle), DVec3::new(x, y, -height));
+        let session_from_plane = self.plane.session_from_plane;
+        PoseMode {
+            object: ObjectIdx(object),
+            session_from_object: session_from_plane * plane_from_object,
+            covariance: in_session(&session_from_plane, &mode.covariance),
+            weight,
+        }
+    }
+
+    pub(super) fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
+        let (low, high) = (self.plane.low, self.plane.high);
+        marginals::of_object(&self.histogram, object, &AXES, low, high, MARGINAL_CELLS)
+    }
+}
+
+/// Covariance in ROS order of x, y and θ in a plane; the three fixed axes are known to
+/// 0.1 mm and 0.1 degrees.
+fn in_session(session_from_plane: &Pose, covariance: &Matrix3<f64>) -> Matrix6<f64> {
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| session_from_plane.turn(axis));
+    let mut moves = Matrix6x3::zeros();
+    let mut fixed = Matrix6x3::zeros();
+    for row in 0..3 {
+        moves[(row, 0)] = x[row];
+        moves[(row, 1)] = y[row];
+        moves[(row + 3, 2)] = z[row];
+        fixed[(row, 0)] = 0.1 * MM * z[row];
+        fixed[(row + 3, 1)] = 0.1 * DEG * x[row];
+        fixed[(row + 3, 2)] = 0.1 * DEG * y[row];
+    }
+    moves * covariance * moves.transpose() + fixed * fixed.transpose()
+}

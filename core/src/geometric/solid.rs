@@ -1,0 +1,184 @@
+//! The belief over solid poses within bounds, from occupancy maps and contact classes.
+//!
+//! A pose is the nominal one moved along the session's axes (m) and turned about the object's
+//! own origin by a rotation vector along them (rad). Taxels that touch and taxels that do not
+//! both count. A bin's own extent blurs the map it is compared with.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+
+use super::blur::blurred;
+use super::marginals::{self, Marginals};
+use super::{AdaptiveOptions, GeometricError, PosePrior};
+use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
+use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, Effort};
+use crate::log_prob::log_sum_exp;
+use crate::model::ObjectIdx;
+use crate::model::geometry::GeometricModel;
+use crate::occupancy::{ClassifiedPress, InverseModel, OccupancyGrid, log_likelihood};
+use crate::pose::Pose;
+use crate::reading::Reading;
+use crate::sensor::SensorDescription;
+use crate::units::{DEG, MM};
+
+/// A length (m) that stands for a turn of one rad: an object's reach from its origin.
+const LEVER: f64 = 30.0 * MM;
+
+/// The first bins are about this wide, metres, and at most this many along an axis.
+const FIRST_WIDTH: f64 = 7.0 * MM;
+const FIRST_MAX: usize = 4;
+
+/// The spreads for which blurred maps are kept, metres.
+const BLURS: [f64; 4] = [0.0, 1.5 * MM, 3.0 * MM, 6.0 * MM];
+
+/// The exponent of a press: its taxels see one blurred contact, not as many facts.
+const TEMPER: f64 = 0.3;
+
+/// Bins that an answer is made of.
+const ANSWERED_MAX: usize = 400;
+
+/// Cells of a plotted axis.
+const MARGINAL_CELLS: usize = 48;
+
+const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// A belief over identity and solid pose.
+#[derive(Clone, Debug)]
+pub(super) struct SolidBelief {
+    model: SolidModel,
+    effort: Effort,
+    histogram: AdaptiveHistogram<6>,
+    n_objects: usize,
+    smallest: f64,
+    low: [f64; 6],
+    high: [f64; 6],
+}
+
+/// What presses say about solid poses.
+#[derive(Clone, Debug)]
+struct SolidModel {
+    geometry: Arc<GeometricModel>,
+    nominal: Pose,
+    /// Maps of every object, by blur.
+    maps: Arc<Vec<Vec<OccupancyGrid>>>,
+    /// Which blur serves a depth.
+    blur_of: Vec<usize>,
+    presses: Vec<ClassifiedPress>,
+}
+
+impl SolidModel {
+    fn pose(&self, at: &[f64; 6]) -> Pose {
+        let turn = DQuat::from_scaled_axis(DVec3::new(at[3], at[4], at[5]));
+        let moved = DVec3::new(at[0], at[1], at[2]);
+        Pose::from_parts(turn * self.nominal.rotation, self.nominal.translation + moved)
+    }
+}
+
+impl BinLikelihood<6> for SolidModel {
+    fn log_likelihood(&mut self, object: u32, at: &[f64; 6], depth: usize, reading: usize) -> f64 {
+        let blur = self.blur_of[depth.min(self.blur_of.len() - 1)];
+        let map = &self.maps[object as usize][blur];
+        let press = &self.presses[reading];
+        TEMPER * log_likelihood(press, map, &self.geometry.table, &self.pose(at))
+    }
+
+    fn expected(&self, reading: usize) -> f64 {
+        // A map that knows nothing: every class with its share where the log-odds are 0.
+        let table = &self.geometry.table;
+        let taxels = self.presses[reading].taxels().iter();
+        TEMPER * taxels.map(|(_, class)| table.probability(*class, 0.0).ln()).sum::<f64>()
+    }
+
+    fn screen(&mut self, object: u32, center: &[f64; 6], depth: usize, reading: usize) -> f64 {
+        self.log_likelihood(object, center, depth, reading)
+    }
+}
+
+impl SolidBelief {
+    pub(super) fn new(
+        geometry: &Arc<GeometricModel>,
+        pose: PosePrior,
+        options: AdaptiveOptions,
+        log_prior: &[f64],
+    ) -> Result<Self, GeometricError> {
+        let PosePrior::Bounded { session_from_object: nominal, half_extent, half_angle } = pose
+        else {
+            return Err(GeometricError::NotPlanar);
+        };
+        if geometry.maps.iter().any(|map| map.occupancy.shape().is_planar()) {
+            return Err(GeometricError::NotSolid);
+        }
+        let [x, y, z] = half_extent.to_array();
+        let high = [x, y, z, half_angle, half_angle, half_angle];
+        let low = high.map(|half| -half);
+        let lengths = [1.0, 1.0, 1.0, LEVER, LEVER, LEVER];
+        let n: [usize; 6] = std::array::from_fn(|axis| {
+            let width = 2.0 * high[axis] * lengths[axis];
+            ((width / FIRST_WIDTH).round() as usize).clamp(1, FIRST_MAX)
+        });
+        let smallest = options.smallest.max(1.0 * MM);
+        let division = Division::new(low, high, n, lengths, smallest, 1);
+        let blur_of = (0..=division.depth_max())
+            .map(|depth| {
+                let widths = division.widths(depth);
+                let squared: f64 = (0..6).map(|a| (widths[a] * lengths[a]).powi(2)).sum();
+                // Along one axis: a third of the shifts, and two thirds of the turns about it.
+                let spread = (squared / 12.0 / 3.0).sqrt();
+                BLURS.iter().rposition(|blur| *blur <= spread).unwrap_or(0)
+            })
+            .collect();
+        let blurs = |map: &OccupancyGrid| BLURS.iter().map(|sigma| blurred(map, *sigma)).collect();
+        let maps = Arc::new(geometry.maps.iter().map(|map| blurs(&map.occupancy)).collect());
+        let first: usize = n.iter().product();
+        let n_alive = log_prior.iter().filter(|log| log.is_finite()).count();
+        let effort = Effort {
+            keep: options.keep,
+            split: options.split,
+            floor: options.floor,
+            screened_max: usize::MAX,
+            screen_temper: 1.0,
+            evaluations_max: 40 * options.evaluations * n_alive,
+            bins_max: 8 * first * n_alive,
+        };
+        let presses = Vec::new();
+        let model = SolidModel { geometry: geometry.clone(), nominal, maps, blur_of, presses };
+        let histogram = AdaptiveHistogram::new(division, log_prior);
+        Ok(Self { model, effort, histogram, n_objects: log_prior.len(), smallest, low, high })
+    }
+
+    pub(super) fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        self.model.presses.push(InverseModel::default().classified(reading, sensor));
+        self.histogram.add(&mut self.model, &self.effort);
+    }
+
+    pub(super) fn answer(&self, n_modes: usize, n_readings: usize) -> Answer {
+        let mut bins: Vec<(f64, &Bin<6>)> =
+            self.histogram.bins().iter().map(|bin| (self.histogram.log_mass(bin), bin)).collect();
+        bins.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.object.cmp(&b.1.object)));
+        let log_of = |object: usize| {
+            let own = bins.iter().filter(|(_, bin)| bin.object as usize == object);
+            log_sum_exp(own.map(|(log, _)| *log))
+        };
+        let log_objects: Vec<f64> = (0..self.n_objects).map(log_of).collect();
+        let weighted = |(log_weight, bin): &(f64, &Bin<6>)| WeightedPose {
+            object: ObjectIdx(bin.object),
+            session_from_object: self.model.pose(&bin.center),
+            log_weight: *log_weight,
+        };
+        let poses = bins.iter().take(ANSWERED_MAX).map(weighted).collect();
+        let deviation = self.smallest / 12.0_f64.sqrt();
+        let scale = ModeScale {
+            distance: 8.0 * MM,
+            angle: 20.0 * DEG,
+            position_deviation: deviation,
+            rotation_deviation: deviation / LEVER,
+        };
+        answer(&log_objects, poses, n_modes, &scale, n_readings)
+    }
+
+    pub(super) fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
+        let (low, high) = (self.low, self.high);
+        marginals::of_object(&self.histogram, object, &AXES, low, high, MARGINAL_CELLS)
+    }
+}

@@ -1,0 +1,76 @@
+//! Chapter 2: figures 2.3, 2.5 and 2.6, and the H indenter of table 2.1.
+//!
+//! There is no physical sensor here. What the dissertation measured is replaced and named so:
+//! "simulator" is an indentation run of the imaging model itself (it shows that the fits find
+//! what is there), "elastic" one of the finite-element reference, which knows nothing of
+//! Gaussians; the H is compared with the finite-element reference.
+
+mod acuity;
+mod elastic;
+mod h_indenter;
+mod point_spread;
+
+use palpate_core::units::INCH;
+
+use crate::plot::svg;
+use crate::report::{Outcome, Progress, Report};
+
+/// The coverings of sections 2.3 and 2.5, metres.
+const COVERINGS: [f64; 4] = [0.04 * INCH, 0.10 * INCH, 0.14 * INCH, 0.20 * INCH];
+
+/// What to run.
+#[derive(Clone, Copy, Debug)]
+pub struct Covering {
+    /// The seed of gains and noise.
+    pub seed: u64,
+    /// Elements from the centre to each side of the finite-element slabs.
+    pub half_width: usize,
+}
+
+impl Default for Covering {
+    fn default() -> Self {
+        Self { seed: 1, half_width: 50 }
+    }
+}
+
+/// Runs all four parts.
+///
+/// # Errors
+/// When a finite-element slab or a fit does not do.
+pub fn run(config: &Covering, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("covering", command, config.seed);
+    let (slabs, mut panels) = elastic::figure_2_3(config.half_width, &mut report, progress)?;
+    progress("indenting coverings", 6, 9);
+    panels.push(point_spread::figure_2_5(config.seed, &slabs, &mut report)?);
+    progress("counting representations", 7, 9);
+    let acuity = acuity::figure_2_6(&mut report);
+    progress("pressing the H", 8, 9);
+    h_indenter::table_2_1(&slabs, &mut report)?;
+    let pictures = vec![("covering-acuity.svg".to_owned(), acuity.into_bytes())];
+    Ok(Outcome { report, plot: svg(&panels), pictures })
+}
+
+/// A covering's thickness as the dissertation writes it, for keys: 0_04in.
+fn key_of(thickness: f64) -> String {
+    format!("{:.2}in", thickness / INCH).replace('.', "_")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_run_has_every_figure() {
+        let config = Covering { seed: 1, half_width: 24 };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| {}).unwrap();
+        let summary = &outcome.report.summary;
+        // Equation 2.5 is found again in images that were made with it.
+        assert!((summary["simulator_spread_slope"] - 0.497).abs() < 0.03, "{summary:?}");
+        assert!((summary["simulator_spread_offset"] - 1.11).abs() < 0.06, "{summary:?}");
+        assert!(summary["elastic_gaussian_cosine_min"] > 0.99, "{summary:?}");
+        assert!((0.2..0.5).contains(&summary["representations_ridge"]), "{summary:?}");
+        assert!(summary["h_cosine_min"] > 0.8, "{summary:?}");
+        assert_eq!(key_of(COVERINGS[0]), "0_04in");
+        assert!(outcome.plot.matches("<polyline").count() > 10);
+    }
+}

@@ -1,0 +1,226 @@
+//! Section 3.4 again: raised letters by geometry, accuracy and errors against readings.
+//!
+//! A seed is a sensor (its gains), its noise and its trials. Training takes the rig's first
+//! repetition of 192 presses a letter; a trial draws a pose (±10 mm along x and y, any angle)
+//! and presses of the second repetition without replacement. All methods see the same
+//! readings. Poses count only when the letter is right, as in the dissertation; errors are
+//! modulo the letter's symmetry. The methods are listed in `methods`.
+
+mod figures;
+mod methods;
+mod timing;
+mod trials;
+
+use std::path::PathBuf;
+
+use anyhow::{Context as _, bail};
+use glam::DVec3;
+use palpate_core::metric::{Inertia, Symmetry, SymmetryOrder};
+use palpate_core::model::geometry::GeometricModel;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::train::TrainingSet;
+use palpate_core::train::geometry::{GeometryConfig, map_geometry};
+use palpate_sim::letters::{Font, Letter, RotationOrder, SYMBOLS};
+use palpate_sim::rig::{LetterField, Rig, RigNoise, rig_sensor};
+
+use crate::report::{Outcome, Progress, Report};
+use methods::{METHODS, Prepared};
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct LettersGeometric {
+    /// The letters, each once.
+    pub letters: String,
+    /// The first seed.
+    pub seed: u64,
+    /// How many seeds from the first on.
+    pub seeds: usize,
+    /// Trials a letter and seed.
+    pub trials: usize,
+    /// Readings a trial, at most 192.
+    pub readings: usize,
+    /// How far presses are from ideal.
+    pub noise: RigNoise,
+    /// A font file; the built-in font when not given.
+    pub font: Option<PathBuf>,
+    /// How maps are made.
+    pub geometry: GeometryConfig,
+    /// Methods whose names begin with one of these; all when empty.
+    pub methods: Vec<String>,
+}
+
+impl Default for LettersGeometric {
+    /// The dissertation's five letters, ten trials each, on ten seeds.
+    fn default() -> Self {
+        Self {
+            letters: "AEIOU".to_owned(),
+            seed: 1,
+            seeds: 10,
+            trials: 10,
+            readings: 46,
+            noise: RigNoise::physical(),
+            font: None,
+            geometry: GeometryConfig::planar(),
+            methods: Vec::new(),
+        }
+    }
+}
+
+/// The letters of a name: AEIOU, capitals, all, or any letters, each once.
+///
+/// # Errors
+/// When a character is not a letter from A to Z or a to z, or is repeated.
+pub fn letters_named(name: &str) -> Result<String, String> {
+    match name {
+        "capitals" => return Ok(SYMBOLS.chars().filter(char::is_ascii_uppercase).collect()),
+        "all" => return Ok(SYMBOLS.to_owned()),
+        _ => {}
+    }
+    let distinct = name.chars().enumerate().all(|(idx, c)| !name[..idx].contains(c));
+    if name.len() >= 2 && distinct && name.chars().all(|c| c.is_ascii_alphabetic()) {
+        return Ok(name.to_owned());
+    }
+    Err("expected capitals, all, or two or more different letters such as AEIOU".to_owned())
+}
+
+/// A letter with what its presses and its errors need.
+struct TestLetter {
+    symbol: char,
+    field: LetterField,
+    symmetry: Symmetry,
+}
+
+impl TestLetter {
+    fn new(letter: &Letter, sensor: &SensorDescription) -> Self {
+        let order = match (letter.symbol(), letter.rotation_order()) {
+            // Equation 3.21: an O has no angle.
+            ('O', _) | (_, RotationOrder::Continuous) => SymmetryOrder::Continuous,
+            (_, RotationOrder::Finite(n)) => SymmetryOrder::Finite(n),
+        };
+        let through = letter.centroid().extend(0.0);
+        Self {
+            symbol: letter.symbol(),
+            field: LetterField::new(letter, sensor),
+            symmetry: Symmetry { order, axis: DVec3::Z, through },
+        }
+    }
+}
+
+/// What one seed trains and tests with.
+struct Lab {
+    seed: u64,
+    sensor: SensorDescription,
+    model: GeometricModel,
+    test: Vec<Vec<Reading>>,
+    inertias: Vec<Inertia>,
+}
+
+impl Lab {
+    fn new(config: &LettersGeometric, letters: &[TestLetter], seed: u64) -> anyhow::Result<Self> {
+        let rig = Rig::new(SensorId(1), &rig_sensor(), config.noise, seed);
+        let train: Vec<Vec<Reading>> =
+            letters.iter().map(|letter| rig.session(&letter.field, 0)).collect();
+        let test = letters.iter().map(|letter| rig.session(&letter.field, 1)).collect();
+        let sensor = rig.sensor().clone();
+        let sets: Vec<TrainingSet<'_>> =
+            train.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
+        let model = map_geometry(&sets, &vec![DVec3::ZERO; sets.len()], &config.geometry)?;
+        let inertias = model.maps.iter().zip(letters).map(|(map, letter)| {
+            Inertia::of_map(&map.occupancy)
+                .with_context(|| format!("the map of {} has no occupied cell", letter.symbol))
+        });
+        let inertias = inertias.collect::<anyhow::Result<_>>()?;
+        Ok(Self { seed, sensor, model, test, inertias })
+    }
+}
+
+/// Runs the experiment; gives the report, its plot and the maps of the first seed.
+///
+/// # Errors
+/// When the font or a letter cannot be used, or training fails.
+pub fn run(
+    config: &LettersGeometric,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("letters-geometric", command, config.seed);
+    let letters = load(config)?;
+    let chosen = |name: &str| {
+        config.methods.is_empty() || config.methods.iter().any(|begin| name.starts_with(begin))
+    };
+    let methods: Vec<_> = METHODS.iter().filter(|method| chosen(method.name)).collect();
+    if methods.is_empty() {
+        bail!("no method begins with {:?}", config.methods);
+    }
+    let mut steps = Vec::new();
+    let mut pictures = Vec::new();
+    for seed_idx in 0..config.seeds {
+        let lab = Lab::new(config, &letters, config.seed + seed_idx as u64)?;
+        if seed_idx == 0 {
+            pictures = figures::maps(&letters, &lab);
+            timing::updates(&mut report, config, &lab);
+        }
+        for (method_idx, method) in methods.iter().enumerate() {
+            let label = format!("seed {}, {}", lab.seed, method.name);
+            progress(&label, seed_idx * methods.len() + method_idx, config.seeds * methods.len());
+            let prepared = Prepared::new(method, &lab);
+            steps.extend(trials::run(config, &letters, &lab, (method_idx, &prepared)));
+        }
+    }
+    figures::report(&mut report, config, &methods, &letters, &steps);
+    let plot = figures::plot(config, &methods, &steps);
+    Ok(Outcome { report, plot, pictures })
+}
+
+fn load(config: &LettersGeometric) -> anyhow::Result<Vec<TestLetter>> {
+    let font = match &config.font {
+        None => Font::built_in(),
+        Some(path) => {
+            let bytes =
+                std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+            Font::from_bytes(bytes)
+                .with_context(|| format!("{} is not a usable font", path.display()))?
+        }
+    };
+    let letter = |symbol: char| {
+        let letter = font.letter(symbol).with_context(|| format!("the font has no {symbol}"))?;
+        Ok(TestLetter::new(letter, &rig_sensor()))
+    };
+    config.letters.chars().map(letter).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_are_named_or_listed() {
+        assert_eq!(letters_named("capitals").unwrap().len(), 26);
+        assert_eq!(letters_named("all").unwrap().len(), 52);
+        assert_eq!(letters_named("ATz").unwrap(), "ATz");
+        assert!(letters_named("AA").is_err() && letters_named("A").is_err());
+        assert!(letters_named("A1").is_err());
+    }
+
+    #[test]
+    fn a_small_run_recognises_letters_and_reports_every_key() {
+        let config = LettersGeometric {
+            letters: "AEI".to_owned(),
+            seed: 101,
+            seeds: 2,
+            trials: 2,
+            readings: 25,
+            methods: vec!["histogram-10000".to_owned(), "particles-1000-options".to_owned()],
+            ..LettersGeometric::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["literal_readings_to_100_median"] < 26.0, "{summary:?}");
+        assert!(summary["literal_inertial_error_mm_mean_at_20"] < 3.0, "{summary:?}");
+        assert!(summary["literal_readings_to_100_worst"] >= 1.0, "{summary:?}");
+        assert!(summary["particles_1000_options_accuracy_at_20"] > 0.5, "{summary:?}");
+        assert!(summary.contains_key("update_ms_exhaustive_median"));
+        assert_eq!(outcome.pictures.len(), 3);
+    }
+}

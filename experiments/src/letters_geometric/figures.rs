@@ -1,0 +1,181 @@
+//! What the steps of all trials amount to: rows, the summary, plots and pictures.
+
+use palpate_core::units::{DEG, MM};
+use palpate_sim::render::occupancy::layer_png;
+use serde_json::{Value, json};
+
+use super::methods::Method;
+use super::trials::{POSES_AT, PoseError, Step};
+use super::{Lab, LettersGeometric, TestLetter};
+use crate::plot::{Line, Panel, svg};
+use crate::report::Report;
+use crate::statistics::{mean, median};
+
+/// Pixels of a map's cell.
+const CELL_PIXELS: usize = 8;
+
+/// After how many readings the summary states figures.
+const STATED_AT: [usize; 8] = [1, 3, 5, 9, 12, 15, 20, 46];
+
+/// The maps of the first seed as pictures.
+pub(super) fn maps(letters: &[TestLetter], lab: &Lab) -> Vec<(String, Vec<u8>)> {
+    let picture = |(letter, map): (&TestLetter, &std::sync::Arc<_>)| {
+        let map: &palpate_core::model::geometry::GeometricMap = map;
+        let case = if letter.symbol.is_ascii_uppercase() { "capital" } else { "small" };
+        let name = format!("letters-geometric-{case}-{}.png", letter.symbol.to_ascii_lowercase());
+        Some((name, layer_png(&map.occupancy, 0, CELL_PIXELS)?))
+    };
+    letters.iter().zip(&lab.model.maps).filter_map(picture).collect()
+}
+
+/// Rows for every method and number of readings, for confusions, and the summary.
+pub(super) fn report(
+    report: &mut Report,
+    config: &LettersGeometric,
+    methods: &[&Method],
+    letters: &[TestLetter],
+    steps: &[Step],
+) {
+    for (idx, method) in methods.iter().enumerate() {
+        let of_method: Vec<&Step> = steps.iter().filter(|step| step.method == idx).collect();
+        for readings in 1..=config.readings {
+            row(report, method, letters.len(), readings, &of_method);
+        }
+        summarise(report, config, method, &of_method);
+        confusions(report, config, method, letters, &of_method);
+    }
+}
+
+fn row(report: &mut Report, method: &Method, n_letters: usize, readings: usize, steps: &[&Step]) {
+    let at: Vec<&Step> = steps.iter().copied().filter(|step| step.readings == readings).collect();
+    let right: Vec<f64> = at.iter().map(|step| right(step)).collect();
+    let stated: Vec<f64> = at.iter().map(|step| step.probability).collect();
+    let errors: Vec<PoseError> = at.iter().filter_map(|step| step.error).collect();
+    let of = |value: fn(&PoseError) -> f64| -> Value {
+        if errors.is_empty() {
+            return Value::Null;
+        }
+        json!(mean(&errors.iter().map(value).collect::<Vec<f64>>()))
+    };
+    report.row(vec![
+        ("method", json!(method.name)),
+        ("hypotheses", json!(method.hypotheses(n_letters))),
+        ("readings", json!(readings)),
+        ("accuracy", json!(mean(&right))),
+        ("stated_probability_mean", json!(mean(&stated))),
+        ("translation_error_mm_mean", of(|error| error.translation / MM)),
+        ("angle_error_deg_mean", of(|error| error.angle / DEG)),
+        ("inertial_error_mm_mean", of(|error| error.inertial / MM)),
+    ]);
+}
+
+fn right(step: &Step) -> f64 {
+    f64::from(u8::from(step.named == step.letter))
+}
+
+fn summarise(report: &mut Report, config: &LettersGeometric, method: &Method, steps: &[&Step]) {
+    let to_all_right: Vec<f64> = (0..config.seeds as u64)
+        .map(|idx| readings_to_100(config, config.seed + idx, steps) as f64)
+        .collect();
+    let mut state = |name: &str, value: f64| {
+        let key =
+            if method.key.is_empty() { name.into() } else { format!("{}_{name}", method.key) };
+        report.summarise(&key, value);
+    };
+    state("readings_to_100_median", median(&to_all_right));
+    state("readings_to_100_worst", to_all_right.iter().copied().fold(0.0, f64::max));
+    state("expected_calibration_error", calibration_error(steps));
+    for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+        let at = || steps.iter().filter(|step| step.readings == readings);
+        state(
+            &format!("accuracy_at_{readings}"),
+            mean(&at().map(|s| right(s)).collect::<Vec<_>>()),
+        );
+        let inertial: Vec<f64> =
+            at().filter_map(|step| step.error).map(|error| error.inertial / MM).collect();
+        if POSES_AT.contains(&readings) && !inertial.is_empty() {
+            state(&format!("inertial_error_mm_mean_at_{readings}"), mean(&inertial));
+        }
+    }
+}
+
+/// How far stated probabilities of the named letter are from how often it is right: the mean
+/// over ten equal classes of probability, by their counts, of the first nine readings.
+fn calibration_error(steps: &[&Step]) -> f64 {
+    let mut classes = [(0.0, 0.0); 10];
+    let mut n = 0.0;
+    for step in steps.iter().filter(|step| step.readings <= 9) {
+        let class = &mut classes[((step.probability * 10.0) as usize).min(9)];
+        class.0 += step.probability;
+        class.1 += right(step);
+        n += 1.0;
+    }
+    classes.iter().map(|(stated, right)| (stated - right).abs()).sum::<f64>() / f64::max(n, 1.0)
+}
+
+/// The first number of readings from which all trials of a seed stay right; one more than a
+/// trial has when they never do.
+fn readings_to_100(config: &LettersGeometric, seed: u64, steps: &[&Step]) -> usize {
+    let wrong = steps.iter().filter(|step| step.seed == seed && step.named != step.letter);
+    wrong.map(|step| step.readings).max().unwrap_or(0).min(config.readings) + 1
+}
+
+/// A row for each pair of letters that is still confused after 15 readings.
+fn confusions(
+    report: &mut Report,
+    config: &LettersGeometric,
+    method: &Method,
+    letters: &[TestLetter],
+    steps: &[&Step],
+) {
+    let late = config.readings.min(15);
+    let wrong = steps.iter().filter(|step| step.readings == late && step.named != step.letter);
+    let mut pairs: Vec<(usize, usize)> = wrong.map(|step| (step.letter, step.named)).collect();
+    pairs.sort_unstable();
+    for pair in pairs.chunk_by(|a, b| a == b) {
+        report.row(vec![
+            ("method", json!(method.name)),
+            ("readings", json!(late)),
+            ("letter", json!(letters[pair[0].0].symbol)),
+            ("confused_with", json!(letters[pair[0].1].symbol)),
+            ("trials", json!(pair.len())),
+        ]);
+    }
+}
+
+/// Accuracy and errors against readings, filters apart.
+pub(super) fn plot(config: &LettersGeometric, methods: &[&Method], steps: &[Step]) -> String {
+    let panel = |title: &str, y: &str, begin: &[&str], value: &dyn Fn(&[&Step]) -> f64| {
+        let chosen = methods
+            .iter()
+            .enumerate()
+            .filter(|(_, method)| begin.iter().any(|begin| method.name.starts_with(begin)));
+        let line = |(idx, method): (usize, &&Method)| Line {
+            name: method.name.to_owned(),
+            points: (1..=config.readings)
+                .map(|readings| {
+                    let at = steps.iter().filter(|s| s.method == idx && s.readings == readings);
+                    (readings as f64, value(&at.collect::<Vec<_>>()))
+                })
+                .collect(),
+        };
+        let lines = chosen.map(line).collect();
+        Panel { title: title.to_owned(), x: "readings".to_owned(), y: y.to_owned(), lines }
+    };
+    let accuracy =
+        |steps: &[&Step]| mean(&steps.iter().map(|step| right(step)).collect::<Vec<f64>>());
+    let inertial = |steps: &[&Step]| {
+        let errors = steps.iter().filter_map(|step| step.error);
+        mean(&errors.map(|error| error.inertial / MM).collect::<Vec<f64>>())
+    };
+    let (histograms, ours) = (&["histogram"][..], &["balanced", "learnt", "extents"][..]);
+    let particles = &["particles"][..];
+    svg(&[
+        panel("histogram filters", "share right", histograms, &accuracy),
+        panel("histogram filters", "mean inertial error (mm)", histograms, &inertial),
+        panel("particle filters", "share right", particles, &accuracy),
+        panel("particle filters", "mean inertial error (mm)", particles, &inertial),
+        panel("other bins and tables", "share right", ours, &accuracy),
+        panel("other bins and tables", "mean inertial error (mm)", ours, &inertial),
+    ])
+}

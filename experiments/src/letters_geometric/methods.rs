@@ -1,0 +1,309 @@
+//! The methods that compete on letters: an entry each, made ready once a seed, a belief a trial.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use palpate_core::descriptor::DescriptorKind;
+use palpate_core::filter::histogram::{
+    Extent, HistogramModel, PlanarBins, PlanarHistogram, Reseed,
+};
+use palpate_core::filter::particle::{
+    Injection, ParticleFilter, ParticleOptions, PoseRegion, Resampling,
+};
+use palpate_core::filter::planes::{BinShare, ClassField};
+use palpate_core::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
+};
+use palpate_core::log_prob::normalize;
+use palpate_core::model::Catalogue;
+use palpate_core::occupancy::{ClassTable, ClassifiedPress, InverseModel, OccupancyGrid};
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::MM;
+use palpate_core::vocabulary::{AssociationRule, Vocabulary};
+
+use super::Lab;
+
+/// How far the letter may lie from where it was trained, along x and y, metres.
+pub(super) const REACH: f64 = 10.0 * MM;
+
+/// Bins that are so many nats behind the best are left out by the sparse filters.
+pub(super) const SPARSE: Extent =
+    Extent::Sparse { nats: 40.0, reseed: Reseed::WhenWorseThanNothing };
+
+/// Which Pr(class | log-odds) a method takes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Table {
+    /// The printed classifier.
+    Literal,
+    /// That which training counted.
+    Learnt,
+}
+
+/// One method.
+pub(super) struct Method {
+    /// Its name in tables and plots.
+    pub(super) name: &'static str,
+    /// What its keys of the summary begin with; empty for the default method.
+    pub(super) key: &'static str,
+    pub(super) table: Table,
+    pub(super) exponent: f64,
+    pub(super) kind: Kind,
+}
+
+/// How a method holds its belief.
+pub(super) enum Kind {
+    /// Bins an object along x, y and angle.
+    Histogram([usize; 3], Extent),
+    /// The same, each bin standing for its extent.
+    Extents([usize; 3]),
+    /// Particles as printed, `n` in all or an object.
+    Particles { n: usize, per_object: bool },
+    /// The service's default: forces and the adaptive histogram.
+    Adaptive,
+    /// Particles with every option: systematic, drawn when half are effective, random ones.
+    ParticlesWithOptions { n: usize },
+}
+
+const fn literal(name: &'static str, key: &'static str, kind: Kind) -> Method {
+    Method { name, key, table: Table::Literal, exponent: 1.0, kind }
+}
+
+const fn learnt(name: &'static str, key: &'static str, exponent: f64, kind: Kind) -> Method {
+    Method { name, key, table: Table::Learnt, exponent, kind }
+}
+
+const fn bins(n: [usize; 3]) -> Kind {
+    Kind::Histogram(n, Extent::Exhaustive)
+}
+
+/// All methods; Table 3.1's first.
+pub(super) const METHODS: [Method; 19] = [
+    learnt("adaptive-force", "", 1.0, Kind::Adaptive),
+    literal("histogram-100", "histogram_100", bins([5, 5, 4])),
+    literal("histogram-1000", "histogram_1000", bins([10, 10, 10])),
+    literal("histogram-10000", "literal", bins([25, 25, 16])),
+    literal("histogram-10000-sparse", "sparse", Kind::Histogram([25, 25, 16], SPARSE)),
+    literal("balanced-980", "balanced_980", bins([7, 7, 20])),
+    literal("balanced-10140", "balanced_10140", bins([13, 13, 60])),
+    learnt("learnt-980", "learnt_980", 1.0, bins([7, 7, 20])),
+    learnt("learnt-10000", "learnt_10000", 1.0, bins([25, 25, 16])),
+    learnt("learnt-10140", "learnt", 1.0, bins([13, 13, 60])),
+    literal("extents-10000", "extents", Kind::Extents([25, 25, 16])),
+    learnt("learnt-extents-10140", "learnt_extents", 1.0, Kind::Extents([13, 13, 60])),
+    literal("particles-100", "particles_100", Kind::Particles { n: 100, per_object: false }),
+    literal("particles-1000", "particles_1000", Kind::Particles { n: 1_000, per_object: false }),
+    literal("particles-10000", "particles_10000", Kind::Particles { n: 10_000, per_object: false }),
+    literal(
+        "particles-100-each",
+        "particles_100_each",
+        Kind::Particles { n: 100, per_object: true },
+    ),
+    literal(
+        "particles-1000-each",
+        "particles_1000_each",
+        Kind::Particles { n: 1_000, per_object: true },
+    ),
+    literal(
+        "particles-10000-each",
+        "particles_10000_each",
+        Kind::Particles { n: 10_000, per_object: true },
+    ),
+    learnt(
+        "particles-1000-options",
+        "particles_1000_options",
+        0.3,
+        Kind::ParticlesWithOptions { n: 1_000 },
+    ),
+];
+
+impl Method {
+    /// How many hypotheses the method begins with, of all letters.
+    pub(super) fn hypotheses(&self, n_letters: usize) -> usize {
+        match self.kind {
+            Kind::Adaptive => {
+                n_letters * AdaptiveOptions::default().first.iter().product::<usize>()
+            }
+            Kind::Histogram(n, _) | Kind::Extents(n) => n_letters * n.iter().product::<usize>(),
+            Kind::Particles { n, per_object } => {
+                if per_object {
+                    n * n_letters
+                } else {
+                    n
+                }
+            }
+            Kind::ParticlesWithOptions { n } => n,
+        }
+    }
+}
+
+/// A belief about one trial.
+pub(super) trait Belief {
+    /// Takes a reading (session frame).
+    fn add(&mut self, reading: &Reading);
+    /// The letters' probabilities, which sum to 1.
+    fn identities(&self) -> Vec<f64>;
+    /// Where the letter of this index is most likely: `session_from_object`.
+    fn pose(&self, letter: usize) -> Option<Pose>;
+}
+
+/// A method made ready for a seed's maps.
+pub(super) struct Prepared<'a> {
+    method: &'a Method,
+    sensor: &'a SensorDescription,
+    histogram: Option<(Arc<HistogramModel>, PlanarBins, Extent)>,
+    fields: Vec<ClassField>,
+    adaptive: Option<GeometricBelief>,
+    seed: u64,
+}
+
+/// Bins over where the letters of the trials may lie.
+pub(super) fn planar_bins(n: [usize; 3]) -> PlanarBins {
+    PlanarBins { n, center: DVec2::ZERO, half: DVec2::splat(REACH) }
+}
+
+impl<'a> Prepared<'a> {
+    pub(super) fn new(method: &'a Method, lab: &'a Lab) -> Self {
+        let table = match method.table {
+            Table::Literal => ClassTable::literal(),
+            Table::Learnt => lab.model.table.clone(),
+        };
+        let maps = || lab.model.maps.iter().map(|map| &map.occupancy);
+        let histogram = |n, extent, share| {
+            let bins = planar_bins(n);
+            let maps: Vec<OccupancyGrid> = maps().cloned().collect();
+            (Arc::new(HistogramModel::new(maps, table.clone(), &bins, share)), bins, extent)
+        };
+        let (histogram, fields) = match method.kind {
+            Kind::Adaptive => (None, vec![]),
+            Kind::Histogram(n, extent) => (Some(histogram(n, extent, BinShare::Center)), vec![]),
+            Kind::Extents(n) => (Some(histogram(n, Extent::Exhaustive, BinShare::Extent)), vec![]),
+            Kind::Particles { .. } | Kind::ParticlesWithOptions { .. } => {
+                (None, maps().map(|map| ClassField::new(map, &table)).collect())
+            }
+        };
+        let adaptive = matches!(method.kind, Kind::Adaptive).then(|| adaptive_belief(lab));
+        Self { method, sensor: &lab.sensor, histogram, fields, adaptive, seed: lab.seed }
+    }
+
+    /// The belief of a trial before its first reading; what is random in it comes from the
+    /// seed and the trial's number.
+    pub(super) fn belief(&self, trial: u64) -> Box<dyn Belief + '_> {
+        if let Some(belief) = &self.adaptive {
+            return Box::new(Adaptive { belief: belief.clone(), sensor: self.sensor });
+        }
+        let exponent = self.method.exponent;
+        if let Some((model, bins, extent)) = &self.histogram {
+            let filter = PlanarHistogram::new(model.clone(), *bins, *extent, exponent);
+            return Box::new(Bins { filter, sensor: self.sensor });
+        }
+        let n = self.method.hypotheses(self.fields.len());
+        let mut options = ParticleOptions { exponent, ..ParticleOptions::literal(n) };
+        if let Kind::ParticlesWithOptions { .. } = self.method.kind {
+            options.resampling = Resampling::Systematic;
+            options.resample_below = 0.5;
+            options.injection = Injection::Share(0.05);
+        }
+        let region = PoseRegion::Planar { center: DVec3::ZERO, half: DVec3::splat(REACH) };
+        let seed = self.seed << 20 | trial;
+        let filter = ParticleFilter::new(options, region, self.fields.len(), seed);
+        Box::new(Particles { filter, fields: &self.fields, sensor: self.sensor })
+    }
+}
+
+/// The default method before the first reading of a trial.
+pub(super) fn adaptive_belief(lab: &Lab) -> GeometricBelief {
+    let height = lab.model.maps.first().map_or(0.0, |map| map.occupancy.shape().min().z);
+    let pose = PosePrior::Planar {
+        session_from_plane: Pose { translation: height * DVec3::Z, ..Pose::IDENTITY },
+        center: [0.0; 2],
+        half_extent: REACH,
+        angle: 0.0,
+        half_angle: std::f64::consts::PI,
+    };
+    // The method needs the geometry of a catalogue alone.
+    let vocabulary = Vocabulary {
+        descriptor: DescriptorKind::Mnti,
+        rows: lab.sensor.grid().rows,
+        cols: lab.sensor.grid().cols,
+        mean: vec![],
+        medoids: vec![],
+        spreads: vec![],
+    };
+    let catalogue = Catalogue {
+        vocabulary,
+        association: AssociationRule::default(),
+        objects: vec![],
+        geometry: Some(Arc::new(lab.model.clone())),
+    };
+    let filter = GeometricFilter::Adaptive(AdaptiveOptions::default());
+    let options = GeometricOptions { pose, filter, seed: lab.seed };
+    GeometricBelief::new(Arc::new(catalogue), options, None)
+        .expect("planar training gives every letter a mosaic")
+}
+
+struct Adaptive<'a> {
+    belief: GeometricBelief,
+    sensor: &'a SensorDescription,
+}
+
+impl Belief for Adaptive<'_> {
+    fn add(&mut self, reading: &Reading) {
+        self.belief.add(reading, self.sensor).expect("the rig presses straight down");
+    }
+
+    fn identities(&self) -> Vec<f64> {
+        self.belief.answer(0).probabilities
+    }
+
+    fn pose(&self, letter: usize) -> Option<Pose> {
+        let modes = self.belief.answer(3).modes;
+        modes.iter().find(|mode| mode.object.0 as usize == letter).map(|m| m.session_from_object)
+    }
+}
+
+fn classified(reading: &Reading, sensor: &SensorDescription) -> ClassifiedPress {
+    InverseModel::default().classified(reading, sensor)
+}
+
+struct Bins<'a> {
+    filter: PlanarHistogram,
+    sensor: &'a SensorDescription,
+}
+
+impl Belief for Bins<'_> {
+    fn add(&mut self, reading: &Reading) {
+        self.filter.add(classified(reading, self.sensor));
+    }
+
+    fn identities(&self) -> Vec<f64> {
+        normalize(&self.filter.log_identities())
+    }
+
+    fn pose(&self, letter: usize) -> Option<Pose> {
+        self.filter.mode(letter).map(|(pose, _)| pose)
+    }
+}
+
+struct Particles<'a> {
+    filter: ParticleFilter,
+    fields: &'a [ClassField],
+    sensor: &'a SensorDescription,
+}
+
+impl Belief for Particles<'_> {
+    fn add(&mut self, reading: &Reading) {
+        let press = classified(reading, self.sensor);
+        let fields = self.fields;
+        self.filter.add(|object, pose| fields[object].log_likelihood(&press, pose));
+    }
+
+    fn identities(&self) -> Vec<f64> {
+        self.filter.identities()
+    }
+
+    fn pose(&self, letter: usize) -> Option<Pose> {
+        self.filter.mode(letter, 1.0 * MM, 1.0)
+    }
+}

@@ -1,0 +1,153 @@
+//! What a session believes, by whichever method it recognises: readings in, answers out.
+//!
+//! Sessions know nothing of methods; a method knows nothing of sessions. What a method cannot
+//! fold is refused by [`check`] before it is stored.
+
+use std::sync::Arc;
+
+use palpate_core::belief::answer::Answer;
+use palpate_core::filter::particle::ParticleOptions;
+use palpate_core::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals,
+    PrintedFilter,
+};
+use palpate_core::model::ObjectIdx;
+use palpate_core::reading::Reading;
+use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
+use palpate_core::sensor::SensorDescription;
+use palpate_schemas::{FieldError, Method};
+use palpate_store::entity::Session;
+use thiserror::Error;
+
+use crate::catalogues::Model;
+use crate::refusal::Refusal;
+use crate::wire::geometry::core_prior;
+use crate::wire::reading::{ERRORS_MAX, Incoming};
+use crate::wire::session::{Options, options};
+
+/// A belief, by method.
+pub(crate) enum SessionBelief {
+    Sva(SvaBelief),
+    Geometric(GeometricBelief),
+}
+
+/// How probable each coordinate of an object's pose is.
+pub(crate) struct ObjectMarginals {
+    pub(crate) object: ObjectIdx,
+    pub(crate) probability: f64,
+    pub(crate) marginals: Marginals,
+}
+
+/// Why there is no belief.
+#[derive(Debug, Error)]
+pub(crate) enum BeliefError {
+    #[error(transparent)]
+    Recognise(#[from] RecogniseError),
+    #[error(transparent)]
+    Geometric(#[from] GeometricError),
+    #[error("an option that the session's method needs is not stored")]
+    OptionMissing,
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+}
+
+impl SessionBelief {
+    /// The belief before the first reading.
+    pub(crate) fn new(session: &Session, model: &Model) -> Result<Self, BeliefError> {
+        let weights: Vec<f64> = session.prior.iter().map(|(_, weight)| *weight).collect();
+        let prior = (!weights.is_empty()).then_some(weights.as_slice());
+        let catalogue = Arc::clone(&model.core);
+        let options = options(session);
+        let filter = match options.method {
+            Method::Sva => {
+                return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::default(), prior)?));
+            }
+            Method::SvaLiteral => {
+                return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::literal(), prior)?));
+            }
+            Method::Geometric => GeometricFilter::Adaptive(AdaptiveOptions::default()),
+            Method::GeometricHistogram => {
+                let n = options.bins.ok_or(BeliefError::OptionMissing)?.map(|n| n as usize);
+                GeometricFilter::Printed(PrintedFilter::Histogram { n })
+            }
+            Method::GeometricParticles => {
+                let n = options.particles.ok_or(BeliefError::OptionMissing)? as usize;
+                GeometricFilter::Printed(PrintedFilter::Particles(ParticleOptions::literal(n)))
+            }
+        };
+        let pose = options.pose_prior.as_ref().ok_or(BeliefError::OptionMissing)?;
+        let options = GeometricOptions { pose: core_prior(pose)?, filter, seed: session.seed };
+        Ok(Self::Geometric(GeometricBelief::new(catalogue, options, prior)?))
+    }
+
+    /// Takes a reading into account.
+    pub(crate) fn add(
+        &mut self,
+        reading: &Reading,
+        sensor: &SensorDescription,
+    ) -> Result<(), BeliefError> {
+        match self {
+            Self::Sva(belief) => Ok(belief.add(reading, sensor)?),
+            Self::Geometric(belief) => Ok(belief.add(reading, sensor)?),
+        }
+    }
+
+    /// The belief as an answer with at most `n_modes` poses.
+    pub(crate) fn answer(&self, n_modes: usize) -> Answer {
+        match self {
+            Self::Sva(belief) => belief.answer(n_modes),
+            Self::Geometric(belief) => belief.answer(n_modes),
+        }
+    }
+
+    /// The marginals of an object's pose, or the likeliest object's; `None` when the method
+    /// keeps none or the object is impossible.
+    pub(crate) fn marginals(&self, object: Option<ObjectIdx>) -> Option<ObjectMarginals> {
+        let belief = match self {
+            Self::Sva(_) => return None,
+            Self::Geometric(belief) => belief,
+        };
+        let answer = belief.answer(0);
+        let object = object.or_else(|| answer.best_object())?;
+        let probability = answer.probabilities[object.0 as usize];
+        Some(ObjectMarginals { object, probability, marginals: belief.marginals(object)? })
+    }
+}
+
+/// Refuses readings that a session's method cannot fold, each by its field that says so.
+pub(crate) fn check(
+    session: &Session,
+    model: &Model,
+    readings: &[Incoming],
+) -> Result<(), Refusal> {
+    let options = options(session);
+    let unfit = |(index, incoming): (usize, &Incoming)| {
+        let (field, detail) = unfit(&options, model, incoming)?;
+        Some(FieldError { pointer: format!("/readings/{index}/{field}"), detail })
+    };
+    let errors: Vec<FieldError> =
+        readings.iter().enumerate().filter_map(unfit).take(ERRORS_MAX).collect();
+    if errors.is_empty() { Ok(()) } else { Err(Refusal::Invalid(errors)) }
+}
+
+/// The field of a reading that a method cannot fold, and why.
+fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'static str, String)> {
+    let reading = &incoming.reading;
+    match options.method {
+        Method::Sva | Method::SvaLiteral => {
+            let (vocabulary, image) = (&model.core.vocabulary, reading.image());
+            let error = RecogniseError::Shape {
+                rows: vocabulary.rows,
+                cols: vocabulary.cols,
+                found_rows: image.rows,
+                found_cols: image.cols,
+            };
+            (!vocabulary.fits(image)).then(|| ("sensor", error.to_string()))
+        }
+        Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
+            let prior = core_prior(options.pose_prior.as_ref()?).ok()?;
+            let error = prior.check_press(&reading.session_from_sensor()).err()?;
+            Some(("pose", error.to_string()))
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! `/v1/sensors/{sensor}/calibration`
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use palpate_schemas::{CalibrateSensor, CalibrationQuery, SensorCalibration};
+
+use crate::app::App;
+use crate::extract::{JsonBody, Params, Segment1};
+use crate::refusal::Refusal;
+
+/// Calibrate a sensor
+///
+/// Fits each taxel's response to indentations, finds dead and cross-wired taxels, and stores
+/// the result: readings that come from now on are corrected with it, earlier ones are not.
+#[utoipa::path(post, path = "/v1/sensors/{sensor}/calibration", operation_id = "calibrate_sensor",
+    tag = "sensors", request_body = CalibrateSensor,
+    params(("sensor" = String, Path, description = "The sensor's id or name")),
+    responses((status = 201, description = "The new calibration", body = SensorCalibration)))]
+pub(crate) async fn calibrate_sensor(
+    State(app): State<App>,
+    Segment1(sensor): Segment1,
+    JsonBody(request): JsonBody<CalibrateSensor>,
+) -> Result<(StatusCode, Json<SensorCalibration>), Refusal> {
+    let sensor = app.sensors().get(&sensor)?;
+    let calibration = app.sensors().calibrations().calibrate(&sensor, request, app.pool()).await?;
+    Ok((StatusCode::CREATED, Json(calibration)))
+}
+
+/// Get a sensor's calibration
+///
+/// The newest, or the one of a number; 404 when there is none.
+#[utoipa::path(get, path = "/v1/sensors/{sensor}/calibration", operation_id = "get_calibration",
+    tag = "sensors",
+    params(("sensor" = String, Path, description = "The sensor's id or name"), CalibrationQuery),
+    responses((status = 200, description = "The calibration", body = SensorCalibration)))]
+pub(crate) async fn get_calibration(
+    State(app): State<App>,
+    Segment1(sensor): Segment1,
+    Params(query): Params<CalibrationQuery>,
+) -> Result<Json<SensorCalibration>, Refusal> {
+    let sensor = app.sensors().get(&sensor)?;
+    Ok(Json(app.sensors().calibrations().show(&sensor, query)?))
+}

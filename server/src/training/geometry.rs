@@ -1,0 +1,88 @@
+//! The part of a training that learns where objects generate contact, and with what pressure.
+//!
+//! All objects' maps together are bounded, so that a version fits into memory: a grid's size
+//! is known before its cells are.
+
+use glam::DVec3;
+use palpate_core::model::ObjectMap;
+use palpate_core::model::geometry::GeometricModel;
+use palpate_core::occupancy::grid::CELLS_MAX;
+use palpate_core::occupancy::mapping::shape_around;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::train::geometry::{Dimensions, GeometryConfig, map_geometry};
+use palpate_core::train::{TrainError, TrainingSet};
+use palpate_schemas::JobStage;
+use palpate_sim::press::PressSimulator;
+use palpate_sim::rig::{self, PlanarPlan};
+use palpate_store::catalogue::VersionObject;
+
+use super::{Material, Plan, Progress, TrainingFailure, step};
+
+/// Presses an object's mesh straight down if planar maps are wanted.
+pub(super) fn planar_presses(
+    plan: &Plan,
+    index: usize,
+    object: &VersionObject,
+    simulator: &PressSimulator,
+) -> Result<Option<Vec<Reading>>, TrainingFailure> {
+    let is_planar = plan.geometry.is_some_and(|config| config.dimensions == Dimensions::Planar);
+    if !is_planar {
+        return Ok(None);
+    }
+    let sensor = SensorId(plan.sensor.id.as_u128());
+    let seed = plan.seed.wrapping_add(index as u64);
+    rig::planar_presses(simulator, sensor, &PlanarPlan::default(), seed)
+        .map(Some)
+        .map_err(|source| TrainingFailure::Planar { object: object.name.clone(), source })
+}
+
+/// Learns the geometry of all objects, in the frames of their `maps`.
+pub(super) fn learn(
+    config: &GeometryConfig,
+    materials: &[Material],
+    maps: &[ObjectMap],
+    progress: &Progress<'_>,
+) -> Result<GeometricModel, TrainingFailure> {
+    let total = materials.len();
+    step(progress, JobStage::Geometry, 0, total)?;
+    check_size(config, materials)?;
+    let sets: Vec<TrainingSet<'_>> = materials.iter().map(Material::pressed).collect();
+    let origins: Vec<DVec3> = maps.iter().map(ObjectMap::origin_in_training).collect();
+    let model = map_geometry(&sets, &origins, config).map_err(|error| named(error, materials))?;
+    step(progress, JobStage::Geometry, total, total)?;
+    Ok(model)
+}
+
+/// Refuses maps that would be too large, before any is made.
+fn check_size(config: &GeometryConfig, materials: &[Material]) -> Result<(), TrainingFailure> {
+    let cell = config.cell;
+    let plane = match config.dimensions {
+        Dimensions::Planar => Some(0.0),
+        Dimensions::Solid => None,
+    };
+    let mut n_cells = 0;
+    for material in materials {
+        let object = || material.object.name.clone();
+        let set = material.pressed();
+        let margin = set.sensor.parameters().point_spread;
+        let shape = shape_around(set.readings, set.sensor, cell, margin, plane)
+            .map_err(|source| TrainingFailure::Grid { object: object(), cell, source })?;
+        // A mosaic has four cells for each of a planar map.
+        n_cells += shape.n_cells() * if plane.is_some() { 5 } else { 1 };
+        if n_cells > CELLS_MAX {
+            return Err(TrainingFailure::Cells { object: object(), cell, found: n_cells });
+        }
+    }
+    Ok(())
+}
+
+/// The failure of a training whose object core knows by its position.
+fn named(error: TrainError, materials: &[Material]) -> TrainingFailure {
+    match error {
+        TrainError::NotPlanar { object, .. } => {
+            let object = materials[object].object.name.clone();
+            TrainingFailure::Mapping { object, source: error }
+        }
+        other => TrainingFailure::Vocabulary(other),
+    }
+}

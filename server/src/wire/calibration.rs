@@ -1,0 +1,210 @@
+//! Calibrations: indentations in, fits out.
+
+use palpate_core::reading::{ReadingError, checked};
+use palpate_core::sensor::line::{Goodness, Line};
+use palpate_core::sensor::point_spread::point_spread_of_covering;
+use palpate_core::sensor::response::{Indentation, ResponseError, fit_response};
+use palpate_core::sensor::spread_fit::{Indenter, SpreadError, SpreadPress, fit_spread};
+use palpate_core::sensor::{Calibration, SensorDescription, TaxelState};
+use palpate_core::units::MM;
+use palpate_schemas as wire;
+use palpate_store::calibration::{StoredCalibration, StoredSpread};
+use palpate_store::entity::Sensor;
+
+use crate::refusal::Refusal;
+use crate::wire::reading::TAXELS_MAX;
+use crate::wire::{count, time};
+
+/// The most presses at taxels' centres.
+const RESPONSE_PRESSES_MAX: usize = 100_000;
+/// The most presses of the fine grid.
+const SPREAD_PRESSES_MAX: usize = 20_000;
+/// The deepest press, the thickest covering and the farthest place.
+const LENGTH_MAX: f64 = 50.0 * MM;
+/// The smallest indenter.
+const LENGTH_MIN: f64 = 0.01 * MM;
+
+/// Fits what a request has; its number is not known yet.
+pub(crate) fn fitted(
+    request: &wire::CalibrateSensor,
+    sensor: &Sensor,
+    created_at_ms: u64,
+) -> Result<StoredCalibration, Refusal> {
+    let description = &sensor.description;
+    let n_spread = request.spread.as_ref().map_or(0, |spread| spread.presses.len());
+    n_presses("/response", request.response.len(), RESPONSE_PRESSES_MAX)?;
+    let n_taxels = (request.response.len() + n_spread) * description.grid().n_taxels();
+    if n_taxels > TAXELS_MAX {
+        let detail = format!("{n_taxels} taxels came, expected at most {TAXELS_MAX}");
+        return Err(Refusal::field("/response", detail));
+    }
+    let presses = indentations(&request.response, description)?;
+    let saturation = description.parameters().saturation;
+    let fit = fit_response(&presses, description.grid(), saturation).map_err(refuse_response)?;
+    let spread = match &request.spread {
+        Some(spread) => Some(fitted_spread(spread, description, &fit.calibration)?),
+        None => None,
+    };
+    Ok(StoredCalibration {
+        sensor: sensor.id,
+        number: 0,
+        calibration: fit.calibration,
+        before: fit.before,
+        after: fit.after,
+        n_presses: count(presses.len()),
+        spread,
+        created_at_ms,
+    })
+}
+
+fn indentations(
+    given: &[wire::ResponsePress],
+    description: &SensorDescription,
+) -> Result<Vec<Indentation>, Refusal> {
+    let grid = description.grid();
+    let one = |(index, press): (usize, &wire::ResponsePress)| {
+        let at = format!("/response/{index}");
+        let below = |n: usize| n as u64 - 1;
+        super::within(&format!("{at}/row"), u64::from(press.row), 0, below(grid.rows))?;
+        super::within(&format!("{at}/col"), u64::from(press.col), 0, below(grid.cols))?;
+        let taxel = press.row as usize * grid.cols + press.col as usize;
+        let depth = length(&format!("{at}/depth"), press.depth, f64::MIN_POSITIVE)?;
+        let pressures = image(&at, &press.pressures, description)?;
+        Ok(Indentation { taxel, depth, pressures })
+    };
+    given.iter().enumerate().map(one).collect()
+}
+
+fn fitted_spread(
+    given: &wire::SpreadPresses,
+    description: &SensorDescription,
+    calibration: &Calibration,
+) -> Result<StoredSpread, Refusal> {
+    n_presses("/spread/presses", given.presses.len(), SPREAD_PRESSES_MAX)?;
+    let diameter = length("/spread/indenter_diameter", given.indenter_diameter, LENGTH_MIN)?;
+    let thickness = |thickness| length("/spread/covering_thickness", thickness, LENGTH_MIN);
+    let covering_thickness = given.covering_thickness.map(thickness).transpose()?;
+    let one = |(index, press): (usize, &wire::SpreadPress)| {
+        let at = format!("/spread/presses/{index}");
+        length(&format!("{at}/depth"), press.depth, f64::MIN_POSITIVE)?;
+        let x = length(&format!("{at}/x"), press.x, -LENGTH_MAX)?;
+        let y = length(&format!("{at}/y"), press.y, -LENGTH_MAX)?;
+        let mut pressures = image(&at, &press.pressures, description)?;
+        calibration.correct(&mut pressures);
+        // What is left at no depth is not part of the shape.
+        pressures.iter_mut().flatten().for_each(|p| *p -= calibration.target().offset);
+        Ok(SpreadPress { at: (x, y), pressures })
+    };
+    let presses: Result<Vec<SpreadPress>, Refusal> =
+        given.presses.iter().enumerate().map(one).collect();
+    let presses = presses?;
+    let fit = fit_spread(description.grid(), Indenter { diameter }, &presses).map_err(|error| {
+        let at = match error {
+            SpreadError::Shape { press, .. } | SpreadError::Silent { press } => {
+                format!("/spread/presses/{press}/pressures")
+            }
+            SpreadError::Empty | SpreadError::AtEnd { .. } => "/spread/presses".to_owned(),
+        };
+        Refusal::field(at, error)
+    })?;
+    let n_presses = count(presses.len());
+    Ok(StoredSpread { fit, n_presses, indenter_diameter: diameter, covering_thickness })
+}
+
+fn n_presses(pointer: &str, found: usize, max: usize) -> Result<(), Refusal> {
+    if (1..=max).contains(&found) {
+        return Ok(());
+    }
+    Err(Refusal::field(pointer, format!("{found} presses came, expected 1 to {max}")))
+}
+
+/// Checks a length in metres.
+fn length(pointer: &str, found: f64, low: f64) -> Result<f64, Refusal> {
+    if found.is_finite() && (low..=LENGTH_MAX).contains(&found) {
+        return Ok(found);
+    }
+    let low = if low < LENGTH_MIN && low > 0.0 { "above 0".to_owned() } else { low.to_string() };
+    Err(Refusal::field(pointer, format!("came {found} m, expected {low} to {LENGTH_MAX} m")))
+}
+
+fn image(
+    pointer: &str,
+    given: &[Option<f64>],
+    description: &SensorDescription,
+) -> Result<Vec<Option<f64>>, Refusal> {
+    checked(description, given).map_err(|error| {
+        let at = match error {
+            ReadingError::Pressure { taxel, .. } => format!("{pointer}/pressures/{taxel}"),
+            _ => format!("{pointer}/pressures"),
+        };
+        Refusal::field(at, error)
+    })
+}
+
+fn refuse_response(error: ResponseError) -> Refusal {
+    let at = match error {
+        ResponseError::Taxel { press, .. } => format!("/response/{press}/row"),
+        ResponseError::Depth { press, .. } => format!("/response/{press}/depth"),
+        ResponseError::Shape { press, .. } => format!("/response/{press}/pressures"),
+        ResponseError::Depths { .. } | ResponseError::Silent { .. } | ResponseError::Fit(_) => {
+            "/response".to_owned()
+        }
+    };
+    Refusal::field(at, error)
+}
+
+/// A stored calibration for the wire.
+pub(crate) fn calibration(
+    stored: &StoredCalibration,
+    description: &SensorDescription,
+) -> wire::SensorCalibration {
+    let cols = description.grid().cols;
+    let place =
+        |taxel: usize| wire::TaxelPlace { row: count(taxel / cols), col: count(taxel % cols) };
+    let taxels = stored.calibration.taxels().iter().enumerate().map(|(taxel, response)| {
+        let (state, answers) = match response.state {
+            TaxelState::Ok => (wire::TaxelState::Ok, None),
+            TaxelState::Dead => (wire::TaxelState::Dead, None),
+            TaxelState::CrossWired { answers } => {
+                (wire::TaxelState::CrossWired, Some(place(answers)))
+            }
+        };
+        let wire::TaxelPlace { row, col } = place(taxel);
+        let Line { slope, offset } = response.line;
+        let r_squared = response.r_squared;
+        wire::TaxelCalibration { row, col, slope, offset, r_squared, state, answers }
+    });
+    let taxels: Vec<wire::TaxelCalibration> = taxels.collect();
+    let Line { slope, offset } = stored.calibration.target();
+    let n_unusable = taxels.iter().filter(|taxel| taxel.state != wire::TaxelState::Ok).count();
+    wire::SensorCalibration {
+        sensor: stored.sensor,
+        number: stored.number,
+        target: wire::ResponseLine { slope, offset },
+        before: goodness(stored.before),
+        after: goodness(stored.after),
+        n_presses: stored.n_presses,
+        taxels,
+        n_unusable: count(n_unusable),
+        spread: stored.spread.as_ref().map(|spread| self::spread(spread, description)),
+        created_at: time(stored.created_at_ms),
+    }
+}
+
+fn goodness(Goodness { r_squared, residual }: Goodness) -> wire::ResponseGoodness {
+    wire::ResponseGoodness { r_squared, residual }
+}
+
+fn spread(stored: &StoredSpread, description: &SensorDescription) -> wire::SpreadCalibration {
+    let parameters = description.parameters();
+    let thickness = stored.covering_thickness.unwrap_or(parameters.covering_thickness);
+    wire::SpreadCalibration {
+        sigma: stored.fit.sigma,
+        sigma_in_widths: stored.fit.sigma_in_widths,
+        described: parameters.point_spread,
+        published: point_spread_of_covering(thickness),
+        cosine: stored.fit.cosine,
+        pearson: stored.fit.pearson,
+        n_presses: stored.n_presses,
+    }
+}

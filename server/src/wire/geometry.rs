@@ -1,0 +1,252 @@
+//! Chapter 3 for the wire: what is to be trained, where an object may lie, what was learnt.
+
+use std::f64::consts::PI;
+
+use palpate_core::geometric::{AxisMarginal, PosePrior as CorePrior};
+use palpate_core::model::geometry::{GeometricMap, GeometricModel};
+use palpate_core::occupancy::OccupancyGrid;
+use palpate_core::train::geometry::GeometryConfig;
+use palpate_schemas as wire;
+use palpate_schemas::{AxisUnit, GeometryKind, PosePrior};
+use palpate_store::catalogue::VersionObject;
+use uuid::Uuid;
+
+use crate::belief::ObjectMarginals;
+use crate::catalogues::Model;
+use crate::refusal::Refusal;
+use crate::wire::{count, number, reading};
+
+/// The smallest and the largest side of a cell, in metres.
+const CELL: [f64; 2] = [1e-4, 0.05];
+/// The largest half side of the place where an object may lie, in metres.
+const HALF_EXTENT_MAX: f64 = 1.0;
+/// Half the side of that place when the request does not say, in metres: the dissertation's.
+const HALF_EXTENT: f64 = 0.01;
+/// The smallest such half side, in metres.
+const HALF_EXTENT_MIN: f64 = 1e-4;
+/// The smallest half width of a range of turns, in radians.
+const HALF_ANGLE_MIN: f64 = 1e-3;
+/// The largest coordinate of the middle of that place, in metres.
+const CENTER_MAX: f64 = 1e3;
+
+/// A training's geometry with its default filled in, its numbers checked.
+pub(crate) fn training(request: wire::GeometryTraining) -> Result<wire::GeometryTraining, Refusal> {
+    let [low, high] = CELL;
+    let cell = request.cell.unwrap_or(config(&request).cell);
+    let cell = number("/geometry/cell", cell, low, high)?;
+    Ok(wire::GeometryTraining { cell: Some(cell), ..request })
+}
+
+/// Core's configuration of a training's geometry.
+pub(crate) fn config(training: &wire::GeometryTraining) -> GeometryConfig {
+    let default = match training.kind {
+        GeometryKind::Planar => GeometryConfig::planar(),
+        GeometryKind::Solid => GeometryConfig::solid(),
+    };
+    GeometryConfig { cell: training.cell.unwrap_or(default.cell), ..default }
+}
+
+/// What the maps of a version are of.
+pub(crate) fn kind(model: &GeometricModel) -> GeometryKind {
+    let mut maps = model.maps.iter();
+    if maps.all(|map| map.occupancy.shape().is_planar()) {
+        GeometryKind::Planar
+    } else {
+        GeometryKind::Solid
+    }
+}
+
+/// What was learnt of an object's geometry.
+pub(crate) fn report(map: &GeometricMap) -> wire::GeometryReport {
+    let shape = map.occupancy.shape();
+    let n_force = map.mosaic.as_ref().map_or(0, |mosaic| 2 * mosaic.shape().n_cells());
+    wire::GeometryReport {
+        kind: kind_of(&map.occupancy),
+        cell: shape.cell(),
+        n_cells: shape.n().map(count),
+        bytes: (shape.n_cells() + n_force) as u64 * size_of::<f32>() as u64,
+        has_force: map.mosaic.is_some(),
+    }
+}
+
+/// An object's map of contact, with the cells of one slice if one is named.
+pub(crate) fn occupancy_map(
+    object: &VersionObject,
+    map: &GeometricMap,
+    slice: Option<u32>,
+) -> Result<wire::OccupancyMap, Refusal> {
+    let grid = &map.occupancy;
+    let prior = (grid.prior() / (1.0 - grid.prior())).ln() as f32;
+    let counted = |is: fn(f32, f32) -> bool| {
+        count(grid.log_odds().iter().filter(|cell| is(**cell, prior)).count())
+    };
+    let log_odds = slice.map(|slice| self::slice(grid, slice).map(<[f32]>::to_vec)).transpose()?;
+    Ok(wire::OccupancyMap {
+        id: object.id,
+        name: object.name.clone(),
+        kind: kind_of(grid),
+        min: grid.shape().min().to_array(),
+        cell: grid.shape().cell(),
+        n_cells: grid.shape().n().map(count),
+        prior: grid.prior(),
+        n_occupied: counted(|cell, prior| cell > prior),
+        n_free: counted(|cell, prior| cell < prior),
+        n_unknown: counted(|cell, prior| cell.total_cmp(&prior).is_eq()),
+        has_force: map.mosaic.is_some(),
+        log_odds,
+    })
+}
+
+/// The log-odds of one layer of cells.
+fn slice(grid: &OccupancyGrid, slice: u32) -> Result<&[f32], Refusal> {
+    let [x, y, _] = grid.shape().n();
+    let slice = slice_number(grid, slice)?;
+    Ok(&grid.log_odds()[slice * x * y..(slice + 1) * x * y])
+}
+
+/// The number of a layer that a grid has.
+pub(crate) fn slice_number(grid: &OccupancyGrid, slice: u32) -> Result<usize, Refusal> {
+    let n_slices = grid.shape().n()[2];
+    let last = n_slices as u64 - 1;
+    super::within("?slice", u64::from(slice), 0, last).map(|slice| slice as usize)
+}
+
+fn kind_of(grid: &OccupancyGrid) -> GeometryKind {
+    if grid.shape().is_planar() { GeometryKind::Planar } else { GeometryKind::Solid }
+}
+
+/// A session's prior over poses with every default filled in, checked against the kind of
+/// maps it is for.
+pub(crate) fn pose_prior(
+    given: Option<&PosePrior>,
+    kind: GeometryKind,
+) -> Result<PosePrior, Refusal> {
+    match (kind, given) {
+        (GeometryKind::Planar, None) => planar(None, None, None, None, None),
+        (
+            GeometryKind::Planar,
+            Some(PosePrior::Planar { plane, center, half_extent, angle, half_angle }),
+        ) => planar(*plane, *center, *half_extent, *angle, *half_angle),
+        (GeometryKind::Solid, Some(PosePrior::Bounded { pose, half_extents, half_angle })) => {
+            bounded(pose, *half_extents, *half_angle)
+        }
+        (GeometryKind::Solid, None) => Err(Refusal::field(
+            "/pose_prior",
+            "missing: the version's maps are of solids, expected a prior of kind `bounded` that \
+             says about where the object is",
+        )),
+        (GeometryKind::Planar, Some(PosePrior::Bounded { .. })) => Err(Refusal::field(
+            "/pose_prior/kind",
+            "came `bounded`, but the version's maps are planar: expected `planar`",
+        )),
+        (GeometryKind::Solid, Some(PosePrior::Planar { .. })) => Err(Refusal::field(
+            "/pose_prior/kind",
+            "came `planar`, but the version's maps are of solids: expected `bounded`",
+        )),
+    }
+}
+
+fn planar(
+    plane: Option<wire::Pose>,
+    center: Option<[f64; 2]>,
+    half_extent: Option<f64>,
+    angle: Option<f64>,
+    half_angle: Option<f64>,
+) -> Result<PosePrior, Refusal> {
+    if let Some(plane) = &plane {
+        reading::pose("/pose_prior/plane", plane)?;
+    }
+    let center = center.unwrap_or_default();
+    for (axis, value) in center.into_iter().enumerate() {
+        number(&format!("/pose_prior/center/{axis}"), value, -CENTER_MAX, CENTER_MAX)?;
+    }
+    let half_extent = half_extent.unwrap_or(HALF_EXTENT);
+    number("/pose_prior/half_extent", half_extent, HALF_EXTENT_MIN, HALF_EXTENT_MAX)?;
+    let angle = number("/pose_prior/angle", angle.unwrap_or(0.0), -2.0 * PI, 2.0 * PI)?;
+    Ok(PosePrior::Planar {
+        plane: Some(plane.unwrap_or(IDENTITY)),
+        center: Some(center),
+        half_extent: Some(half_extent),
+        angle: Some(angle),
+        half_angle: Some(self::half_angle(half_angle.unwrap_or(PI))?),
+    })
+}
+
+fn bounded(
+    pose: &wire::Pose,
+    half_extents: [f64; 3],
+    half_angle: f64,
+) -> Result<PosePrior, Refusal> {
+    reading::pose("/pose_prior/pose", pose)?;
+    for (axis, value) in half_extents.into_iter().enumerate() {
+        let pointer = format!("/pose_prior/half_extents/{axis}");
+        number(&pointer, value, HALF_EXTENT_MIN, HALF_EXTENT_MAX)?;
+    }
+    let half_angle = self::half_angle(half_angle)?;
+    Ok(PosePrior::Bounded { pose: *pose, half_extents, half_angle })
+}
+
+fn half_angle(found: f64) -> Result<f64, Refusal> {
+    // π as other programs print it is a little more than ours.
+    number("/pose_prior/half_angle", found, HALF_ANGLE_MIN, PI + 1e-6).map(|angle| angle.min(PI))
+}
+
+const IDENTITY: wire::Pose = wire::Pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] };
+
+/// Core's prior over poses from one that was checked and has its defaults.
+///
+/// # Errors
+/// [`Refusal`] when what is stored is no longer valid.
+pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Refusal> {
+    match prior {
+        PosePrior::Planar { plane, center, half_extent, angle, half_angle } => {
+            Ok(CorePrior::Planar {
+                session_from_plane: reading::pose("/pose_prior/plane", &plane.unwrap_or(IDENTITY))?,
+                center: center.unwrap_or_default(),
+                half_extent: half_extent.unwrap_or(HALF_EXTENT),
+                angle: angle.unwrap_or_default(),
+                half_angle: half_angle.unwrap_or(PI),
+            })
+        }
+        PosePrior::Bounded { pose, half_extents, half_angle } => Ok(CorePrior::Bounded {
+            session_from_object: reading::pose("/pose_prior/pose", pose)?,
+            half_extent: (*half_extents).into(),
+            half_angle: *half_angle,
+        }),
+    }
+}
+
+/// Marginals for the wire.
+pub(crate) fn marginals(
+    session: Uuid,
+    revision: u64,
+    found: &ObjectMarginals,
+    model: &Model,
+) -> wire::Marginals {
+    let object = &model.objects[found.object.0 as usize];
+    wire::Marginals {
+        session,
+        revision: count(revision),
+        object: object.id,
+        name: object.name.clone(),
+        probability: found.probability,
+        axes: found.marginals.axes.iter().map(marginal).collect(),
+        plane: found.marginals.plane.as_ref().map(|plane| wire::PlaneMarginal {
+            low: plane.low,
+            high: plane.high,
+            n: plane.n.map(count),
+            probabilities: plane.probabilities.clone(),
+        }),
+    }
+}
+
+fn marginal(found: &AxisMarginal) -> wire::Marginal {
+    let is_place = matches!(found.axis, "x" | "y" | "z");
+    wire::Marginal {
+        axis: found.axis.to_owned(),
+        unit: if is_place { AxisUnit::M } else { AxisUnit::Rad },
+        low: found.low,
+        high: found.high,
+        probabilities: found.probabilities.clone(),
+    }
+}

@@ -1,0 +1,70 @@
+//! Takes a block apart from front to back; nothing is allocated that the block does not hold.
+
+use super::{CodecError, FORM};
+
+/// Takes a block's parts from front to back.
+pub(super) struct Reader<'block> {
+    block: &'block [u8],
+    at: usize,
+}
+
+impl<'block> Reader<'block> {
+    /// Begins behind the form's number, which is checked.
+    pub(super) fn new(block: &'block [u8]) -> Result<Self, CodecError> {
+        let mut reader = Self { block, at: 0 };
+        match reader.number()? {
+            FORM => Ok(reader),
+            found => Err(CodecError::Form { found }),
+        }
+    }
+
+    pub(super) fn take(&mut self, n: usize, bytes_each: usize) -> Result<&'block [u8], CodecError> {
+        let length = n.saturating_mul(bytes_each);
+        let expected = self.at.saturating_add(length);
+        let taken = self
+            .block
+            .get(self.at..expected)
+            .ok_or(CodecError::Length { expected, found: self.block.len() })?;
+        self.at = expected;
+        Ok(taken)
+    }
+
+    fn number(&mut self) -> Result<u32, CodecError> {
+        let bytes = self.take(1, 4)?;
+        Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+    }
+
+    pub(super) fn count(
+        &mut self,
+        field: &'static str,
+        low: u32,
+        high: u32,
+    ) -> Result<usize, CodecError> {
+        match self.number()? {
+            found if (low..=high).contains(&found) => Ok(found as usize),
+            found => Err(CodecError::Count { field, found, low, high }),
+        }
+    }
+
+    pub(super) fn floats(&mut self, field: &'static str, n: usize) -> Result<Vec<f64>, CodecError> {
+        let bytes = self.take(n, 8)?.as_chunks::<8>().0;
+        let values: Vec<f64> = bytes.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+        match values.iter().find(|value| !value.is_finite()) {
+            Some(found) => Err(CodecError::Finite { field, found: *found }),
+            None => Ok(values),
+        }
+    }
+
+    /// `n` numbers of 32 bits; which of them make sense is for the caller to check.
+    pub(super) fn singles(&mut self, n: usize) -> Result<Vec<f32>, CodecError> {
+        let bytes = self.take(n, 4)?.as_chunks::<4>().0;
+        Ok(bytes.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
+    }
+
+    pub(super) fn end(&self) -> Result<(), CodecError> {
+        if self.at == self.block.len() {
+            return Ok(());
+        }
+        Err(CodecError::Length { expected: self.at, found: self.block.len() })
+    }
+}

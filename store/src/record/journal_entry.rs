@@ -1,0 +1,166 @@
+//! Journal entries as they are stored: the schemas so far, and what each of them says.
+//!
+//! Schema 1 did not know of calibrations: its readings are taken as they came, calibration 0.
+
+use bincode::{Decode, Encode};
+use palpate_core::pose::Pose;
+use uuid::Uuid;
+
+use super::{IdV1, Record, read, write};
+use crate::entity::{ReadingId, StoredReading};
+use crate::envelope::Kind;
+use crate::error::RecordError;
+use crate::journal::{Entry, Event};
+
+#[derive(Encode, Decode)]
+struct JournalEntryV1 {
+    seq: u64,
+    received_at_ms: u64,
+    reading_id: Option<(String, u64)>,
+    event: EventV1,
+}
+
+#[derive(Encode, Decode)]
+enum EventV1 {
+    Reading {
+        sensor: IdV1,
+        position: [f64; 3],
+        quaternion_xyzw: [f64; 4],
+        stamp_ns: Option<i64>,
+        pressures: Vec<u8>,
+    },
+    Retraction {
+        seq: u64,
+    },
+    Closed,
+}
+
+#[derive(Encode, Decode)]
+struct JournalEntryV2 {
+    seq: u64,
+    received_at_ms: u64,
+    reading_id: Option<(String, u64)>,
+    event: EventV2,
+}
+
+#[derive(Encode, Decode)]
+enum EventV2 {
+    Reading {
+        sensor: IdV1,
+        position: [f64; 3],
+        quaternion_xyzw: [f64; 4],
+        stamp_ns: Option<i64>,
+        pressures: Vec<u8>,
+        calibration: u32,
+    },
+    Retraction {
+        seq: u64,
+    },
+    Closed,
+}
+
+impl From<JournalEntryV1> for JournalEntryV2 {
+    fn from(old: JournalEntryV1) -> Self {
+        let event = match old.event {
+            EventV1::Reading { sensor, position, quaternion_xyzw, stamp_ns, pressures } => {
+                let calibration = 0;
+                EventV2::Reading {
+                    sensor,
+                    position,
+                    quaternion_xyzw,
+                    stamp_ns,
+                    pressures,
+                    calibration,
+                }
+            }
+            EventV1::Retraction { seq } => EventV2::Retraction { seq },
+            EventV1::Closed => EventV2::Closed,
+        };
+        let JournalEntryV1 { seq, received_at_ms, reading_id, .. } = old;
+        Self { seq, received_at_ms, reading_id, event }
+    }
+}
+
+impl Record for Entry {
+    const KIND: Kind = Kind::JournalEntry;
+    const SCHEMA: u16 = 2;
+
+    fn to_payload(&self) -> Vec<u8> {
+        let event = match &self.event {
+            Event::Reading(reading) => EventV2::Reading {
+                sensor: reading.sensor.into_bytes(),
+                position: reading.session_from_sensor.translation.to_array(),
+                quaternion_xyzw: reading.session_from_sensor.rotation.to_array(),
+                stamp_ns: reading.stamp_ns,
+                pressures: pressures_to_bytes(&reading.pressures),
+                calibration: reading.calibration,
+            },
+            Event::Retraction { seq } => EventV2::Retraction { seq: *seq },
+            Event::Closed => EventV2::Closed,
+        };
+        let reading_id = self.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
+        write(&JournalEntryV2 {
+            seq: self.seq,
+            received_at_ms: self.received_at_ms,
+            reading_id,
+            event,
+        })
+    }
+
+    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
+        entry(read(payload)?)
+    }
+
+    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        match schema {
+            1 => entry(read::<JournalEntryV1>(payload)?.into()),
+            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
+        }
+    }
+}
+
+fn entry(stored: JournalEntryV2) -> Result<Entry, RecordError> {
+    let event = match stored.event {
+        EventV2::Reading {
+            sensor,
+            position,
+            quaternion_xyzw,
+            stamp_ns,
+            pressures,
+            calibration,
+        } => Event::Reading(StoredReading {
+            sensor: Uuid::from_bytes(sensor),
+            session_from_sensor: stored_pose(position, quaternion_xyzw)?,
+            pressures: pressures_from_bytes(&pressures)?,
+            stamp_ns,
+            calibration,
+        }),
+        EventV2::Retraction { seq } => Event::Retraction { seq },
+        EventV2::Closed => Event::Closed,
+    };
+    let reading_id = stored.reading_id.map(|(robot, seq)| ReadingId { robot, seq });
+    Ok(Entry { seq: stored.seq, received_at_ms: stored.received_at_ms, reading_id, event })
+}
+
+/// A pose bit by bit as it was stored: checked, but not normalised again, so that a reading
+/// that is sent twice equals the stored one.
+fn stored_pose(position: [f64; 3], quaternion_xyzw: [f64; 4]) -> Result<Pose, RecordError> {
+    let mut pose = Pose::new(position, quaternion_xyzw)?;
+    let [x, y, z, w] = quaternion_xyzw;
+    (pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w) = (x, y, z, w);
+    Ok(pose)
+}
+
+fn pressures_to_bytes(pressures: &[Option<f64>]) -> Vec<u8> {
+    pressures.iter().flat_map(|pressure| pressure.unwrap_or(f64::NAN).to_le_bytes()).collect()
+}
+
+fn pressures_from_bytes(bytes: &[u8]) -> Result<Vec<Option<f64>>, RecordError> {
+    let (values, rest) = bytes.as_chunks::<8>();
+    if !rest.is_empty() {
+        let consumed = bytes.len() - rest.len();
+        return Err(RecordError::Trailing { consumed, length: bytes.len() });
+    }
+    let value = |bytes: &[u8; 8]| Some(f64::from_le_bytes(*bytes)).filter(|value| !value.is_nan());
+    Ok(values.iter().map(value).collect())
+}
