@@ -47,10 +47,10 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Explores; `taken` gets every reading as it is taken and may stop.
+    /// Explores; `taken` gets every reading as it is taken, and now and then none; it may stop.
     pub(crate) fn explore(
         &self,
-        taken: &mut dyn FnMut(Reading) -> ControlFlow<()>,
+        taken: &mut dyn FnMut(Option<Reading>) -> ControlFlow<()>,
     ) -> anyhow::Result<Exploration> {
         let simulator = self.simulator()?;
         let config = self.config(&simulator);
@@ -58,9 +58,9 @@ impl Plan {
         let mut progress = |_: &Statistics, touch: Option<&Touch>| match touch {
             Some(touch) => {
                 seq += 1;
-                taken(self.to_wire(touch, seq - 1))
+                taken(Some(self.to_wire(touch, seq - 1)))
             }
-            None => ControlFlow::Continue(()),
+            None => taken(None),
         };
         let place = self.session_from_mesh();
         Ok(explore(&simulator, place, self.readings, self.seed, &config, &mut progress)?)
@@ -158,7 +158,7 @@ mod tests {
     fn readings(plan: &Plan) -> Vec<Reading> {
         let mut readings = Vec::new();
         plan.explore(&mut |reading| {
-            readings.push(reading);
+            readings.extend(reading);
             ControlFlow::Continue(())
         })
         .unwrap();

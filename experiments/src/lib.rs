@@ -5,6 +5,7 @@
 //! trial come from streams that training never uses.
 
 pub mod contact_rates;
+pub mod controllers;
 pub mod coverage;
 pub mod covering;
 pub mod letters_geometric;

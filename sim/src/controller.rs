@@ -16,6 +16,16 @@ use crate::noise::NoiseLevel;
 use crate::press::{HeightMap, Press, PressSimulator};
 pub use orient::turn_to_surface;
 
+/// When Press and Orient count as both idle; without noise the two are one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Idle {
+    /// Orient has no command on the reading at which Press came to rest.
+    OneReading,
+    /// Each looks at a reading of its own, and one after the other has no command. As printed;
+    /// under noise a touch takes longer and may never end.
+    Consecutive,
+}
+
 /// When the controllers command, and when they give up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactConfig {
@@ -39,6 +49,8 @@ pub struct ContactConfig {
     pub rounds_max: usize,
     /// How far the sensor may get from its first contact, metres.
     pub walk_max: f64,
+    /// What ends the turns.
+    pub idle: Idle,
 }
 
 impl ContactConfig {
@@ -60,6 +72,7 @@ impl ContactConfig {
             orient_tolerance: 2.0 * DEG,
             rounds_max: 30,
             walk_max: 20.0 * MM,
+            idle: Idle::OneReading,
         }
     }
 }
@@ -123,6 +136,7 @@ pub fn touch_carried(
     }
     let mut object_from_sensor = first_contact;
     let mut travel_left = config.travel_max;
+    let mut orient_was_idle = false;
     for round in 1..=config.rounds_max {
         let Some(pressed) = press(simulator, object_from_sensor, config, travel_left, stream)
         else {
@@ -136,21 +150,28 @@ pub fn touch_carried(
         if !carry(object_from_sensor) {
             return Outcome::Unreachable;
         }
-        match orient::command(simulator.sensor(), &pressed.pressures, config) {
-            Some(rotation) => {
-                let turned = object_from_sensor.rotation * rotation;
-                object_from_sensor = Pose::from_parts(turned, object_from_sensor.translation);
-                if !carry(object_from_sensor) {
-                    return Outcome::Unreachable;
-                }
+        let (felt, press_was_idle) = match config.idle {
+            Idle::OneReading => (pressed.pressures.clone(), true),
+            Idle::Consecutive => {
+                (simulator.pressures(&pressed.press, stream), pressed.travelled <= 0.0)
             }
-            None => {
-                return Outcome::Converged(Contact {
-                    object_from_sensor,
-                    pressures: pressed.pressures,
-                    press: pressed.press,
-                    rounds: round,
-                });
+        };
+        let command = orient::command(simulator.sensor(), &felt, config);
+        let at_rest = press_was_idle && (orient_was_idle || command.is_none());
+        if at_rest {
+            return Outcome::Converged(Contact {
+                object_from_sensor,
+                pressures: pressed.pressures,
+                press: pressed.press,
+                rounds: round,
+            });
+        }
+        orient_was_idle = command.is_none();
+        if let Some(rotation) = command {
+            let turned = object_from_sensor.rotation * rotation;
+            object_from_sensor = Pose::from_parts(turned, object_from_sensor.translation);
+            if !carry(object_from_sensor) {
+                return Outcome::Unreachable;
             }
         }
     }

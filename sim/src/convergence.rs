@@ -10,7 +10,7 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::DEG;
 use rayon::prelude::*;
 
-use crate::controller::{ContactConfig, Outcome, touch};
+use crate::controller::{ContactConfig, Idle, Outcome, touch};
 use crate::noise::NoiseLevel;
 use crate::press::PressSimulator;
 use crate::sampler::{SamplerConfig, start_at};
@@ -35,12 +35,20 @@ pub struct ConvergenceConfig {
     pub tilt_max: f64,
     /// What the controllers know of the noise.
     pub rule: ContactRule,
+    /// What ends a touch.
+    pub idle: Idle,
 }
 
 impl Default for ConvergenceConfig {
+    /// As printed.
     fn default() -> Self {
-        let rule = ContactRule::Unaware;
-        Self { successes: 100, attempts_max: 5000, tilt_max: 30.0 * DEG, rule }
+        Self {
+            successes: 100,
+            attempts_max: 5000,
+            tilt_max: 30.0 * DEG,
+            rule: ContactRule::Unaware,
+            idle: Idle::Consecutive,
+        }
     }
 }
 
@@ -53,6 +61,9 @@ pub struct Convergence {
     pub attempts: usize,
     /// Touches that converged.
     pub converged: usize,
+    /// Of these, those at which the object is in the covering; the others came to rest on
+    /// noise alone.
+    pub touching: usize,
     /// The mean number of turns of Press and Orient of those that converged.
     pub rounds_mean: f64,
     /// The median angle between where a sensor looks at rest with and without noise, radians.
@@ -66,6 +77,12 @@ impl Convergence {
     #[must_use]
     pub fn share(&self) -> f64 {
         self.converged as f64 / self.attempts.max(1) as f64
+    }
+
+    /// The part of the touches that converged on the object; 0 without touches.
+    #[must_use]
+    pub fn touching_share(&self) -> f64 {
+        self.touching as f64 / self.attempts.max(1) as f64
     }
 }
 
@@ -105,7 +122,7 @@ pub fn convergence(
     let noisy = Trial::new(simulator, noise_level, config);
     let quiet = Trial::new(simulator, NoiseLevel::NONE, config);
     let (mut attempts, mut rounds, mut angles, mut distances) = (0, 0, Vec::new(), Vec::new());
-    let mut converged = 0;
+    let (mut converged, mut touching) = (0, 0);
     let mut next = 0;
     while converged < config.successes && attempts < config.attempts_max && next < u64::MAX / 2 {
         let batch: Vec<_> = (next..next + BATCH)
@@ -122,6 +139,7 @@ pub fn convergence(
             let Outcome::Converged(contact) = outcome else { continue };
             converged += 1;
             rounds += contact.rounds;
+            touching += usize::from(contact.press.max_penetration > 0.0);
             if let Some(Outcome::Converged(reference)) = without {
                 let (here, there) = (contact.object_from_sensor, reference.object_from_sensor);
                 angles.push(angle_between_facings(here, there));
@@ -137,6 +155,7 @@ pub fn convergence(
         level,
         attempts,
         converged,
+        touching,
         rounds_mean: rounds as f64 / converged.max(1) as f64,
         angle_median: median(angles),
         distance_median: median(distances),
@@ -156,7 +175,10 @@ impl Trial {
             ContactRule::Unaware => NoiseLevel::NONE,
             ContactRule::AboveNoise => noise,
         };
-        let contact = ContactConfig::for_sensor(simulator.sensor(), known);
+        let contact = ContactConfig {
+            idle: config.idle,
+            ..ContactConfig::for_sensor(simulator.sensor(), known)
+        };
         let places =
             SamplerConfig { tilt_max: config.tilt_max, ..SamplerConfig::for_simulator(simulator) };
         Self { simulator: simulator.clone().with_noise(noise), places, contact }

@@ -11,6 +11,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use palpate_client::{Client, ClientOptions};
 use palpate_core::units::MM;
 use palpate_experiments::contact_rates::{self, ContactRates};
+use palpate_experiments::controllers::{self, Controllers};
 use palpate_experiments::covering::{self, Covering};
 use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_named};
 use palpate_experiments::report::{Outcome, Progress};
@@ -86,6 +87,21 @@ enum Experiment {
         /// Touches an object.
         #[arg(long, default_value_t = 300, value_parser = count)]
         touches: usize,
+    },
+    /// Figure 4.17: convergence of the contact controllers under noise.
+    Controllers {
+        /// A folder of meshes; the built-in objects when not given.
+        #[arg(long, value_name = "DIR")]
+        meshes: Option<PathBuf>,
+        /// Which of them is touched.
+        #[arg(long, default_value = "dragon", value_name = "NAME")]
+        object: String,
+        /// How many seeds, from --seed on.
+        #[arg(long, default_value_t = 10, value_parser = count)]
+        seeds: usize,
+        /// Touches that must converge at each level of noise and seed.
+        #[arg(long, default_value_t = 100, value_parser = count)]
+        successes: usize,
     },
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
     Covering,
@@ -168,6 +184,10 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = ContactRates { meshes, seed, touches };
             on_a_thread(move || contact_rates::run(&config, command, &show)).await?
         }
+        Experiment::Controllers { meshes, object, seeds, successes } => {
+            let config = Controllers { meshes, object, seed, seeds, successes };
+            on_a_thread(move || controllers::run(&config, command, &show)).await?
+        }
         Experiment::Covering => {
             let config = Covering { seed, ..Covering::default() };
             on_a_thread(move || covering::run(&config, command, &show)).await?
@@ -212,6 +232,10 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::ContactRates { meshes, touches } => {
             format!("contact-rates{} --touches {touches}", folder(meshes))
         }
+        Experiment::Controllers { meshes, object, seeds, successes } => format!(
+            "controllers{} --object {object} --seeds {seeds} --successes {successes}",
+            folder(meshes)
+        ),
         Experiment::Covering => "covering".to_owned(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")

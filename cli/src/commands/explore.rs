@@ -174,16 +174,52 @@ async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
     // One reading waits while another is on its way: the arm does not run ahead of the server.
     let (sender, mut taken) = tokio::sync::mpsc::channel::<Reading>(1);
     let work = tokio::task::spawn_blocking(move || {
-        let explored = plan.explore(&mut |reading| match sender.blocking_send(reading) {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(_) => ControlFlow::Break(()),
+        let explored = plan.explore(&mut |reading| {
+            let goes_on = match reading {
+                Some(reading) => sender.blocking_send(reading).is_ok(),
+                None => !sender.is_closed(),
+            };
+            if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
         (plan, explored)
     });
-    let (mut readings, mut last) = (Vec::new(), None);
+    let mut readings = Vec::new();
+    let heard = hear(&mut taken, &mut readings, session.as_ref(), context).await;
+    // Also when the server fails in the middle: the touches are done.
+    let n_readings = readings.len();
+    if let Some(path) = args.out.as_ref().filter(|_| n_readings > 0) {
+        ReadingsFile::new(args.object.clone(), Some(args.seed), readings).write(path)?;
+        context.output.say(format!("wrote {}", path.display()));
+    }
+    let last = heard?;
+    let (plan, explored) = work.await?;
+    let explored = explored?;
+    if let Some(path) = &args.picture {
+        explorer::write_picture(path, &plan, &explored)?;
+    }
+    let wanted = args.readings as usize;
+    if n_readings < wanted {
+        context.output.say(format!(
+            "only {n_readings} of {wanted} readings within {} iterations",
+            args.iterations
+        ));
+    }
+    let planner = Some(explored.statistics.into());
+    answer(session.as_ref(), n_readings, planner, args.object.clone(), last.as_ref(), context)
+}
+
+/// Gathers readings as they are taken and sends them, if there is a session; gives the last
+/// belief.
+async fn hear(
+    taken: &mut tokio::sync::mpsc::Receiver<Reading>,
+    readings: &mut Vec<Reading>,
+    session: Option<&Session>,
+    context: &Context,
+) -> anyhow::Result<Option<Belief>> {
+    let mut last = None;
     while let Some(reading) = taken.recv().await {
         readings.push(reading.clone());
-        match &session {
+        match session {
             Some(session) => {
                 let belief = send(session, reading, context).await?;
                 context.output.say(belief_words(readings.len(), &belief));
@@ -195,25 +231,7 @@ async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
             None => {}
         }
     }
-    let (plan, explored) = work.await?;
-    let explored = explored?;
-    if let Some(path) = &args.picture {
-        explorer::write_picture(path, &plan, &explored)?;
-    }
-    let n_readings = readings.len();
-    if let Some(path) = &args.out {
-        ReadingsFile::new(args.object.clone(), Some(args.seed), readings).write(path)?;
-        context.output.say(format!("wrote {}", path.display()));
-    }
-    let wanted = args.readings as usize;
-    if n_readings < wanted {
-        context.output.say(format!(
-            "only {n_readings} of {wanted} readings within {} iterations",
-            args.iterations
-        ));
-    }
-    let planner = Some(explored.statistics.into());
-    answer(session.as_ref(), n_readings, planner, args.object.clone(), last.as_ref(), context)
+    Ok(last)
 }
 
 fn plan(args: &ExploreArgs) -> anyhow::Result<Plan> {

@@ -121,3 +121,28 @@ fn heavy_noise_ends_in_bounded_time_and_mostly_converges() {
         .count();
     assert!(n_converged > 25, "{n_converged} of 50");
 }
+
+#[test]
+fn without_noise_both_rules_of_idleness_rest_alike_and_with_it_the_printed_one_takes_longer() {
+    let quiet = {
+        let parameters = SensorDescription::digitacts_6x6().parameters().clone();
+        let silent = palpate_core::sensor::SensorParameters { noise: 0.0, ..parameters };
+        SensorDescription::new(silent).unwrap()
+    };
+    let rest = |noise_level: NoiseLevel, idle: Idle, index: u64| {
+        let simulator =
+            PressSimulator::new(sphere(30.0 * MM, 60), quiet.clone()).with_noise(noise_level);
+        let config = ContactConfig { idle, ..ContactConfig::for_sensor(&quiet, noise_level) };
+        let mut stream = Stream::new(3, Purpose::SensorNoise, index);
+        converged(touch(&simulator, above(35.0 * MM, 0.2), &config, &mut stream))
+    };
+    let [one, consecutive] =
+        [Idle::OneReading, Idle::Consecutive].map(|idle| rest(NoiseLevel::NONE, idle, 0));
+    assert_eq!(one.object_from_sensor, consecutive.object_from_sensor);
+    // The same turns, and a last look of Press to see that it has nothing to do.
+    assert_eq!(consecutive.rounds, one.rounds + 1);
+    let noise_level = NoiseLevel::new(0.2).unwrap();
+    let rounds =
+        |idle: Idle| (0..20).map(|index| rest(noise_level, idle, index).rounds).sum::<usize>();
+    assert!(rounds(Idle::Consecutive) > rounds(Idle::OneReading) + 20);
+}
