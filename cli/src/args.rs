@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 
 use crate::commands::{
     analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
-    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, objects::ObjectsArgs,
+    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, objects::ObjectsArgs, report::ReportArgs,
     sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
     train::TrainArgs,
 };
@@ -67,6 +67,8 @@ pub(crate) enum Command {
     Train(TrainArgs),
     /// Trainings: list, follow, cancel.
     Jobs(JobsArgs),
+    /// What a training says of appearance: who is taken for whom, who is alike.
+    Report(ReportArgs),
     /// Trained maps of contact: show, export, merge.
     Maps(MapsArgs),
     /// Let a simulated robot touch a mesh and see whether it is recognised.

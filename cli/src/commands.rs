@@ -10,6 +10,7 @@ pub(crate) mod letters;
 pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod openapi;
+pub(crate) mod report;
 pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
@@ -43,6 +44,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Letters(args) => letters::run(args, output),
         Command::Train(args) => train::run(args, &context()?).await,
         Command::Maps(args) => maps::run(args, &context()?).await,
+        Command::Report(args) => report::run(args, &context()?).await,
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Explore(args) => explore::run(args, &context()?).await,

@@ -25,8 +25,8 @@ const PLACE_MAX: f64 = 200.0 * MM;
 
 /// A press as it is sent to the server.
 pub(crate) struct Press {
-    /// `session_from_sensor`.
-    pub(crate) pose: schemas::Pose,
+    /// `session_from_sensor`; `None` when the robot does not know it.
+    pub(crate) pose: Option<schemas::Pose>,
     /// Pressures, Pa.
     pub(crate) image: Vec<Option<f64>>,
 }
@@ -50,6 +50,7 @@ pub(crate) struct Robot {
     simulator: Arc<PressSimulator>,
     config: SamplerConfig,
     approach: Approach,
+    knows_poses: bool,
     session_from_mesh: Pose,
     touches: Stream,
     seen: Stream,
@@ -76,10 +77,16 @@ impl Robot {
             config: SamplerConfig::for_simulator(&simulator),
             simulator,
             approach,
+            knows_poses: true,
             session_from_mesh: Pose::from_parts(rotation, translation),
             touches: Stream::new(seed, Purpose::SensorNoise, trial),
             seen: place,
         }
+    }
+
+    /// The same robot, which does not know where its sensor is.
+    pub(crate) fn without_poses(self) -> Self {
+        Self { knows_poses: false, ..self }
     }
 
     /// Touches the object once, somewhere.
@@ -94,7 +101,7 @@ impl Robot {
         let mesh_from_sensor = reading.session_from_sensor();
         let session_from_sensor = self.session_from_mesh * mesh_from_sensor;
         let image = reading.image().pressures.iter().copied().map(Some).collect();
-        Ok(Press { pose: to_wire(session_from_sensor), image })
+        Ok(Press { pose: self.knows_poses.then(|| to_wire(session_from_sensor)), image })
     }
 
     /// Presses straight down somewhere over the object.
@@ -213,12 +220,20 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_without_poses_touches_alike() {
+        let (mut with, mut without) = (robot(2), robot(2).without_poses());
+        let (with, without) = (with.touch().unwrap(), without.touch().unwrap());
+        assert_eq!((with.image, without.pose), (without.image, None));
+        assert!(with.pose.is_some());
+    }
+
+    #[test]
     fn touches_lie_on_the_object_where_it_was_put() {
         let mut robot = robot(3);
         let centre = robot.session_from_object([0.0; 3]).translation;
         for _ in 0..5 {
             let press = robot.touch().unwrap();
-            let distance = centre.distance(press.pose.position.into());
+            let distance = centre.distance(press.pose.unwrap().position.into());
             assert!(distance < 80.0 * MM, "{distance}");
             assert!(press.image.iter().flatten().any(|pressure| *pressure > 0.0));
         }

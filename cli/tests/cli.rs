@@ -107,7 +107,8 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     assert_eq!(taken.status.code(), Some(1));
     assert!(stderr(&taken).contains("taken"), "{}", stderr(&taken));
 
-    let trained = ask(&server, "train --readings-per-object 300 --json");
+    let train = "train --readings-per-object 300 --appearance --appearance-classes 12,24 --json";
+    let trained = ask(&server, train);
     let answer: serde_json::Value = serde_json::from_slice(&trained.stdout).unwrap();
     assert_eq!(answer["version"]["report"]["objects"].as_array().unwrap().len(), 3);
     let touch = "touch --object hammer --mesh meshes/hammer.stl --readings 10 --seed 7 --json";
@@ -121,13 +122,29 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
 
     explored_readings_can_be_sent_again(at, |arguments| ask(&server, arguments));
 
+    let report = ask(&server, "report --svg report.svg");
+    assert_eq!(report.status.code(), Some(0), "{}", stderr(&report));
+    assert!(stdout(&report).contains("how alike the objects are"), "{}", stdout(&report));
+    let picture = std::fs::read_to_string(at.join("report.svg")).unwrap();
+    // Two matrices of three objects.
+    assert_eq!(picture.matches("<title>").count(), 18);
+    let touch = "touch --object mug --mesh meshes/mug.stl --readings 40 --method appearance --json";
+    let touched = ask(&server, touch);
+    assert_eq!(touched.status.code(), Some(0), "{}", stderr(&touched));
+    let answer: serde_json::Value = serde_json::from_slice(&touched.stdout).unwrap();
+    assert_eq!(answer["position_error_mm"], serde_json::Value::Null, "no pose was sent");
+
     drop(server);
     let server = Server::start(&data);
     let mistaken = ask(&server, "touch --object gear --mesh meshes/mug.stl --readings 10");
     assert_eq!(mistaken.status.code(), Some(4), "{}", stdout(&mistaken));
     let listed = ask(&server, "sessions list --json");
     let sessions: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
-    assert_eq!(sessions["items"].as_array().unwrap().len(), 4, "the first survived the restart");
+    assert_eq!(
+        sessions["items"].as_array().unwrap().len(),
+        5,
+        "those of before survived the restart"
+    );
 
     let second = palpate("serve --listen 127.0.0.1:0").arg("--data").arg(&data).output().unwrap();
     assert_eq!(second.status.code(), Some(1));

@@ -53,7 +53,8 @@ impl TouchSession {
     }
 
     /// Sends one press and answers the belief after it. `sensor` is an id or a name, `pose`
-    /// is `session_from_sensor`, `image` in pascal as the driver sends it.
+    /// is `session_from_sensor` (`None::<Pose>` where the session's method needs none),
+    /// `image` in pascal as the driver sends it.
     ///
     /// A call that fails may be made again with the same arguments: it has the same number.
     ///
@@ -62,7 +63,7 @@ impl TouchSession {
     pub async fn touch(
         &mut self,
         sensor: &str,
-        pose: Pose,
+        pose: impl Into<Option<Pose>>,
         image: Vec<Option<f64>>,
     ) -> Result<Belief, Error> {
         let reading = Reading {
@@ -71,8 +72,9 @@ impl TouchSession {
             sensor: sensor.to_owned(),
             frame_id: self.session.frame_id.clone(),
             stamp: None,
-            pose,
+            pose: pose.into(),
             image,
+            feature: None,
         };
         let readings = AddReadings { readings: vec![reading] };
         let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };

@@ -1,8 +1,8 @@
 //! Calls about catalogues, their versions, and the jobs that train them.
 
 use palpate_schemas::{
-    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Job, JobPage,
-    ObjectMap, PageQuery, SetCurrent, StartTraining,
+    AppearanceReport, Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage,
+    CurrentVersion, Job, JobPage, ObjectMap, PageQuery, SetCurrent, StartTraining,
 };
 use uuid::Uuid;
 
@@ -51,6 +51,20 @@ impl Client {
     ) -> Result<CatalogueVersion, Error> {
         let version = version.to_string();
         self.send(Request::get(["v1", "catalogues", name, "versions", &version])).await
+    }
+
+    /// What held-back readings say of a version's appearance.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the version was trained without appearance.
+    pub async fn appearance_report(
+        &self,
+        name: &str,
+        version: u32,
+    ) -> Result<AppearanceReport, Error> {
+        let version = version.to_string();
+        let path = ["v1", "catalogues", name, "versions", &version, "report", "appearance"];
+        self.send(Request::get(path)).await
     }
 
     /// The trained map of one object of a version, with a page of its patches. `object` is

@@ -82,8 +82,9 @@ fn reading(robot: Option<&str>) -> AddReadings {
         sensor: "s".to_owned(),
         frame_id: None,
         stamp: None,
-        pose: Pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] },
+        pose: Some(Pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] }),
         image: vec![None],
+        feature: None,
     };
     AddReadings { readings: vec![reading] }
 }

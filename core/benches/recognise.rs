@@ -50,6 +50,7 @@ fn one_more_reading(criterion: &mut Criterion) {
         association: config.association,
         objects,
         geometry: None,
+        appearance: None,
     });
 
     let unseen = touches(3, 20, 2);

@@ -45,3 +45,5 @@ pub mod train;
 pub mod recognise;
 
 pub mod geometric;
+
+pub mod appearance;

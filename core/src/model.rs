@@ -3,6 +3,7 @@
 //! An object frame has its origin at the centroid of the object's training touches, or of
 //! its mesh when trained from one, and the axes of training.
 
+pub mod appearance;
 pub mod geometry;
 
 use std::sync::Arc;
@@ -14,6 +15,7 @@ use crate::patch::Patch;
 use crate::patch_pair::index::{IndexedPatch, MAX_PATCHES};
 use crate::patch_pair::{DistanceBins, PairIndex};
 use crate::vocabulary::{AssociationRule, Vocabulary};
+use appearance::AppearanceModel;
 use geometry::GeometricModel;
 
 /// An object of a catalogue, by its position.
@@ -146,4 +148,6 @@ pub struct Catalogue {
     pub objects: Vec<Arc<ObjectMap>>,
     /// What chapter 3 knows of the same objects, when it was trained.
     pub geometry: Option<Arc<GeometricModel>>,
+    /// What chapter 4 knows of the same objects, when it was trained.
+    pub appearance: Option<Arc<AppearanceModel>>,
 }

@@ -54,6 +54,29 @@ pub enum RecogniseError {
     },
 }
 
+/// ln of a prior over the objects, normalised; `None` is even.
+///
+/// # Errors
+/// [`RecogniseError::Prior`] when there is not one finite weight of at least 0 an object, or
+/// all are 0.
+pub(crate) fn log_prior(
+    prior: Option<&[f64]>,
+    n_objects: usize,
+) -> Result<Vec<f64>, RecogniseError> {
+    let logs = match prior {
+        None => vec![0.0; n_objects],
+        Some(weights) => {
+            let valid = weights.iter().all(|weight| weight.is_finite() && *weight >= 0.0);
+            if weights.len() != n_objects || !valid || weights.iter().all(|w| *w <= 0.0) {
+                let found = weights.len();
+                return Err(RecogniseError::Prior { expected: n_objects, found });
+            }
+            weights.iter().map(|weight| weight.ln()).collect()
+        }
+    };
+    Ok(normalize(&logs).into_iter().map(f64::ln).collect())
+}
+
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
 pub struct SvaBelief {
@@ -77,18 +100,7 @@ impl SvaBelief {
         prior: Option<&[f64]>,
     ) -> Result<Self, RecogniseError> {
         let n_objects = catalogue.objects.len();
-        let log_prior = match prior {
-            None => vec![0.0; n_objects],
-            Some(weights) => {
-                let valid = weights.iter().all(|weight| weight.is_finite() && *weight >= 0.0);
-                if weights.len() != n_objects || !valid || weights.iter().all(|w| *w <= 0.0) {
-                    let found = weights.len();
-                    return Err(RecogniseError::Prior { expected: n_objects, found });
-                }
-                weights.iter().map(|weight| weight.ln()).collect()
-            }
-        };
-        let log_prior = normalize(&log_prior).into_iter().map(f64::ln).collect();
+        let log_prior = log_prior(prior, n_objects)?;
         let histograms = vec![SparseHistogram::new(options.rule, options.bins_max); n_objects];
         Ok(Self { catalogue, options, log_prior, seen: Vec::new(), histograms, n_readings: 0 })
     }

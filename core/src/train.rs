@@ -6,6 +6,7 @@
 //! Frames: a training reading's pose is `object_from_sensor` in the frame of the mesh or of
 //! the robot that took it. Not here: where readings come from, and storing the result.
 
+pub mod appearance;
 mod force;
 pub mod geometry;
 
@@ -17,7 +18,7 @@ use crate::model::{MapError, ObjectMap};
 use crate::occupancy::GridError;
 use crate::patch::{Patch, observe_patch, touches};
 use crate::patch_pair::DistanceBins;
-use crate::reading::Reading;
+use crate::reading::{Reading, TactileImage};
 use crate::rng::{Purpose, Stream};
 use crate::sensor::SensorDescription;
 use crate::units::MM;
@@ -113,6 +114,12 @@ pub enum TrainError {
         /// Columns that came.
         found_cols: usize,
     },
+    /// Each touch needs one appearance, but the descriptor gives several.
+    #[error("descriptor {descriptor} gives several features a reading, expected one of the others")]
+    SeveralFeatures {
+        /// The descriptor's name.
+        descriptor: &'static str,
+    },
     /// The readings of one object do not make a map.
     #[error(transparent)]
     Map(#[from] MapError),
@@ -148,8 +155,8 @@ pub enum TrainError {
 /// are of all features.
 ///
 /// # Errors
-/// [`TrainError`] when nothing was touched, images differ in shape, or the number of classes
-/// is not 1 to 255.
+/// [`TrainError`] when nothing was touched, images differ in shape, the number of classes is
+/// not 1 to 255, or the descriptor gives several features a reading.
 pub fn learn_vocabulary(
     sets: &[TrainingSet<'_>],
     config: &TrainingConfig,
@@ -157,6 +164,9 @@ pub fn learn_vocabulary(
 ) -> Result<Vocabulary, TrainError> {
     if !(1..=MAX_CLASSES).contains(&config.n_classes) {
         return Err(TrainError::Classes { found: config.n_classes });
+    }
+    if !config.descriptor.gives_one_feature() {
+        return Err(TrainError::SeveralFeatures { descriptor: config.descriptor.name() });
     }
     let readings: Vec<&Reading> = sets
         .iter()
@@ -168,11 +178,11 @@ pub fn learn_vocabulary(
     let (rows, cols) = (first.image().rows, first.image().cols);
     check_shapes(&readings, rows, cols)?;
 
-    let described: Vec<Vec<f64>> =
-        readings.iter().map(|reading| config.descriptor.describe(reading.image())).collect();
-    let mean = mean(&described);
+    let images: Vec<&TactileImage> = readings.iter().map(|reading| reading.image()).collect();
+    let described = config.descriptor.plan(rows, cols).describe(&images);
+    let mean = described.mean();
     let features: Vec<Vec<f64>> =
-        described.into_iter().map(|descriptor| center(descriptor, &mean)).collect();
+        described.rows().map(|descriptor| center(descriptor.to_vec(), &mean)).collect();
     let mut stream = Stream::new(seed, Purpose::Clustering, 0);
     let candidates = subsample(&features, MEDOID_SAMPLE, &mut stream);
     let medoids: Vec<Vec<f64>> = choose_medoids(&candidates, config.n_classes, &mut stream)
@@ -242,15 +252,6 @@ fn check_shapes(readings: &[&Reading], rows: usize, cols: usize) -> Result<(), T
         }
         None => Ok(()),
     }
-}
-
-fn mean(vectors: &[Vec<f64>]) -> Vec<f64> {
-    let mut sum = vec![0.0; vectors[0].len()];
-    for vector in vectors {
-        sum.iter_mut().zip(vector).for_each(|(sum, value)| *sum += value);
-    }
-    sum.iter_mut().for_each(|value| *value /= vectors.len() as f64);
-    sum
 }
 
 /// Up to `n` of the features, drawn without replacement, in their order.

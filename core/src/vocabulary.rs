@@ -6,7 +6,13 @@
 //! `docs/equations.md`, rows of 4.3.2 and 5.3.2).
 
 pub mod association;
+pub mod bag;
+pub mod choice;
+pub mod discriminant;
+pub mod gmm;
+pub mod kmeans;
 pub mod medoids;
+pub mod pca;
 
 pub use association::{Association, AssociationRule};
 
@@ -26,7 +32,7 @@ pub const MAX_CLASSES: usize = 255;
 /// Appearance classes by their medoids, for images of one shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vocabulary {
-    /// How images are described.
+    /// How images are described; one that gives each reading one feature.
     pub descriptor: DescriptorKind,
     /// Rows of the images that this vocabulary can describe.
     pub rows: usize,
@@ -56,7 +62,7 @@ impl Vocabulary {
     /// The feature of an image: its descriptor relative to the mean, norm 1.
     #[must_use]
     pub fn feature(&self, image: &TactileImage) -> Vec<f64> {
-        center(self.descriptor.describe(image), &self.mean)
+        center(self.descriptor.describe(image).row(0).to_vec(), &self.mean)
     }
 
     /// The class whose medoid is nearest to a feature; ties go to the lower index.

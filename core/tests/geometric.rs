@@ -85,7 +85,7 @@ fn catalogue(geometry: Option<GeometricModel>) -> Arc<Catalogue> {
     };
     let association = AssociationRule::default();
     let geometry = geometry.map(Arc::new);
-    Arc::new(Catalogue { vocabulary, association, objects: vec![], geometry })
+    Arc::new(Catalogue { vocabulary, association, objects: vec![], geometry, appearance: None })
 }
 
 /// A plane that is neither at the session's origin nor level.

@@ -60,7 +60,13 @@ fn train() -> Arc<Catalogue> {
         .iter()
         .map(|set| Arc::new(map_object(set, &vocabulary, &config, Some(DVec3::ZERO)).unwrap()))
         .collect();
-    Arc::new(Catalogue { vocabulary, association: config.association, objects, geometry: None })
+    Arc::new(Catalogue {
+        vocabulary,
+        association: config.association,
+        objects,
+        geometry: None,
+        appearance: None,
+    })
 }
 
 fn recognise(
@@ -181,6 +187,27 @@ fn too_few_touches_make_no_map() {
     let vocabulary = learn_vocabulary(&[set], &config, 1).unwrap();
     let error = map_object(&set, &vocabulary, &config, None).unwrap_err();
     assert!(error.to_string().contains("9 training readings"), "{error}");
+}
+
+#[test]
+fn every_descriptor_of_one_feature_a_reading_trains_and_mr8_is_refused() {
+    let sensor = SensorDescription::digitacts_6x6();
+    let readings = touches(0, 40, 1);
+    let set = TrainingSet { readings: &readings, sensor: &sensor };
+    for descriptor in DescriptorKind::ALL {
+        let config = TrainingConfig { descriptor, n_classes: 4, ..TrainingConfig::default() };
+        match learn_vocabulary(&[set], &config, 1) {
+            Ok(vocabulary) => {
+                assert!(descriptor.gives_one_feature());
+                assert_eq!(vocabulary.mean.len(), descriptor.plan(6, 6).dimension());
+                let norm = vocabulary.medoids[0].iter().map(|value| value * value).sum::<f64>();
+                assert!((norm - 1.0).abs() < 1e-9, "{descriptor:?}");
+            }
+            Err(error) => {
+                assert_eq!(error, TrainError::SeveralFeatures { descriptor: "mr8" });
+            }
+        }
+    }
 }
 
 #[test]

@@ -220,10 +220,11 @@ fn on_the_wire(reading: &core_reading::Reading, robot: usize, seq: usize) -> Rea
         sensor: SENSOR.to_owned(),
         frame_id: None,
         stamp: None,
-        pose: palpate_schemas::Pose {
+        pose: Some(palpate_schemas::Pose {
             position: pose.translation.to_array(),
             orientation: pose.rotation.to_array(),
-        },
+        }),
         image: reading.image().pressures.iter().copied().map(Some).collect(),
+        feature: None,
     }
 }

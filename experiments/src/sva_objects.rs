@@ -175,8 +175,13 @@ fn train_method(
         .par_iter()
         .map(|set| map_object(set, &vocabulary, &training, origin).map(Arc::new))
         .collect();
-    let catalogue =
-        Catalogue { vocabulary, association: training.association, objects: maps?, geometry: None };
+    let catalogue = Catalogue {
+        vocabulary,
+        association: training.association,
+        objects: maps?,
+        geometry: None,
+        appearance: None,
+    };
     let train_seconds = started.elapsed().as_secs_f64();
     Ok(Method { name, catalogue: Arc::new(catalogue), options, train_seconds })
 }

@@ -5,6 +5,7 @@
 //! Ids are `UUIDv7` strings. Not here: checking values (the server's `wire`), HTTP itself.
 
 pub mod analysis;
+pub mod appearance;
 pub mod calibration;
 pub mod geometry;
 pub mod health;
@@ -18,6 +19,10 @@ pub mod session;
 pub mod training;
 
 pub use analysis::{AnalyseCoverings, CoveringAnalysis, CoveringTradeOff, SpatialAcuity};
+pub use appearance::{
+    AppearanceReport, AppearanceSummary, AppearanceTraining, ClassCandidate, ClusteringKind,
+    FeatureSource, NearDuplicate, ObjectAppearance,
+};
 pub use calibration::{
     CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,

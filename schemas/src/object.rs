@@ -166,13 +166,16 @@ pub struct StoredReading {
     pub sensor: Uuid,
     /// When it was taken, by the robot's clock.
     pub stamp: Option<Stamp>,
-    /// The sensor's pose in the frame of the object's readings.
-    pub pose: Pose,
+    /// The sensor's pose in the frame of the object's readings; null when it was not known.
+    pub pose: Option<Pose>,
     /// Pressures in pascal, as they were sent.
     pub image: Vec<Option<f64>>,
     /// The number of the sensor's calibration that corrects them; null when there was none.
     #[serde(default)]
     pub calibration: Option<u32>,
+    /// The client's own code of the press; null when it sent none.
+    #[serde(default)]
+    pub feature: Option<Vec<f64>>,
 }
 
 /// A page of training readings.

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use crate::pose::Pose;
 
-/// One press: the image, and where the sensor was.
+/// One press: the image, and where the sensor was, if that is known.
 ///
 /// A press without contact is evidence too: send it.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
@@ -34,12 +34,20 @@ pub struct Reading {
     /// The sensor's pose in the session frame (`session_from_sensor`); for training readings
     /// in the frame in which the object is at rest. The sensor frame has its origin at the
     /// centre of the covering's free surface, +z out of the sensor towards the object, +x
-    /// along columns, +y along rows.
-    pub pose: Pose,
+    /// along columns, +y along rows. May be left out for the methods `appearance…`; all others
+    /// need it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<Pose>,
     /// Pressures in pascal, row by row as the sensor's driver sends them; `null` marks a taxel
     /// that has no value.
     #[schema(max_items = 16_384)]
     pub image: Vec<Option<f64>>,
+    /// A code of the press that the client has computed itself, such as a learned one: 1 to
+    /// 4096 numbers within ±10⁹. Only for catalogues whose appearance is trained from
+    /// `features`; all readings of an object, and of a catalogue, have as many.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(min_items = 1, max_items = 4096)]
+    pub feature: Option<Vec<f64>>,
 }
 
 /// A time of the robot's clock, as ROS has it.

@@ -185,10 +185,11 @@ pub struct ReadingCheck {
     pub max_pressure: f64,
     /// The centre of pressure in the sensor frame (z = 0); null without contact.
     pub centroid_in_sensor: Option<Point>,
-    /// The same point in the session frame; null without contact.
+    /// The same point in the session frame; null without contact or without a pose.
     pub centroid_in_session: Option<Point>,
-    /// Where the sensor looks: its +z, towards the object, in the session frame.
-    pub sensor_z_in_session: Point,
+    /// Where the sensor looks: its +z, towards the object, in the session frame; null without
+    /// a pose.
+    pub sensor_z_in_session: Option<Point>,
     /// The number of the calibration that would correct the reading, as it did `image`; null
     /// when the sensor has none.
     #[serde(default)]

@@ -8,7 +8,8 @@ use crate::geometry::PosePrior;
 use crate::pose::Pose;
 use crate::reading::Reading;
 
-/// A new session: one object that rests in one frame and is touched.
+/// A new session: one object that is touched, and, but for the methods `appearance…`, rests
+/// in one frame.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CreateSession {
@@ -86,9 +87,14 @@ pub enum Method {
     GeometricHistogram,
     /// Maps of contact with the dissertation's particle filter, for its figures.
     GeometricParticles,
+    /// Bags of features: which object it is, not where. Needs a version that was trained with
+    /// `appearance`; poses are not needed, and the object may move between touches.
+    Appearance,
+    /// Bags of features with the rule as the dissertation prints it, for its figures.
+    AppearanceLiteral,
 }
 
-/// A session: one object that rests in one frame and is touched.
+/// A session: one object that is touched.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Session {
     /// The session's id.
@@ -221,6 +227,7 @@ pub struct Belief {
     /// Uncertainty about the identity in bits: 0 is certain, log2(n) knows nothing of n objects.
     pub entropy_bits: f64,
     /// Pose hypotheses, likeliest first. A symmetric object has several: do not average them.
+    /// Empty with the methods `appearance…`, which know nothing of poses.
     pub poses: Vec<PoseHypothesis>,
 }
 

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::appearance::{AppearanceSummary, AppearanceTraining};
 use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
 
 /// A named line of trained models, one of whose versions new sessions use.
@@ -85,7 +86,7 @@ pub struct CatalogueVersionPage {
 pub struct TrainingReport {
     /// The objects that it knows.
     pub objects: Vec<ObjectReport>,
-    /// Number of appearance classes in the vocabulary.
+    /// Number of appearance classes in the vocabulary of pair maps; 0 without pair maps.
     pub n_classes: u32,
     /// Memory of the pair index, in bytes.
     pub index_bytes: u64,
@@ -93,6 +94,9 @@ pub struct TrainingReport {
     pub seconds: f64,
     /// The seed of all its random choices.
     pub seed: u64,
+    /// What was learnt for the methods `appearance…`; null when nothing was asked for.
+    #[serde(default)]
+    pub appearance: Option<AppearanceSummary>,
 }
 
 /// What a training made of one object.
@@ -104,12 +108,13 @@ pub struct ObjectReport {
     pub name: String,
     /// How many readings it was trained from.
     pub n_readings: u32,
-    /// How many patches its map has.
+    /// How many patches its map has; 0 without pair maps.
     pub n_patches: u32,
     /// Memory of its pair index, in bytes.
     pub index_bytes: u64,
     /// Where the origin of the object's frame is in its mesh (or in the frame of its training
     /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
+    /// Zeros without pair maps.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub origin_in_mesh: [f64; 3],
     /// What was learnt of its geometry; null when nothing was asked for.
@@ -201,6 +206,20 @@ pub struct StartTraining {
     /// What to learn for the methods `geometric…`; nothing when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<GeometryTraining>,
+    /// What to learn for the methods `appearance…`; nothing when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub appearance: Option<AppearanceTraining>,
+    /// Whether to learn the maps of pairs of touches that `sva` needs; true when not given.
+    /// False suits readings without poses: only `appearance` is learnt then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pair_maps: Option<bool>,
+    /// A version of the same catalogue to add to: its vocabularies and what it knows of its
+    /// objects are kept bit by bit, only `objects` (those it does not know, when not given)
+    /// are trained. How they are trained is the version's matter: `n_classes`, `descriptor`,
+    /// `distance_range`, `geometry`, `appearance` and `pair_maps` must not be given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1)]
+    pub extend: Option<u32>,
     /// Whether new sessions use the version as soon as it is trained; true when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub activate: Option<bool>,
@@ -210,10 +229,32 @@ pub struct StartTraining {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Descriptor {
-    /// Magnitudes of the Fourier transform: does not change when the press is shifted.
-    Mnti,
-    /// The pressures themselves.
+    /// The pressures themselves: neither turns nor shifts are removed.
     Vectorize,
+    /// Histograms of gradients, turned to the dominant orientation.
+    Sift,
+    /// Largest responses of oriented filters in four windows: several features a press, so not
+    /// for methods that give each touch one appearance (`sva`, `sva_literal`).
+    Mr8,
+    /// The image turned to its principal axes.
+    MomentNormalized,
+    /// Fourier magnitudes of rings: does not change when the press is turned.
+    PolarFourier,
+    /// `polar_fourier` with each row divided by the root of its radius.
+    PolarFourierRw,
+    /// `polar_fourier` without the relations of neighbouring rings.
+    PolarFourierNi,
+    /// `polar_fourier` and what tells a press from its mirror image.
+    PolarFourierSigned,
+    /// Fourier magnitudes of the image turned to its principal axes: changes little when the
+    /// press is turned or shifted.
+    Mnti,
+    /// Derivatives at the centre along the gradient: a control.
+    Steerable,
+    /// Responses of round filters: a control.
+    Schmid,
+    /// Strengths of spatial frequencies without place and direction, for large arrays.
+    PolarSpectrum,
 }
 
 /// A range of distances between touches, in 40 steps.
@@ -306,6 +347,9 @@ pub enum JobStage {
     Mapping,
     /// Learning maps of contact and pressure; steps are objects.
     Geometry,
+    /// Learning classes of appearance, then the objects' histograms; steps are the candidates
+    /// for the number of classes and the objects.
+    Appearance,
     /// Writing the version.
     Storing,
 }

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use palpate_core::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions};
 use palpate_core::belief::answer::Answer;
 use palpate_core::filter::particle::ParticleOptions;
 use palpate_core::geometric::{
@@ -12,23 +13,25 @@ use palpate_core::geometric::{
     PrintedFilter,
 };
 use palpate_core::model::ObjectIdx;
+use palpate_core::model::appearance::AppearanceSource;
 use palpate_core::reading::Reading;
 use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
 use palpate_schemas::{FieldError, Method};
-use palpate_store::entity::Session;
+use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
 
 use crate::catalogues::Model;
 use crate::refusal::Refusal;
 use crate::wire::geometry::core_prior;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
-use crate::wire::session::{Options, options};
+use crate::wire::session::{Options, is_appearance, name, options};
 
 /// A belief, by method.
 pub(crate) enum SessionBelief {
     Sva(SvaBelief),
     Geometric(GeometricBelief),
+    Appearance(AppearanceBelief),
 }
 
 /// How probable each coordinate of an object's pose is.
@@ -45,6 +48,10 @@ pub(crate) enum BeliefError {
     Recognise(#[from] RecogniseError),
     #[error(transparent)]
     Geometric(#[from] GeometricError),
+    #[error(transparent)]
+    Appearance(#[from] AppearanceError),
+    #[error("a reading has no pose, which the session's method needs")]
+    PoseMissing,
     #[error("an option that the session's method needs is not stored")]
     OptionMissing,
     #[error(transparent)]
@@ -65,6 +72,14 @@ impl SessionBelief {
             Method::SvaLiteral => {
                 return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::literal(), prior)?));
             }
+            Method::Appearance => {
+                let options = AppearanceOptions::default();
+                return Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?));
+            }
+            Method::AppearanceLiteral => {
+                let options = AppearanceOptions::literal();
+                return Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?));
+            }
             Method::Geometric => GeometricFilter::Adaptive(AdaptiveOptions::default()),
             Method::GeometricHistogram => {
                 let n = options.bins.ok_or(BeliefError::OptionMissing)?.map(|n| n as usize);
@@ -80,13 +95,21 @@ impl SessionBelief {
         Ok(Self::Geometric(GeometricBelief::new(catalogue, options, prior)?))
     }
 
-    /// Takes a reading into account.
+    /// Takes a reading into account: as it is `stored`, and as core knows it.
     pub(crate) fn add(
         &mut self,
+        stored: &StoredReading,
         reading: &Reading,
         sensor: &SensorDescription,
     ) -> Result<(), BeliefError> {
         match self {
+            Self::Appearance(belief) => match &stored.feature {
+                Some(feature) => Ok(belief.add_feature(feature)?),
+                None => Ok(belief.add(reading, sensor)?),
+            },
+            Self::Sva(_) | Self::Geometric(_) if stored.session_from_sensor.is_none() => {
+                Err(BeliefError::PoseMissing)
+            }
             Self::Sva(belief) => Ok(belief.add(reading, sensor)?),
             Self::Geometric(belief) => Ok(belief.add(reading, sensor)?),
         }
@@ -97,6 +120,7 @@ impl SessionBelief {
         match self {
             Self::Sva(belief) => belief.answer(n_modes),
             Self::Geometric(belief) => belief.answer(n_modes),
+            Self::Appearance(belief) => belief.answer(),
         }
     }
 
@@ -104,7 +128,7 @@ impl SessionBelief {
     /// keeps none or the object is impossible.
     pub(crate) fn marginals(&self, object: Option<ObjectIdx>) -> Option<ObjectMarginals> {
         let belief = match self {
-            Self::Sva(_) => return None,
+            Self::Sva(_) | Self::Appearance(_) => return None,
             Self::Geometric(belief) => belief,
         };
         let answer = belief.answer(0);
@@ -132,16 +156,27 @@ pub(crate) fn check(
 
 /// The field of a reading that a method cannot fold, and why.
 fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'static str, String)> {
-    let reading = &incoming.reading;
+    let (reading, stored) = (&incoming.reading, &incoming.stored);
+    if is_appearance(options.method) {
+        return unfit_for_appearance(model, incoming);
+    }
+    let method = name(options.method);
+    if stored.feature.is_some() {
+        let detail = format!("came with the method {method}, expected with `appearance…` only");
+        return Some(("feature", detail));
+    }
+    if stored.session_from_sensor.is_none() {
+        let detail = format!(
+            "is missing, expected the sensor's pose in the session frame: only the methods \
+             `appearance…` do without, {method} does not"
+        );
+        return Some(("pose", detail));
+    }
     match options.method {
+        Method::Appearance | Method::AppearanceLiteral => None,
         Method::Sva | Method::SvaLiteral => {
             let (vocabulary, image) = (&model.core.vocabulary, reading.image());
-            let error = RecogniseError::Shape {
-                rows: vocabulary.rows,
-                cols: vocabulary.cols,
-                found_rows: image.rows,
-                found_cols: image.cols,
-            };
+            let error = shape_error([vocabulary.rows, vocabulary.cols], reading);
             (!vocabulary.fits(image)).then(|| ("sensor", error.to_string()))
         }
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
@@ -150,4 +185,34 @@ fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'sta
             Some(("pose", error.to_string()))
         }
     }
+}
+
+/// The same for methods that compare appearance alone.
+fn unfit_for_appearance(model: &Model, incoming: &Incoming) -> Option<(&'static str, String)> {
+    let source = model.core.appearance.as_ref()?.vocabulary.source;
+    let feature = incoming.stored.feature.as_ref();
+    match (source, feature) {
+        (AppearanceSource::Image { rows, cols, .. }, Some(_)) => {
+            let error = AppearanceError::ImageExpected { rows, cols };
+            Some(("feature", format!("{error}: the version was trained on images")))
+        }
+        (AppearanceSource::Image { rows, cols, .. }, None) => {
+            let image = incoming.reading.image();
+            let error = shape_error([rows, cols], &incoming.reading);
+            ((image.rows, image.cols) != (rows, cols)).then(|| ("sensor", error.to_string()))
+        }
+        (AppearanceSource::External { dimension }, None) => {
+            Some(("feature", AppearanceError::FeatureExpected { dimension }.to_string()))
+        }
+        (AppearanceSource::External { dimension }, Some(feature)) => {
+            let (expected, found) = (dimension, feature.len());
+            let error = AppearanceError::Feature { expected, found };
+            (expected != found).then(|| ("feature", error.to_string()))
+        }
+    }
+}
+
+fn shape_error([rows, cols]: [usize; 2], reading: &Reading) -> RecogniseError {
+    let (found_rows, found_cols) = (reading.image().rows, reading.image().cols);
+    RecogniseError::Shape { rows, cols, found_rows, found_cols }
 }

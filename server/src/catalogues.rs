@@ -3,14 +3,16 @@
 //! A model is read from the store when a session first needs it and shared by all sessions
 //! that pin it; the last few stay in memory.
 
+mod appearance;
 mod maps;
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use dashmap::DashMap;
-use palpate_core::model::Catalogue as CoreCatalogue;
+use palpate_core::model::appearance::AppearanceModel;
 use palpate_core::model::geometry::GeometricModel;
+use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
 use palpate_store::database::Database;
@@ -43,6 +45,23 @@ impl Model {
             catalogue: self.name.clone(),
             version: self.version,
         })
+    }
+
+    /// What the version knows of its objects' appearance.
+    pub(crate) fn appearance(&self) -> Result<&Arc<AppearanceModel>, Refusal> {
+        self.core.appearance.as_ref().ok_or_else(|| Refusal::NoAppearance {
+            catalogue: self.name.clone(),
+            version: self.version,
+        })
+    }
+
+    /// The maps of pairs of touches, one an object.
+    pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
+        let maps = self.core.objects.as_slice();
+        if maps.len() == self.objects.len() {
+            return Ok(maps);
+        }
+        Err(Refusal::NoPairMaps { catalogue: self.name.clone(), version: self.version })
     }
 
     /// The place of an object among the model's, by its id or its name when it was trained.
@@ -144,7 +163,7 @@ impl Catalogues {
         let (from, limit) = (page_number(query)?, page_length(query)?);
         let (model, place) = self.object_of(name, version, object).await?;
         let from = usize::try_from(from).unwrap_or(usize::MAX);
-        Ok(training::object_map(&model.objects[place], &model.core.objects[place], from, limit))
+        Ok(training::object_map(&model.objects[place], &model.pair_maps()?[place], from, limit))
     }
 
     /// A version's model and the place of one of its objects, all as a path names them.
@@ -253,6 +272,18 @@ impl Catalogues {
 
     fn in_memory(&self, catalogue: Uuid, version: u32) -> Option<Arc<Model>> {
         self.models.get(&(catalogue, version)).and_then(|model| model.upgrade())
+    }
+
+    /// The manifest of a version of a named catalogue, and how it was trained.
+    pub(crate) fn manifest_of(
+        &self,
+        name: &str,
+        version: u32,
+    ) -> Result<(Manifest, training::VersionParameters), Refusal> {
+        let catalogue = self.find(name)?;
+        let manifest = self.manifest(&catalogue, version)?;
+        let parameters = training::parameters(&catalogue, &manifest)?;
+        Ok((manifest, parameters))
     }
 
     fn manifest(&self, catalogue: &Catalogue, version: u32) -> Result<Manifest, Refusal> {

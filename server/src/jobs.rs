@@ -6,18 +6,20 @@
 //! makes it the same training.
 
 mod control;
+mod plan;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use control::{CANCEL, Control, SUSPEND};
 use dashmap::DashMap;
+use palpate_core::model::Catalogue;
 use palpate_schemas as wire;
 use palpate_schemas::{JobStage, StartTraining};
-use palpate_store::catalogue::{Draft, VersionObject};
+use palpate_store::catalogue::{Draft, VersionObject, block_hash};
 use palpate_store::database::Database;
-use palpate_store::entity::{Job, JobState, Object};
-use palpate_store::model_codec::model_to_blocks;
+use palpate_store::entity::{Job, JobState};
+use palpate_store::model_codec::{APPEARANCE_BLOCK, model_to_blocks};
 use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
 
@@ -97,17 +99,8 @@ impl Jobs {
         catalogue: &str,
         request: &StartTraining,
     ) -> Result<wire::Job, Refusal> {
-        let mut training = convert::training::training(request)?;
-        let sensor = training.sensor.clone().unwrap_or_default();
-        let sensor = self.sensors.find(&sensor)?.ok_or_else(|| {
-            Refusal::field(
-                "/sensor",
-                format!("there is no sensor {sensor:?}, expected an id or a name"),
-            )
-        })?;
-        training.sensor = Some(sensor.id.to_string());
-        let objects = self.objects_of(&training)?;
-        training.objects = Some(objects.iter().map(|object| object.id.to_string()).collect());
+        let training = self.checked(catalogue, request)?;
+        let n_objects = training.objects.as_ref().map_or(0, Vec::len);
         let _starting = self.starting.lock().await;
         if self.unfinished.len() >= self.queue_max {
             return Err(Refusal::TrainingQueueFull { waiting: self.unfinished.len() });
@@ -129,7 +122,7 @@ impl Jobs {
             finished_at_ms: None,
         };
         self.store.jobs().create(&job).await?;
-        tracing::info!(job.id = %job.id, "Queued job {} for {} objects", job.id, objects.len());
+        tracing::info!(job.id = %job.id, "Queued job {} for {n_objects} objects", job.id);
         self.unfinished.insert(job.id, Arc::new(Control::new(shown(&job))));
         self.wake.notify_one();
         Ok(shown(&job))
@@ -246,52 +239,6 @@ impl Jobs {
         Ok(self.store.jobs().find(id)?)
     }
 
-    /// The objects of a training that have something to be trained from.
-    fn objects_of(&self, training: &StartTraining) -> Result<Vec<Object>, Refusal> {
-        let Some(references) = &training.objects else {
-            let mut objects = Vec::new();
-            for object in self.store.objects().all()? {
-                if self.has_data(&object)? {
-                    objects.push(object);
-                }
-            }
-            if objects.is_empty() {
-                let detail = "no object has data: upload a mesh or readings first";
-                return Err(Refusal::field("/objects", detail));
-            }
-            return Ok(objects);
-        };
-        if references.is_empty() {
-            return Err(Refusal::field("/objects", "came empty, expected at least one object"));
-        }
-        let mut objects: Vec<Object> = Vec::with_capacity(references.len());
-        for (index, reference) in references.iter().enumerate() {
-            let at = format!("/objects/{index}");
-            let object = match self.objects.find(reference) {
-                Err(missing @ Refusal::NotFound { .. }) => return Err(Refusal::field(at, missing)),
-                other => other?,
-            };
-            if objects.iter().any(|known| known.id == object.id) {
-                let detail = format!("object {:?} is named twice", object.name);
-                return Err(Refusal::field(at, detail));
-            }
-            if !self.has_data(&object)? {
-                let detail = format!(
-                    "object {:?} has no data: upload a mesh or readings first",
-                    object.name
-                );
-                return Err(Refusal::field(at, detail));
-            }
-            objects.push(object);
-        }
-        Ok(objects)
-    }
-
-    fn has_data(&self, object: &Object) -> Result<bool, Refusal> {
-        Ok(self.store.training().len(object.id)? > 0
-            || self.store.meshes().info(object.id)?.is_some())
-    }
-
     /// What becomes of a job that was running when the server stopped.
     async fn after_interruption(&self, job: Job) -> Result<Option<Job>, Refusal> {
         let made = self.catalogues.made_by(&job.catalogue, job.id)?;
@@ -347,22 +294,25 @@ impl Jobs {
         let training: StartTraining = serde_json::from_str(&job.request).map_err(|error| {
             Refusal::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }
         })?;
-        let plan = self.plan(&training)?;
+        let plan = self.plan(&job.catalogue, &training).await?;
         let (trained, blocks) = self.on_threads(plan, Arc::clone(control)).await?;
         let _ = control.tell(JobStage::Storing, 0, 1);
+        let objects: Vec<VersionObject> = trained
+            .objects
+            .iter()
+            .map(|object| VersionObject { id: object.id, name: object.name.clone() })
+            .collect();
         let report = wire::TrainingReport {
             n_classes: convert::count(trained.model.vocabulary.n_classes()),
             index_bytes: trained.objects.iter().map(|object| object.index_bytes).sum(),
             objects: trained.objects,
             seconds: started.elapsed().as_secs_f64(),
             seed: training.seed.unwrap_or_default(),
+            appearance: appearance_summary(&trained.model, &objects, &blocks),
         };
-        let objects = report.objects.iter();
         let draft = Draft {
             job: Some(job.id),
-            objects: objects
-                .map(|object| VersionObject { id: object.id, name: object.name.clone() })
-                .collect(),
+            objects,
             blocks,
             created_at_ms: now_ms(),
             parameters: serde_json::to_string(&VersionParameters {
@@ -374,25 +324,6 @@ impl Jobs {
         };
         let activate = training.activate.unwrap_or(true);
         Ok(self.catalogues.publish(&job.catalogue, draft, activate).await?)
-    }
-
-    fn plan(&self, training: &StartTraining) -> Result<Plan, Refusal> {
-        let references = training.objects.as_deref().unwrap_or_default();
-        let objects: Result<Vec<VersionObject>, Refusal> = references
-            .iter()
-            .map(|reference| {
-                let object = self.objects.find(reference)?;
-                Ok(VersionObject { id: object.id, name: object.name })
-            })
-            .collect();
-        Ok(Plan {
-            objects: objects?,
-            sensor: self.sensors.get(training.sensor.as_deref().unwrap_or_default())?,
-            readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
-            seed: training.seed.unwrap_or(1),
-            config: convert::training::config(training)?,
-            geometry: training.geometry.as_ref().map(convert::geometry::config),
-        })
     }
 
     /// Trains on the training threads and writes the model's blocks there.
@@ -408,7 +339,7 @@ impl Jobs {
             let progress = |stage, done, total| control.tell(stage, done, total);
             let training = std::panic::AssertUnwindSafe(|| {
                 let trained = train(&plan, &sources, &progress)?;
-                let ids: Vec<Uuid> = plan.objects.iter().map(|object| object.id).collect();
+                let ids: Vec<Uuid> = trained.objects.iter().map(|object| object.id).collect();
                 let blocks = model_to_blocks(&trained.model, &ids);
                 Ok((trained, blocks))
             });
@@ -449,6 +380,17 @@ impl Jobs {
             control.job.send_replace(shown(job));
         }
     }
+}
+
+/// What was learnt of appearance, in short.
+fn appearance_summary(
+    model: &Catalogue,
+    objects: &[VersionObject],
+    blocks: &[(String, Vec<u8>)],
+) -> Option<wire::AppearanceSummary> {
+    let (_, block) = blocks.iter().find(|(name, _)| name == APPEARANCE_BLOCK)?;
+    let appearance = model.appearance.as_ref()?;
+    Some(convert::appearance::summary(appearance, objects, &block_hash(block)))
 }
 
 type Outcome = (crate::training::Trained, Vec<(String, Vec<u8>)>);

@@ -370,7 +370,7 @@ impl Folding {
         let calibration = self.sensors.calibrations().of(sensor.id, stored.calibration)?;
         let reading = from_store(stored, &sensor, calibration.as_deref())
             .map_err(|error| self.unusable(&error))?;
-        belief.add(&reading, &sensor.description).map_err(|error| self.unusable(&error))
+        belief.add(stored, &reading, &sensor.description).map_err(|error| self.unusable(&error))
     }
 
     fn unusable(&self, error: &dyn std::error::Error) -> Refusal {

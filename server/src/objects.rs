@@ -164,7 +164,7 @@ impl Objects {
         let journal = self.store.training();
         for _ in 0..APPEND_ATTEMPTS {
             let before = journal.len(object.id)?;
-            self.check_sensor(&object, &readings)?;
+            self.check_like_first(&object, &readings)?;
             let entries = self.new_entries(&object, &readings)?;
             if before as usize + entries.len() > self.readings_max {
                 return Err(Refusal::ReadingsFull {
@@ -207,18 +207,27 @@ impl Objects {
         })
     }
 
-    /// Refuses readings of another sensor than the object's first: a map is of one.
-    fn check_sensor(&self, object: &Object, readings: &[Incoming]) -> Result<(), Refusal> {
-        let first = self.store.training().entry(object.id, 0)?;
-        let expected = match first.map(|entry| entry.event) {
-            Some(Event::Reading(reading)) => reading.sensor,
-            _ => readings[0].sensor.id,
+    /// Refuses readings of another sensor than the object's first, since a map is of one, and
+    /// features of another length.
+    fn check_like_first(&self, object: &Object, readings: &[Incoming]) -> Result<(), Refusal> {
+        let first = match self.store.training().entry(object.id, 0)?.map(|entry| entry.event) {
+            Some(Event::Reading(reading)) => reading,
+            _ => readings[0].stored.clone(),
         };
-        let Some(index) = readings.iter().position(|r| r.sensor.id != expected) else {
+        let length = |reading: &StoredReading| reading.feature.as_ref().map_or(0, Vec::len);
+        let is_other = |r: &Incoming| length(&r.stored) != length(&first);
+        if let Some(index) = readings.iter().position(is_other) {
+            let (found, expected) = (length(&readings[index].stored), length(&first));
+            let detail = format!(
+                "{found} values came, expected {expected} as in the object's first reading"
+            );
+            return Err(Refusal::field(format!("/readings/{index}/feature"), detail));
+        }
+        let Some(index) = readings.iter().position(|r| r.sensor.id != first.sensor) else {
             return Ok(());
         };
         let found = &readings[index].sensor.name;
-        let expected = self.sensors.get(&expected.to_string())?;
+        let expected = self.sensors.get(&first.sensor.to_string())?;
         let detail = format!(
             "came {found:?}, expected {:?} as in the object's first reading",
             expected.name

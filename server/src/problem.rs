@@ -111,6 +111,8 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::SessionClosed { .. }
         | Refusal::Untrained { .. }
         | Refusal::NoGeometry { .. }
+        | Refusal::NoAppearance { .. }
+        | Refusal::NoPairMaps { .. }
         | Refusal::NoMarginals { .. }
         | Refusal::ReadingsFull { .. }
         | Refusal::JobFinished { .. }

@@ -39,6 +39,16 @@ pub(crate) enum Refusal {
     )]
     NoGeometry { catalogue: String, version: u32 },
     #[error(
+        "version {version} of catalogue {catalogue:?} has no appearance: train one with \
+         `\"appearance\": {{}}`"
+    )]
+    NoAppearance { catalogue: String, version: u32 },
+    #[error(
+        "version {version} of catalogue {catalogue:?} has no pair maps: it was trained with \
+         `\"pair_maps\": false`, use the methods `appearance…`"
+    )]
+    NoPairMaps { catalogue: String, version: u32 },
+    #[error(
         "session {session} has no marginals: its method keeps no probabilities of poses, or its \
          readings rule the object out"
     )]

@@ -39,6 +39,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(training::list_versions))
         .routes(routes!(training::get_version))
         .routes(routes!(training::get_report))
+        .routes(routes!(training::get_appearance_report))
         .routes(routes!(training::get_object_map))
         .routes(routes!(maps::get_occupancy))
         .routes(routes!(maps::get_occupancy_png))

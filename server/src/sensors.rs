@@ -99,7 +99,9 @@ impl Sensors {
             return Err(Refusal::field("/sensor", detail));
         }
         let applied = self.calibrations.newest(expected.id)?;
-        Ok(sensor::check(&incoming.reading, &expected.description, applied.as_ref()))
+        let pose = incoming.stored.session_from_sensor;
+        let description = &expected.description;
+        Ok(sensor::check(&incoming.reading, pose, description, applied.as_ref()))
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Refusal> {

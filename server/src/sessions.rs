@@ -321,7 +321,6 @@ pub(crate) fn is_last(event: &SessionEvent) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::pose::Pose;
     use palpate_store::entity::{Method, StoredReading};
     use palpate_store::journal::NewEntry;
 
@@ -349,10 +348,11 @@ mod tests {
         assert_eq!((closed_at(5999), closed_at(6000)), (None, Some(6000)));
         let reading = Event::Reading(StoredReading {
             sensor: Uuid::nil(),
-            session_from_sensor: Pose::IDENTITY,
+            session_from_sensor: None,
             pressures: vec![None],
             stamp_ns: None,
             calibration: 0,
+            feature: None,
         });
         let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
         store.journal().append(session.id, 0, &[entry]).await.unwrap();

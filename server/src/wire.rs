@@ -5,6 +5,7 @@
 //! the types; everything else that core would choke on is refused here.
 
 pub(crate) mod analysis;
+pub(crate) mod appearance;
 pub(crate) mod calibration;
 pub(crate) mod geometry;
 pub(crate) mod object;

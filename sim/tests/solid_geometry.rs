@@ -52,6 +52,7 @@ fn catalogue() -> Arc<Catalogue> {
         association,
         objects: vec![],
         geometry: Some(Arc::new(geometry)),
+        appearance: None,
     })
 }
 

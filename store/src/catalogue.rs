@@ -295,7 +295,7 @@ impl Catalogues {
     }
 
     async fn write_block(&self, name: String, content: &[u8]) -> Result<BlockEntry, StoreError> {
-        let hash = *blake3::hash(content).as_bytes();
+        let hash = block_hash(content);
         let entry = BlockEntry { name, hash, length: content.len() as u64 };
         // A block that reads back whole is shared; one that does not is written again.
         if self.block(&entry).is_err() {
@@ -305,6 +305,12 @@ impl Catalogues {
         }
         Ok(entry)
     }
+}
+
+/// The hash under which a block is stored: versions that share a block share it.
+#[must_use]
+pub fn block_hash(content: &[u8]) -> [u8; 32] {
+    *blake3::hash(content).as_bytes()
 }
 
 impl Entity for Catalogue {

@@ -144,8 +144,8 @@ pub struct Session {
 pub struct StoredReading {
     /// The sensor that took it.
     pub sensor: Uuid,
-    /// Where the sensor was (in training: `object_from_sensor`).
-    pub session_from_sensor: Pose,
+    /// Where the sensor was (in training: `object_from_sensor`); `None` when it was not known.
+    pub session_from_sensor: Option<Pose>,
     /// Pressures in pascal in the driver's order; `None` is a taxel without a value.
     pub pressures: Vec<Option<f64>>,
     /// The robot's own time stamp, nanoseconds of its own clock.
@@ -153,6 +153,8 @@ pub struct StoredReading {
     /// The number of the sensor's calibration that the pressures, which are stored as they
     /// came, are to be corrected with; 0 is none.
     pub calibration: u32,
+    /// The client's own code of the press: finite numbers.
+    pub feature: Option<Vec<f64>>,
 }
 
 impl StoredReading {

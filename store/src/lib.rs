@@ -33,6 +33,8 @@ pub mod calibration;
 
 pub mod mesh;
 
+mod descriptor_code;
+
 pub mod model_codec;
 
 pub mod catalogue;

@@ -1,28 +1,32 @@
 //! Trained models ↔ blocks: one for the vocabulary, one for each object's map, and where
-//! geometry was trained the blocks of `geometry`.
+//! geometry or appearance were trained the blocks of `geometry` and `appearance`.
 //!
 //! Blocks are raw little-endian arrays behind a short header, drawn in `docs/formats.md`.
 //! That a block is whole is checked before it comes here (envelope and hash); here it is
 //! checked that its numbers make a model. A map's block does not know its place in the
 //! catalogue, so versions share the maps of objects that were not trained again.
 
+mod appearance;
 mod geometry;
 mod reader;
+mod writer;
 
 use std::sync::Arc;
 
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::geometry::ClassTableError;
 use palpate_core::model::{Catalogue, MapPatch, ObjectMap};
 use palpate_core::occupancy::GridError;
 use palpate_core::patch_pair::distance::DistanceBinsError;
 use palpate_core::patch_pair::index::Posting;
 use palpate_core::patch_pair::{DistanceBins, PairIndex};
+use palpate_core::vocabulary::gmm::MixtureError;
 use palpate_core::vocabulary::{AssociationRule, MAX_CLASSES, Vocabulary};
 use reader::Reader;
 use thiserror::Error;
 use uuid::Uuid;
 
+use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
+pub use appearance::{APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, appearance_block_name};
 pub use geometry::{GEOMETRY_BLOCK, geometry_block_name};
 
 /// The name of the vocabulary's block.
@@ -97,6 +101,20 @@ pub enum CodecError {
         /// What was found.
         found: f64,
     },
+    /// The classes of appearance are not a mixture.
+    #[error(transparent)]
+    Mixture(#[from] MixtureError),
+    /// Parts of an appearance vocabulary, or of an object's appearance, that do not fit.
+    #[error("the parts of the appearance model do not fit together")]
+    Appearance,
+    /// A report of other objects than the model's.
+    #[error("report of {found} objects, expected the model's {expected}")]
+    Report {
+        /// Objects of the model.
+        expected: usize,
+        /// Objects of the report.
+        found: usize,
+    },
     /// A map was built over another vocabulary.
     #[error("map has {found} classes, expected the vocabulary's {expected}")]
     Classes {
@@ -117,12 +135,15 @@ pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<
         .zip(&model.objects)
         .map(|(object, map)| (map_block_name(*object), map_to_block(map)));
     let geometry = model.geometry.iter().flat_map(|model| geometry::to_blocks(model, objects));
-    std::iter::once(vocabulary).chain(maps).chain(geometry).collect()
+    let appearance =
+        model.appearance.iter().flat_map(|model| appearance::to_blocks(model, objects));
+    std::iter::once(vocabulary).chain(maps).chain(geometry).chain(appearance).collect()
 }
 
 /// The model of a version's blocks. `objects` are the ids of its objects, in its order;
 /// other blocks are left alone. Without the block [`GEOMETRY_BLOCK`] the model has no
-/// geometry.
+/// geometry, without [`APPEARANCE_BLOCK`] no appearance; without a map of any object it has
+/// no maps.
 ///
 /// # Errors
 /// [`CodecError`] names what is missing or does not fit.
@@ -145,13 +166,21 @@ pub fn model_from_blocks(
             Err(CodecError::Classes { expected, found })
         }
     };
-    let maps = objects.iter().map(map).collect::<Result<_, _>>()?;
+    let has_maps = objects.iter().any(|object| find(&map_block_name(*object)).is_some());
+    let mapped = if has_maps { objects } else { &[] };
+    let maps = mapped.iter().map(map).collect::<Result<_, _>>()?;
     let geometry = find(GEOMETRY_BLOCK).map(|shared| {
         let block = |object: &Uuid| block(geometry_block_name(*object));
         geometry::from_blocks(shared, objects.iter().map(block))
     });
     let geometry = geometry.transpose()?.map(Arc::new);
-    Ok(Catalogue { vocabulary, association, objects: maps, geometry })
+    let appearance = find(APPEARANCE_BLOCK).map(|shared| {
+        let report = block(APPEARANCE_REPORT_BLOCK.to_owned())?;
+        let block = |object: &Uuid| block(appearance_block_name(*object));
+        appearance::from_blocks(shared, report, objects.iter().map(block))
+    });
+    let appearance = appearance.transpose()?.map(Arc::new);
+    Ok(Catalogue { vocabulary, association, objects: maps, geometry, appearance })
 }
 
 /// The block of a model's vocabulary and association rule.
@@ -181,20 +210,18 @@ pub fn vocabulary_to_block(model: &Catalogue) -> Vec<u8> {
     block
 }
 
-/// The vocabulary and association rule of a block.
+/// The vocabulary and association rule of a block; a model without maps has no classes.
 ///
 /// # Errors
 /// [`CodecError`] says which number is wrong.
 pub fn vocabulary_from_block(block: &[u8]) -> Result<(Vocabulary, AssociationRule), CodecError> {
     let mut reader = Reader::new(block)?;
-    let descriptor = match reader.count("descriptor", 1, 2)? {
-        1 => DescriptorKind::Vectorize,
-        _ => DescriptorKind::Mnti,
-    };
+    let code = reader.count("descriptor", 1, DESCRIPTORS.len() as u32)?;
+    let descriptor = DESCRIPTORS[code - 1];
     let rows = reader.count("rows", 1, 1024)?;
     let cols = reader.count("cols", 1, 1024)?;
-    let n_values = reader.count("values of a feature", 1, 1 << 20)?;
-    let n_classes = reader.count("classes", 1, MAX_CLASSES as u32)?;
+    let n_values = reader.count("values of a feature", 0, 1 << 20)?;
+    let n_classes = reader.count("classes", 0, MAX_CLASSES as u32)?;
     let max_classes = reader.count("classes of a feature", 1, MAX_CLASSES as u32)?;
     let threshold = reader.floats("threshold", 1)?[0];
     let mean = reader.floats("mean", n_values)?;
@@ -295,126 +322,9 @@ fn posting(bytes: &[u8; 6]) -> Posting {
     }
 }
 
-fn descriptor_code(descriptor: DescriptorKind) -> u32 {
-    match descriptor {
-        DescriptorKind::Vectorize => 1,
-        DescriptorKind::Mnti => 2,
-    }
-}
-
 fn count(n: usize) -> u32 {
     u32::try_from(n).expect("a model's counts fit into 32 bits: a map has at most 65,536 patches")
 }
 
 #[cfg(test)]
-mod tests {
-    use palpate_core::patch::Patch;
-    use palpate_core::rng::{Purpose, Stream};
-    use palpate_core::vocabulary::{Association, ClassIdx};
-
-    use super::*;
-
-    fn map(n_patches: usize, seed: u64) -> ObjectMap {
-        let mut stream = Stream::new(seed, Purpose::Sampling, 0);
-        let patches: Vec<Patch> = (0..n_patches)
-            .map(|patch| Patch {
-                position: stream.direction() * 0.04,
-                normal: stream.direction(),
-                normal_confidence: 0.5,
-                classes: vec![
-                    Association { class: ClassIdx((patch % 3) as u8), weight: 0.75 },
-                    Association { class: ClassIdx(((patch + 1) % 3) as u8), weight: 0.25 },
-                ],
-            })
-            .collect();
-        let distances = DistanceBins::new(0.008, 0.08, 40).unwrap();
-        ObjectMap::build(&patches, [0.1, 0.2, 0.3].into(), 3, distances).unwrap()
-    }
-
-    fn model() -> Catalogue {
-        let medoid = |class: usize| (0..36).map(|value| (value * class) as f64 / 7.0).collect();
-        Catalogue {
-            vocabulary: Vocabulary {
-                descriptor: DescriptorKind::Mnti,
-                rows: 6,
-                cols: 7,
-                mean: vec![0.25; 36],
-                medoids: (0..3).map(medoid).collect(),
-                spreads: vec![0.1, 0.2, 0.3],
-            },
-            association: AssociationRule { threshold: 0.75, max_classes: 4 },
-            objects: vec![Arc::new(map(30, 1)), Arc::new(map(12, 2))],
-            geometry: None,
-        }
-    }
-
-    const OBJECTS: [Uuid; 2] = [Uuid::from_u128(1), Uuid::from_u128(2)];
-
-    #[test]
-    fn a_model_comes_back_bit_by_bit() {
-        let blocks = model_to_blocks(&model(), &OBJECTS);
-        assert_eq!(blocks.len(), 3);
-        assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model()));
-    }
-
-    #[test]
-    fn a_model_with_geometry_comes_back_and_needs_the_geometry_of_every_object() {
-        let geometry = Some(Arc::new(geometry::tests::model()));
-        let model = Catalogue { geometry, ..model() };
-        let blocks = model_to_blocks(&model, &OBJECTS);
-        assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
-        let missing = model_from_blocks(&blocks[..5], &OBJECTS).unwrap_err();
-        assert_eq!(missing, CodecError::Missing { name: geometry_block_name(OBJECTS[1]) });
-    }
-
-    #[test]
-    fn an_object_may_be_left_out_or_be_in_another_place() {
-        let blocks = model_to_blocks(&model(), &OBJECTS);
-        let turned = model_from_blocks(&blocks, &[OBJECTS[1]]).unwrap();
-        assert_eq!(turned.objects, [Arc::clone(&model().objects[1])]);
-        let missing = model_from_blocks(&blocks[..2], &OBJECTS).unwrap_err();
-        assert_eq!(missing, CodecError::Missing { name: map_block_name(OBJECTS[1]) });
-    }
-
-    #[test]
-    fn a_cut_or_longer_block_is_refused() {
-        for block in [vocabulary_to_block(&model()), map_to_block(&map(12, 3))] {
-            let decodes = |block: &[u8]| {
-                vocabulary_from_block(block).is_ok() || map_from_block(block).is_ok()
-            };
-            assert!(decodes(&block));
-            for length in 0..block.len() {
-                assert!(!decodes(&block[..length]), "{length} of {}", block.len());
-            }
-            assert!(!decodes(&[block, vec![0]].concat()));
-        }
-    }
-
-    #[test]
-    fn what_does_not_fit_is_named() {
-        let block = map_to_block(&map(12, 3));
-        let with = |at: usize, bytes: &[u8]| {
-            let mut block = block.clone();
-            block[at..at + bytes.len()].copy_from_slice(bytes);
-            map_from_block(&block).unwrap_err()
-        };
-        assert_eq!(with(0, &9u32.to_le_bytes()), CodecError::Form { found: 9 });
-        assert!(matches!(with(8, &0u32.to_le_bytes()), CodecError::Count { field: "classes", .. }));
-        assert!(matches!(with(20, &9f64.to_le_bytes()), CodecError::Distances(_)));
-        let nan = with(60, &f32::NAN.to_le_bytes());
-        assert!(matches!(nan, CodecError::Finite { field: "patches", .. }));
-        // The last posting's first patch.
-        assert_eq!(with(block.len() - 6, &12u16.to_le_bytes()), CodecError::Index);
-        // The first offset.
-        assert_eq!(with(60 + 12 * 28, &1u32.to_le_bytes()), CodecError::Index);
-    }
-
-    #[test]
-    fn a_map_over_another_vocabulary_is_refused() {
-        let mut other = model();
-        other.vocabulary.medoids.pop();
-        other.vocabulary.spreads.pop();
-        let error = model_from_blocks(&model_to_blocks(&other, &OBJECTS), &OBJECTS).unwrap_err();
-        assert_eq!(error, CodecError::Classes { expected: 2, found: 3 });
-    }
-}
+mod tests;

@@ -46,6 +46,7 @@ const CORE_ORDER: &[&str] = &[
     "train",
     "recognise",
     "geometric",
+    "appearance",
 ];
 
 fn root() -> PathBuf {

@@ -57,8 +57,9 @@ async fn train(client: &Client) {
             sensor: SENSOR.to_owned(),
             frame_id: None,
             stamp: None,
-            pose: wire_pose(reading.session_from_sensor()),
+            pose: Some(wire_pose(reading.session_from_sensor())),
             image: image(reading),
+            feature: None,
         };
         let readings = AddTrainingReadings { readings: readings.iter().map(wire).collect() };
         client.add_training_readings(&symbol.to_string(), &readings).await.unwrap();

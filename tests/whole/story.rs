@@ -12,8 +12,8 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 use palpate_schemas::{
-    Belief, BeliefQuery, CreateObject, CreateSession, JobState, MeshFormat, MeshUnit, PageQuery,
-    StartTraining,
+    AppearanceTraining, Belief, BeliefQuery, CreateObject, CreateSession, JobState, MeshFormat,
+    MeshUnit, Method, PageQuery, StartTraining,
 };
 use palpate_server::{Config, Server};
 use palpate_sim::press::PressSimulator;
@@ -30,13 +30,13 @@ async fn start(folder: &Path) -> (Server, Client) {
     (server, client)
 }
 
-/// Twelve touches that training never saw.
-fn unseen_touches(object: &str) -> Vec<Reading> {
+/// Touches that training never saw.
+fn unseen_touches(object: &str, n: usize) -> Vec<Reading> {
     let mesh = shapes::example(object).unwrap();
     let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
     let config = SamplerConfig::for_simulator(&simulator);
     let mut go_on = |_, _| ControlFlow::Continue(());
-    sample(&simulator, SensorId(0), 12, 4_711, &config, &mut go_on).unwrap()
+    sample(&simulator, SensorId(0), n, 4_711, &config, &mut go_on).unwrap()
 }
 
 async fn train(client: &Client) {
@@ -47,8 +47,12 @@ async fn train(client: &Client) {
         let report = client.put_mesh(name, MeshFormat::Stl, MeshUnit::M, file).await.unwrap();
         assert!(report.warnings.is_empty(), "{report:?}");
     }
-    let training =
-        StartTraining { readings_per_object: Some(500), seed: Some(1), ..StartTraining::default() };
+    let training = StartTraining {
+        readings_per_object: Some(500),
+        seed: Some(1),
+        appearance: Some(AppearanceTraining::default()),
+        ..StartTraining::default()
+    };
     let job = client.start_training("default", &training).await.unwrap();
     let job = client.follow_job(job.id, |_| ()).await.unwrap();
     assert_eq!(job.state, JobState::Succeeded, "{job:?}");
@@ -60,7 +64,7 @@ async fn recognise(client: &Client, object: &str, seed: u64) -> (TouchSession, B
     let session_from_mesh = Pose::from_parts(stream.rotation(), 0.3 * stream.direction());
     let mut session = client.touch_session(&CreateSession::default(), "arm").await.unwrap();
     let mut last = None;
-    for reading in unseen_touches(object) {
+    for reading in unseen_touches(object, 12) {
         let pose = reading.moved_by(session_from_mesh).session_from_sensor();
         let pose = palpate_schemas::Pose {
             position: pose.translation.to_array(),
@@ -82,6 +86,23 @@ async fn recognise(client: &Client, object: &str, seed: u64) -> (TouchSession, B
     (session, belief)
 }
 
+/// Touches an object that moves as it likes, by a robot that knows no poses.
+async fn recognise_by_appearance(client: &Client, object: &str) -> (TouchSession, Belief) {
+    let request = CreateSession { method: Some(Method::Appearance), ..CreateSession::default() };
+    let mut session = client.touch_session(&request, "arm").await.unwrap();
+    let mut last = None;
+    for reading in unseen_touches(object, 40) {
+        let image = reading.image().pressures.iter().copied().map(Some).collect();
+        let pose = None::<palpate_schemas::Pose>;
+        last = Some(session.touch(SENSOR, pose, image).await.unwrap());
+    }
+    let belief = last.unwrap();
+    assert_eq!(belief.objects[0].name, object, "{belief:?}");
+    assert!(belief.objects[0].probability > 0.8, "{belief:?}");
+    assert!(belief.poses.is_empty());
+    (session, belief)
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn objects_are_recognised_and_a_restart_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -90,7 +111,11 @@ async fn objects_are_recognised_and_a_restart_changes_nothing() {
     let mut before = Vec::new();
     for object in OBJECTS {
         before.push(recognise(&client, object, 1).await);
+        before.push(recognise_by_appearance(&client, object).await);
     }
+    let report = client.appearance_report("default", 1).await.unwrap();
+    assert_eq!(report.objects.len(), OBJECTS.len());
+    assert!(report.accuracy > 0.9, "{report:?}");
     server.shutdown().await;
 
     let (server, client) = start(folder.path()).await;

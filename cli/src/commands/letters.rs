@@ -240,11 +240,12 @@ fn readings(font: &Font, args: &PressArgs) -> anyhow::Result<Vec<schemas::Readin
                 sensor: SENSOR.name().to_owned(),
                 frame_id: None,
                 stamp: None,
-                pose: schemas::Pose {
+                pose: Some(schemas::Pose {
                     position: pose.translation.to_array(),
                     orientation: pose.rotation.to_array(),
-                },
+                }),
                 image: reading.image().pressures.iter().copied().map(Some).collect(),
+                feature: None,
             }
         })
         .collect())
@@ -311,7 +312,7 @@ mod tests {
         assert_eq!((readings[0].seq, readings[191].seq), (Some(192), Some(383)));
         assert!(readings.iter().all(|reading| reading.image.len() == 36));
         // Over the lower left of the letter, looking down: −0.8 · 1.016 mm below the face.
-        let [x, y, z] = readings[0].pose.position;
+        let [x, y, z] = readings[0].pose.unwrap().position;
         assert!((x + 10.2 * MM).abs() < 1e-12 && (y + 10.2 * MM).abs() < 1e-12);
         assert!((z + 0.8128 * MM).abs() < 1e-12);
     }
@@ -323,7 +324,7 @@ mod tests {
         // A quarter turn and 5 mm along x: (−10.2, −10.2) goes to (10.2 + 5, −10.2) mm.
         let moved = parse_pose("5,0,90").unwrap();
         let moved = readings(&font, &args(Some(moved), None)).unwrap();
-        let [x, y, _] = moved[0].pose.position;
+        let [x, y, _] = moved[0].pose.unwrap().position;
         assert!((x - 15.2 * MM).abs() < 1e-12 && (y + 10.2 * MM).abs() < 1e-12, "{x}, {y}");
         assert_eq!(still[7].image, moved[7].image);
     }

@@ -191,13 +191,16 @@ async fn readings(action: ReadingsAction, context: &Context) -> anyhow::Result<(
                 output::table(
                     ["index", "robot", "seq", "position (m)", "largest"],
                     page.items.iter().map(|reading| {
-                        let [x, y, z] = reading.pose.position;
+                        let place = reading.pose.map_or("–".to_owned(), |pose| {
+                            let [x, y, z] = pose.position;
+                            format!("{x:.3} {y:.3} {z:.3}")
+                        });
                         let largest = reading.image.iter().flatten().fold(0.0, |a, b| b.max(a));
                         [
                             reading.index.to_string(),
                             reading.robot.clone().unwrap_or_default(),
                             reading.seq.map(|seq| seq.to_string()).unwrap_or_default(),
-                            format!("{x:.3} {y:.3} {z:.3}"),
+                            place,
                             format!("{largest:.0} Pa"),
                         ]
                     }),

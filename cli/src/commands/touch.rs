@@ -49,7 +49,8 @@ pub(crate) struct TouchArgs {
     /// How to recognise [default: sva]. The methods `geometric…` need a version trained with
     /// `--geometry`: planar, and the robot presses straight down within 8 mm of where a camera
     /// saw the object; or solid, and it touches from all sides, and the camera is right to
-    /// within 8 mm and 0.2 rad.
+    /// within 8 mm and 0.2 rad. The methods `appearance…` need one trained with
+    /// `--appearance`; the robot sends no poses then.
     #[arg(long, value_enum)]
     method: Option<TouchMethod>,
     /// The robot's sensor.
@@ -70,6 +71,10 @@ enum TouchMethod {
     GeometricHistogram,
     /// Maps of contact with the printed particle filter.
     GeometricParticles,
+    /// Bags of features: which object, not where.
+    Appearance,
+    /// Bags of features as printed.
+    AppearanceLiteral,
 }
 
 impl TouchMethod {
@@ -80,6 +85,8 @@ impl TouchMethod {
             Self::Geometric => Method::Geometric,
             Self::GeometricHistogram => Method::GeometricHistogram,
             Self::GeometricParticles => Method::GeometricParticles,
+            Self::Appearance => Method::Appearance,
+            Self::AppearanceLiteral => Method::AppearanceLiteral,
         }
     }
 }
@@ -114,6 +121,9 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         pose_prior: is_geometric(method).then(|| robot.pose_prior(truth.origin_in_mesh)),
         ..CreateSession::default()
     };
+    if is_appearance(method) {
+        robot = robot.without_poses();
+    }
     let mut session = client.touch_session(&session, "simulated").await?;
     // All readings are wanted: no probability is reached.
     let rule = StopRule {
@@ -143,16 +153,26 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         let last = &result.last;
         let verdict = if touched.right { "right" } else { "wrong" };
         let answer = last.object.as_deref().unwrap_or("nothing");
-        format!(
-            "\n{verdict}: {answer} with {:.1} %; it was {}; off by {} and {}\n{}",
+        let identity = format!(
+            "\n{verdict}: {answer} with {:.1} %; it was {}",
             last.probability * 100.0,
-            touched.truth,
+            touched.truth
+        );
+        if is_appearance(method) {
+            return identity;
+        }
+        format!(
+            "{identity}; off by {} and {}\n{}",
             last.position_error.map_or("–".to_owned(), output::mm),
             last.angle_error.map_or("–".to_owned(), output::degrees),
             output::PLAIN_ANGLES,
         )
     })?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }
+}
+
+fn is_appearance(method: Option<Method>) -> bool {
+    matches!(method, Some(Method::Appearance | Method::AppearanceLiteral))
 }
 
 fn is_geometric(method: Option<Method>) -> bool {

@@ -1,5 +1,7 @@
 //! `palpate train`: asks for a training, shows how far it is, and what came out.
 
+mod appearance;
+
 use std::io::{IsTerminal, Write};
 
 use clap::{Args, ValueEnum};
@@ -13,12 +15,16 @@ use super::Context;
 use crate::exit::Ended;
 use crate::output::{self, Output};
 use crate::progress::TrainingProgress;
+use appearance::{AppearanceArgs, DescriptorName, appearance_words};
 
 /// Arguments of `palpate train`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate train\n  \
     palpate train mug hammer --readings-per-object 500 --seed 3\n  \
-    palpate train A E I O U --geometry planar\n\n\
+    palpate train --descriptor polar_fourier\n  \
+    palpate train A E I O U --geometry planar\n  \
+    palpate train --appearance --appearance-classes 24,48,96\n  \
+    palpate train cup --extend 3\n\n\
     Ctrl-C asks whether to cancel the training; without a terminal it goes on in the server.")]
 pub(crate) struct TrainArgs {
     /// Ids or names of the objects; all that have a mesh or readings when none is given.
@@ -38,6 +44,9 @@ pub(crate) struct TrainArgs {
     /// Number of appearance classes [default: 25].
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=255))]
     classes: Option<u32>,
+    /// How a press becomes a feature [default: mnti].
+    #[arg(long, value_enum)]
+    descriptor: Option<DescriptorName>,
     /// Also learn maps of contact, for sessions with the methods `geometric…`: of a plane
     /// that is pressed from above, or of a solid.
     #[arg(long, value_enum)]
@@ -45,6 +54,13 @@ pub(crate) struct TrainArgs {
     /// The side of a cell of these maps, 0.1 to 50 mm [default: what suits the kind].
     #[arg(long, requires = "geometry", value_parser = parse_cell_mm)]
     cell_mm: Option<f64>,
+    #[command(flatten)]
+    appearance: AppearanceArgs,
+    /// A version to add to: its vocabularies and other objects stay as they are, only the
+    /// named objects (those it does not know, when none is named) are trained, in its way.
+    #[arg(long, value_name = "VERSION", value_parser = clap::value_parser!(u32).range(1..),
+        conflicts_with_all = ["classes", "descriptor", "geometry", "AppearanceArgs"])]
+    extend: Option<u32>,
     /// Do not wait: print the job and leave.
     #[arg(long)]
     detach: bool,
@@ -88,7 +104,11 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
         readings_per_object: args.readings_per_object,
         seed: args.seed,
         n_classes: args.classes,
+        descriptor: args.descriptor.map(DescriptorName::wire),
         geometry,
+        appearance: args.appearance.wire(),
+        pair_maps: args.appearance.no_pair_maps.then_some(false),
+        extend: args.extend,
         ..StartTraining::default()
     };
     let job = context.client.start_training(&args.catalogue, &training).await?;
@@ -180,14 +200,15 @@ fn trained_words(trained: &Trained) -> String {
         }),
     );
     format!(
-        "{objects}\n\ntrained version {} of {} in {:.1} s: {} objects, {} classes, {:.1} MB{}",
+        "{objects}\n\ntrained version {} of {} in {:.1} s: {} objects, {} classes, {:.1} MB{}{}",
         version.version,
         version.catalogue,
         report.seconds,
         report.objects.len(),
         report.n_classes,
         report.index_bytes as f64 / 1e6,
-        if version.is_current { ", current" } else { "" }
+        if version.is_current { ", current" } else { "" },
+        report.appearance.as_ref().map_or(String::new(), appearance_words),
     )
 }
 

@@ -4,31 +4,119 @@
 //! each side grows to ⌈1.5 n⌉ by a periodic ramp (border/2, 0, border/2), and the lowest
 //! frequencies, as many as the original image has, stay without their conjugate duplicates.
 
-use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
 
-use super::moment_normalized::moment_normalize;
+use super::fourier::Fourier;
+use super::moment_normalized::MomentNormalizer;
+use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
-/// The MNTI descriptor, not normalised: (cols / 2 + 1) × rows magnitudes, less the conjugate
-/// duplicates in the columns of frequency 0 and, for an even width, of the highest one.
-#[must_use]
-pub fn mnti(image: &TactileImage) -> Vec<f64> {
-    let turned = moment_normalize(image).image;
-    let (rows, cols) = (enlarged(image.rows), enlarged(image.cols));
-    let mut spectrum: Vec<Complex<f64>> =
-        pad(&turned, rows, cols).into_iter().map(|value| Complex::new(value, 0.0)).collect();
-    transform(&mut spectrum, rows, cols);
-    low_frequencies(image.rows, image.cols)
-        .map(|(row, col)| {
-            let (r, c) = (row.rem_euclid(rows as i64), col.rem_euclid(cols as i64));
-            spectrum[r as usize * cols + c as usize].norm()
-        })
-        .collect()
+/// MNTI for images of one shape.
+#[derive(Clone, Debug)]
+pub struct Mnti {
+    normalizer: MomentNormalizer,
+    fourier: Fourier,
+    /// Rows and columns of the enlarged image.
+    enlarged: (usize, usize),
+    /// The ramps that enlarge a line along a row and along a column.
+    ramps: [Vec<Ramp>; 2],
+    /// Where the kept frequencies are in the spectrum.
+    kept: Vec<usize>,
 }
 
-fn enlarged(side: usize) -> usize {
+/// One padding value: a share of the line's last value or of its first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Ramp {
+    OfLast(f64),
+    OfFirst(f64),
+}
+
+impl Mnti {
+    /// Plans for images of `rows` × `cols` taxels. The dimension is (cols / 2 + 1) × rows,
+    /// nearly: conjugate duplicates in the columns of frequency 0 are left out, and even
+    /// sides keep both ends of their frequencies.
+    #[must_use]
+    pub fn new(rows: usize, cols: usize) -> Self {
+        let enlarged = (enlarge(rows), enlarge(cols));
+        let kept = low_frequencies(rows, cols).map(|(row, col)| {
+            let row = row.rem_euclid(enlarged.0 as i64) as usize;
+            col.rem_euclid(enlarged.1 as i64) as usize * enlarged.0 + row
+        });
+        Self {
+            normalizer: MomentNormalizer::new(rows, cols),
+            fourier: Fourier::new(enlarged.0, enlarged.1),
+            ramps: [ramp(enlarged.1 - cols), ramp(enlarged.0 - rows)],
+            kept: kept.collect(),
+            enlarged,
+        }
+    }
+
+    /// The image in the corner of a larger periodic one: from each last value the padding
+    /// falls linearly to 0 and rises to the first value of the next period.
+    fn pad(&self, image: &[f64], padded: &mut [Complex<f64>]) {
+        let (_, cols) = self.shape();
+        let width = self.enlarged.1;
+        for (row, line) in image.chunks_exact(cols).enumerate() {
+            let ramp = self.ramps[0].iter().map(|step| step.between(line[cols - 1], line[0]));
+            let wide = line.iter().copied().chain(ramp);
+            for (value, place) in wide.zip(&mut padded[row * width..]) {
+                *place = Complex::new(value, 0.0);
+            }
+        }
+        let (lines, below) = padded.split_at_mut(image.len() / cols * width);
+        let (first, last) = (&lines[..width], &lines[lines.len() - width..]);
+        for (step, line) in self.ramps[1].iter().zip(below.chunks_exact_mut(width)) {
+            for (col, place) in line.iter_mut().enumerate() {
+                *place = Complex::new(step.between(last[col].re, first[col].re), 0.0);
+            }
+        }
+    }
+}
+
+impl Descriptor for Mnti {
+    fn shape(&self) -> (usize, usize) {
+        self.normalizer.shape()
+    }
+
+    fn dimension(&self) -> usize {
+        self.kept.len()
+    }
+
+    fn write(&self, image: &TactileImage, workspace: &mut Workspace, features: &mut [f64]) {
+        let n = image.pressures.len();
+        let n_enlarged = self.enlarged.0 * self.enlarged.1;
+        let (reals, complexes) = workspace.lend(2 * n, 2 * n_enlarged + self.fourier.n_scratch());
+        let (masked, turned) = reals.split_at_mut(n);
+        let (padded, rest) = complexes.split_at_mut(n_enlarged);
+        let (spectrum, scratch) = rest.split_at_mut(n_enlarged);
+        self.normalizer.turn(&image.pressures, masked, turned);
+        self.pad(turned, padded);
+        self.fourier.forward(padded, spectrum, scratch);
+        for (feature, place) in features.iter_mut().zip(&self.kept) {
+            *feature = spectrum[*place].norm();
+        }
+    }
+}
+
+impl Ramp {
+    fn between(self, last: f64, first: f64) -> f64 {
+        match self {
+            Self::OfLast(share) => last * share,
+            Self::OfFirst(share) => first * share,
+        }
+    }
+}
+
+fn enlarge(side: usize) -> usize {
     (3 * side).div_ceil(2)
+}
+
+/// `gap` values that fall from a whole last value to 0 and rise to a whole first value.
+fn ramp(gap: usize) -> Vec<Ramp> {
+    let middle = (gap as f64 + 1.0) / 2.0;
+    let share = |step: usize| 1.0 - step as f64 / middle;
+    let step = |share: f64| if share >= 0.0 { Ramp::OfLast(share) } else { Ramp::OfFirst(-share) };
+    (1..=gap).map(share).map(step).collect()
 }
 
 /// Frequencies (row, col) with |row| and |col| up to half the original sides, one of each
@@ -42,89 +130,75 @@ fn low_frequencies(rows: usize, cols: usize) -> impl Iterator<Item = (i64, i64)>
     })
 }
 
-/// The image in the corner of a larger periodic one: from each last value the padding falls
-/// linearly to 0 and rises to the first value of the next period.
-fn pad(image: &TactileImage, rows: usize, cols: usize) -> Vec<f64> {
-    let wide: Vec<Vec<f64>> = (0..image.rows)
-        .map(|row| pad_line(&image.pressures[row * image.cols..(row + 1) * image.cols], cols))
-        .collect();
-    let mut padded = vec![0.0; rows * cols];
-    for col in 0..cols {
-        let column: Vec<f64> = wide.iter().map(|line| line[col]).collect();
-        for (row, value) in pad_line(&column, rows).into_iter().enumerate() {
-            padded[row * cols + col] = value;
-        }
-    }
-    padded
-}
-
-fn pad_line(line: &[f64], length: usize) -> Vec<f64> {
-    let (first, last, gap) = (line[0], line[line.len() - 1], length - line.len());
-    let middle = (gap as f64 + 1.0) / 2.0;
-    let ramp = (1..=gap).map(|step| {
-        let from_last = 1.0 - step as f64 / middle;
-        if from_last >= 0.0 { last * from_last } else { first * -from_last }
-    });
-    line.iter().copied().chain(ramp).collect()
-}
-
-/// The forward 2-D transform of a row-major image, in place.
-fn transform(values: &mut [Complex<f64>], rows: usize, cols: usize) {
-    let mut planner = FftPlanner::new();
-    planner.plan_fft_forward(cols).process(values);
-    let mut columns: Vec<Complex<f64>> = (0..cols)
-        .flat_map(|col| (0..rows).map(move |row| (row, col)))
-        .map(|(row, col)| values[row * cols + col])
-        .collect();
-    planner.plan_fft_forward(rows).process(&mut columns);
-    for (index, value) in columns.into_iter().enumerate() {
-        values[(index % rows) * cols + index / rows] = value;
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use proptest::prelude::*;
 
     use super::*;
-    use crate::descriptor::test_images::blob;
-    use crate::descriptor::{DescriptorKind, affinity};
+    use crate::descriptor::test_support::{
+        any_image, blob, check_quarter_turn, feature, turned_affinity,
+    };
+    use crate::descriptor::{DescriptorKind, affinity, normalize};
 
     #[test]
     fn the_ramp_is_half_zero_half() {
         // Six values, padded to nine: border/2, 0, border/2.
-        let padded = pad_line(&[8.0, 1.0, 1.0, 1.0, 1.0, 4.0], 9);
-        assert_eq!(padded[6..], [2.0, 0.0, 4.0]);
+        let padded: Vec<f64> = ramp(3).iter().map(|step| step.between(4.0, 8.0)).collect();
+        assert_eq!(padded, [2.0, 0.0, 4.0]);
     }
 
     #[test]
     fn a_6x6_image_has_25_magnitudes() {
         // Frequencies −3..=3 × −3..=3 are 49; without duplicates (49 + 1) / 2 = 25.
-        assert_eq!(mnti(&blob(6, 0.1, 0.0, 0.0)).len(), 25);
+        assert_eq!(Mnti::new(6, 6).dimension(), 25);
     }
 
     #[test]
-    fn the_zero_frequency_is_the_sum_of_the_padded_image() {
-        let image = blob(6, 0.0, 0.0, 0.0);
-        let padded = pad(&moment_normalize(&image).image, 9, 9);
-        assert!((mnti(&image)[0] / padded.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    fn it_is_the_naive_transform_of_the_padded_image() {
+        let (rows, cols) = (4, 5); // padded to 6 × 8
+        let mut stream = crate::rng::Stream::new(1, crate::rng::Purpose::Shape, 0);
+        let pressures = (0..20).map(|_| stream.uniform(0.0, 9_000.0)).collect();
+        let image = TactileImage { rows, cols, pressures };
+        let mnti = Mnti::new(rows, cols);
+        let mut padded = vec![Complex::default(); 48];
+        mnti.pad(&mnti.normalizer.normalize(&image).image.pressures, &mut padded);
+        let magnitude = |(k, l): (i64, i64)| {
+            let part = |n: usize| {
+                let turns = (k * (n / 8) as i64) as f64 / 6.0 + (l * (n % 8) as i64) as f64 / 8.0;
+                padded[n] * Complex::cis(-TAU * turns)
+            };
+            (0..48).map(part).sum::<Complex<f64>>().norm()
+        };
+        let mut naive: Vec<f64> = low_frequencies(rows, cols).map(magnitude).collect();
+        normalize(&mut naive);
+        let found = feature(DescriptorKind::Mnti, &image);
+        assert_eq!(naive.len(), found.len());
+        assert!(naive.iter().zip(&found).all(|(a, b)| (a - b).abs() < 1e-12));
     }
 
     proptest! {
         #[test]
-        fn rotation_changes_little(angle in -3.1..3.1_f64) {
-            // Bilinear resampling of 14 × 14 taxels costs a few per cent, no more.
-            let straight = DescriptorKind::Mnti.describe(&blob(14, 0.0, 0.0, 0.0));
-            let turned = DescriptorKind::Mnti.describe(&blob(14, angle, 0.0, 0.0));
-            prop_assert!(affinity(&straight, &turned) > 0.99);
+        fn any_image_keeps_its_descriptor_in_a_quarter_turn(image in any_image(6, 6)) {
+            prop_assume!(!MomentNormalizer::new(6, 6).normalize(&image).ambiguous);
+            check_quarter_turn(DescriptorKind::Mnti, &image, 1e-6);
         }
 
         #[test]
-        fn a_small_shift_changes_mnti_less_than_the_raw_image(dx in 0.3..0.6_f64, dy in 0.3..0.6_f64) {
+        fn rotation_of_a_smooth_image_changes_little(angle in -3.1..3.1_f64) {
+            let kept = turned_affinity(DescriptorKind::Mnti, angle);
+            prop_assert!(kept > 0.99, "{kept}");
+        }
+
+        #[test]
+        fn a_small_shift_changes_mnti_less_than_its_controls(dx in 0.3..0.6_f64, dy in 0.3..0.6_f64) {
             let kept = |kind: DescriptorKind| {
-                affinity(&kind.describe(&blob(14, 0.0, 0.0, 0.0)), &kind.describe(&blob(14, 0.0, dx, dy)))
+                let (still, moved) = (blob(14, 0.0, 0.0, 0.0), blob(14, 0.0, dx, dy));
+                affinity(&feature(kind, &still), &feature(kind, &moved))
             };
             prop_assert!(kept(DescriptorKind::Mnti) > kept(DescriptorKind::Vectorize));
+            prop_assert!(kept(DescriptorKind::Mnti) > kept(DescriptorKind::MomentNormalized));
         }
     }
 }

@@ -3,6 +3,9 @@
 //! Source: section 4.3.2.4, Hu (1962); corrections in `docs/equations.md`: axes about the
 //! image centre, and the half-turn decided by the sign of μ30 after alignment, then μ21.
 
+use super::disc::{Disc, DiscTaxel};
+use super::vectorize::by_columns;
+use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
 /// A third-order moment smaller than this share of the second-order ones decides nothing.
@@ -17,104 +20,127 @@ pub struct MomentNormalized {
     pub ambiguous: bool,
 }
 
-/// Turns an image to its principal axes about the image centre, by bilinear interpolation.
-#[must_use]
-pub fn moment_normalize(image: &TactileImage) -> MomentNormalized {
-    let masked = mask_circle(image);
-    let m11 = moment(&masked, 0.0, |x, y| x * y);
-    let m20 = moment(&masked, 0.0, |x, _| x * x);
-    let m02 = moment(&masked, 0.0, |_, y| y * y);
-    let angle = 0.5 * (2.0 * m11).atan2(m20 - m02);
-    let m30 = moment(&masked, angle, |x, _| x * x * x);
-    let m21 = moment(&masked, angle, |x, y| x * x * y);
-    let radius = image.rows.min(image.cols) as f64 / 2.0;
-    let decisive = AMBIGUOUS_SHARE * (m20 + m02) * radius;
-    let (sign, ambiguous) = match (m30.abs() > decisive, m21.abs() > decisive) {
-        (true, _) => (m30, false),
-        (false, true) => (m21, false),
-        (false, false) => (1.0, true),
-    };
-    let angle = if sign < 0.0 { angle + std::f64::consts::PI } else { angle };
-    MomentNormalized { image: turn(&masked, angle), ambiguous }
+/// Moment normalisation of images of one shape.
+#[derive(Clone, Debug)]
+pub struct MomentNormalizer {
+    disc: Disc,
+    taxels: Vec<DiscTaxel>,
 }
 
-/// Sum of pressure · weight(x, y), with (x, y) about the image centre in taxels, in axes
-/// turned by `angle` (rad).
-fn moment(image: &TactileImage, angle: f64, weight: impl Fn(f64, f64) -> f64) -> f64 {
-    let (sin, cos) = angle.sin_cos();
-    let mut sum = 0.0;
-    for row in 0..image.rows {
-        for col in 0..image.cols {
-            let (x, y) = from_center(image, row, col);
-            sum += image.at(row, col) * weight(cos * x + sin * y, -sin * x + cos * y);
-        }
+impl MomentNormalizer {
+    /// Plans for images of `rows` × `cols` taxels.
+    #[must_use]
+    pub fn new(rows: usize, cols: usize) -> Self {
+        let disc = Disc { rows, cols };
+        Self { disc, taxels: disc.taxels() }
     }
-    sum
-}
 
-fn from_center(image: &TactileImage, row: usize, col: usize) -> (f64, f64) {
-    let center = |n: usize| (n as f64 - 1.0) / 2.0;
-    (col as f64 - center(image.cols), row as f64 - center(image.rows))
-}
+    /// Turns an image to its principal axes about the image centre, by bilinear interpolation.
+    #[must_use]
+    pub fn normalize(&self, image: &TactileImage) -> MomentNormalized {
+        let mut masked = vec![0.0; image.pressures.len()];
+        let mut pressures = masked.clone();
+        let ambiguous = self.turn(&image.pressures, &mut masked, &mut pressures);
+        MomentNormalized { image: TactileImage { pressures, ..*image }, ambiguous }
+    }
 
-fn mask_circle(image: &TactileImage) -> TactileImage {
-    let radius = image.rows.min(image.cols) as f64 / 2.0;
-    let mut masked = image.clone();
-    for row in 0..image.rows {
-        for col in 0..image.cols {
-            let (x, y) = from_center(image, row, col);
-            if x * x + y * y > radius * radius {
-                masked.pressures[row * image.cols + col] = 0.0;
+    /// Writes the turned image, row-major, and says whether the half-turn was ambiguous;
+    /// `masked` is room for one more image.
+    pub(super) fn turn(&self, image: &[f64], masked: &mut [f64], turned: &mut [f64]) -> bool {
+        masked.fill(0.0);
+        for inside in &self.taxels {
+            masked[inside.taxel] = image[inside.taxel];
+        }
+        let (angle, ambiguous) = self.principal_angle(masked);
+        let (sin, cos) = angle.sin_cos();
+        let (center_row, center_col) = self.disc.center();
+        for row in 0..self.disc.rows {
+            for col in 0..self.disc.cols {
+                let (u, v) = self.disc.about_center(row, col);
+                let (x, y) = (cos * u - sin * v, sin * u + cos * v);
+                turned[row * self.disc.cols + col] =
+                    self.bilinear(masked, y + center_row, x + center_col);
             }
         }
+        ambiguous
     }
-    masked
-}
 
-/// The image seen in axes turned by `angle` (rad): bilinear, 0 outside.
-fn turn(image: &TactileImage, angle: f64) -> TactileImage {
-    let (sin, cos) = angle.sin_cos();
-    let center = |n: usize| (n as f64 - 1.0) / 2.0;
-    let mut pressures = Vec::with_capacity(image.pressures.len());
-    for row in 0..image.rows {
-        for col in 0..image.cols {
-            let (u, v) = from_center(image, row, col);
-            let (x, y) = (cos * u - sin * v, sin * u + cos * v);
-            pressures.push(bilinear(image, y + center(image.rows), x + center(image.cols)));
+    /// The direction of the major axis (rad) with its half-turn decided, and whether it
+    /// could not be.
+    fn principal_angle(&self, masked: &[f64]) -> (f64, bool) {
+        let (mut m11, mut m20, mut m02) = (0.0, 0.0, 0.0);
+        for &DiscTaxel { taxel, x, y } in &self.taxels {
+            m11 += masked[taxel] * (x * y);
+            m20 += masked[taxel] * (x * x);
+            m02 += masked[taxel] * (y * y);
         }
+        let angle = 0.5 * (2.0 * m11).atan2(m20 - m02);
+        let (sin, cos) = angle.sin_cos();
+        let (mut m30, mut m21) = (0.0, 0.0);
+        for &DiscTaxel { taxel, x, y } in &self.taxels {
+            let (u, v) = (cos * x + sin * y, -sin * x + cos * y);
+            m30 += masked[taxel] * (u * u * u);
+            m21 += masked[taxel] * (u * u * v);
+        }
+        let radius = self.disc.diameter() as f64 / 2.0;
+        let decisive = AMBIGUOUS_SHARE * (m20 + m02) * radius;
+        let (sign, ambiguous) = match (m30.abs() > decisive, m21.abs() > decisive) {
+            (true, _) => (m30, false),
+            (false, true) => (m21, false),
+            (false, false) => (1.0, true),
+        };
+        (if sign < 0.0 { angle + std::f64::consts::PI } else { angle }, ambiguous)
     }
-    TactileImage { pressures, ..*image }
+
+    fn bilinear(&self, image: &[f64], row: f64, col: f64) -> f64 {
+        let (rows, cols) = (self.disc.rows as i64, self.disc.cols as i64);
+        let (r0, c0) = (row.floor(), col.floor());
+        let (fr, fc) = (row - r0, col - c0);
+        let (r0, c0) = (r0 as i64, c0 as i64);
+        let at = |r: i64, c: i64| {
+            let inside = r >= 0 && c >= 0 && r < rows && c < cols;
+            if inside { image[(r * cols + c) as usize] } else { 0.0 }
+        };
+        (1.0 - fr) * ((1.0 - fc) * at(r0, c0) + fc * at(r0, c0 + 1))
+            + fr * ((1.0 - fc) * at(r0 + 1, c0) + fc * at(r0 + 1, c0 + 1))
+    }
 }
 
-fn bilinear(image: &TactileImage, row: f64, col: f64) -> f64 {
-    let (r0, c0) = (row.floor(), col.floor());
-    let (fr, fc) = (row - r0, col - c0);
-    let at = |r: f64, c: f64| {
-        let inside = r >= 0.0 && c >= 0.0 && r < image.rows as f64 && c < image.cols as f64;
-        if inside { image.at(r as usize, c as usize) } else { 0.0 }
-    };
-    (1.0 - fr) * ((1.0 - fc) * at(r0, c0) + fc * at(r0, c0 + 1.0))
-        + fr * ((1.0 - fc) * at(r0 + 1.0, c0) + fc * at(r0 + 1.0, c0 + 1.0))
+impl Descriptor for MomentNormalizer {
+    fn shape(&self) -> (usize, usize) {
+        (self.disc.rows, self.disc.cols)
+    }
+
+    fn dimension(&self) -> usize {
+        self.disc.rows * self.disc.cols
+    }
+
+    fn write(&self, image: &TactileImage, workspace: &mut Workspace, features: &mut [f64]) {
+        let n = self.dimension();
+        let (masked, turned) = workspace.lend(2 * n, 0).0.split_at_mut(n);
+        self.turn(&image.pressures, masked, turned);
+        by_columns(turned, self.disc.cols, features);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
+    use proptest::prelude::*;
+
     use super::*;
-    use crate::descriptor::test_images::blob;
-    use crate::descriptor::{affinity, normalize};
+    use crate::descriptor::test_support::{
+        any_image, blob, check_quarter_turn, feature, turned_affinity,
+    };
+    use crate::descriptor::{DescriptorKind, affinity};
 
     #[test]
     fn quarter_turns_give_the_same_image() {
-        let describe = |angle| {
-            let mut feature = moment_normalize(&blob(6, angle, 0.0, 0.0)).image.pressures;
-            normalize(&mut feature);
-            feature
-        };
-        let straight = describe(0.3);
+        let straight = feature(DescriptorKind::MomentNormalized, &blob(6, 0.3, 0.0, 0.0));
         for quarter in 1..4 {
-            let turned = describe(0.3 + f64::from(quarter) * FRAC_PI_2);
+            let image = blob(6, 0.3 + f64::from(quarter) * FRAC_PI_2, 0.0, 0.0);
+            let turned = feature(DescriptorKind::MomentNormalized, &image);
             assert!(affinity(&straight, &turned) > 1.0 - 1e-9, "{quarter} quarters");
         }
     }
@@ -128,7 +154,22 @@ mod tests {
             })
             .collect();
         let image = TactileImage { rows: 6, cols: 6, pressures };
-        assert!(moment_normalize(&image).ambiguous);
-        assert!(!moment_normalize(&blob(6, 0.0, 0.0, 0.0)).ambiguous);
+        let normalizer = MomentNormalizer::new(6, 6);
+        assert!(normalizer.normalize(&image).ambiguous);
+        assert!(!normalizer.normalize(&blob(6, 0.0, 0.0, 0.0)).ambiguous);
+    }
+
+    proptest! {
+        #[test]
+        fn any_image_keeps_its_descriptor_in_a_quarter_turn(image in any_image(6, 6)) {
+            prop_assume!(!MomentNormalizer::new(6, 6).normalize(&image).ambiguous);
+            check_quarter_turn(DescriptorKind::MomentNormalized, &image, 1e-6);
+        }
+
+        #[test]
+        fn rotation_of_a_smooth_image_changes_little(angle in -3.1..3.1_f64) {
+            let kept = turned_affinity(DescriptorKind::MomentNormalized, angle);
+            prop_assert!(kept > 0.99, "{kept}");
+        }
     }
 }

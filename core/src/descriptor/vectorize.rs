@@ -1,23 +1,77 @@
 //! Vectorize: the image's columns concatenated, the "do-nothing" descriptor.
 //!
-//! Source: section 4.3.2.1. Neither rotation nor translation is removed.
+//! Source: section 4.3.2.1. Neither rotation nor translation is removed: the negative control.
 
+use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
-/// The columns of an image, one after the other: `rows` × `cols` numbers, not normalised.
-#[must_use]
-pub fn vectorize(image: &TactileImage) -> Vec<f64> {
-    let columns = 0..image.cols;
-    columns.flat_map(|col| (0..image.rows).map(move |row| image.at(row, col))).collect()
+/// Vectorize for images of one shape.
+#[derive(Clone, Copy, Debug)]
+pub struct Vectorize {
+    rows: usize,
+    cols: usize,
+}
+
+impl Vectorize {
+    /// Plans for images of `rows` × `cols` taxels.
+    #[must_use]
+    pub fn new(rows: usize, cols: usize) -> Self {
+        Self { rows, cols }
+    }
+}
+
+impl Descriptor for Vectorize {
+    fn shape(&self) -> (usize, usize) {
+        (self.rows, self.cols)
+    }
+
+    fn dimension(&self) -> usize {
+        self.rows * self.cols
+    }
+
+    fn write(&self, image: &TactileImage, _: &mut Workspace, features: &mut [f64]) {
+        by_columns(&image.pressures, self.cols, features);
+    }
+}
+
+/// A row-major image `cols` wide, written column after column.
+pub(super) fn by_columns(image: &[f64], cols: usize, columns: &mut [f64]) {
+    let rows = image.len() / cols;
+    for (row, line) in image.chunks_exact(cols).enumerate() {
+        for (col, value) in line.iter().enumerate() {
+            columns[col * rows + row] = *value;
+        }
+    }
+}
+
+/// A feature of concatenated columns as a row-major image of `rows` rows again.
+pub(super) fn from_columns(columns: &[f64], rows: usize) -> Vec<f64> {
+    let mut image = vec![0.0; columns.len()];
+    by_columns(columns, rows, &mut image);
+    image
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::descriptor::DescriptorKind;
+    use crate::descriptor::test_support::{blob, feature, turned_affinity};
 
     #[test]
     fn columns_follow_each_other() {
-        let image = TactileImage { rows: 2, cols: 3, pressures: vec![0., 1., 2., 3., 4., 5.] };
-        assert_eq!(vectorize(&image), [0.0, 3.0, 1.0, 4.0, 2.0, 5.0]);
+        let image = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]; // 2 × 3
+        let mut columns = [0.0; 6];
+        by_columns(&image, 3, &mut columns);
+        assert_eq!(columns.as_slice(), [0.0, 3.0, 1.0, 4.0, 2.0, 5.0].as_slice());
+        assert_eq!(from_columns(&columns, 2), image);
+    }
+
+    #[test]
+    fn a_quarter_turn_changes_it() {
+        // The control of all rotation properties: this one must not hold.
+        let kept = turned_affinity(DescriptorKind::Vectorize, std::f64::consts::FRAC_PI_2);
+        assert!(kept < 0.8, "{kept}");
+        let image = blob(6, 0.0, 0.0, 0.0);
+        assert_eq!(feature(DescriptorKind::Vectorize, &image).len(), 36);
     }
 }

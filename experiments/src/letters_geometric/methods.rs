@@ -236,6 +236,7 @@ pub(super) fn adaptive_belief(lab: &Lab) -> GeometricBelief {
         association: AssociationRule::default(),
         objects: vec![],
         geometry: Some(Arc::new(lab.model.clone())),
+        appearance: None,
     };
     let filter = GeometricFilter::Adaptive(AdaptiveOptions::default());
     let options = GeometricOptions { pose, filter, seed: lab.seed };

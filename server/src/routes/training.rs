@@ -5,8 +5,8 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
-    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Job,
-    ObjectMap, PageQuery, Problem, SetCurrent, StartTraining, TrainingReport,
+    AppearanceReport, Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage,
+    CurrentVersion, Job, ObjectMap, PageQuery, Problem, SetCurrent, StartTraining, TrainingReport,
 };
 
 use crate::app::App;
@@ -98,6 +98,22 @@ pub(crate) async fn get_report(
     Segment2(name, version): Segment2,
 ) -> Result<Json<TrainingReport>, Refusal> {
     Ok(Json(app.catalogues().version(&name, &version)?.report))
+}
+
+/// Get what held-back readings say of a version's appearance
+///
+/// Who is taken for whom, how alike the objects are, and which pairs touch can hardly tell
+/// apart. It never changes. 409 when the version was trained without appearance.
+#[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/report/appearance",
+    operation_id = "get_appearance_report", tag = "training",
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("version" = u32, Path, description = "The version's number")),
+    responses((status = 200, description = "The report", body = AppearanceReport), Conflict))]
+pub(crate) async fn get_appearance_report(
+    State(app): State<App>,
+    Segment2(name, version): Segment2,
+) -> Result<Json<AppearanceReport>, Refusal> {
+    Ok(Json(app.catalogues().appearance_report(&name, &version).await?))
 }
 
 /// Get the trained map of one object

@@ -16,7 +16,8 @@ use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{self, PlanarPlan};
 use palpate_store::catalogue::VersionObject;
 
-use super::{Material, Plan, Progress, TrainingFailure, step};
+use super::material::Material;
+use super::{Plan, Progress, TrainingFailure, step};
 
 /// Presses an object's mesh straight down if planar maps are wanted.
 pub(super) fn planar_presses(

@@ -14,8 +14,12 @@ use crate::wire::{INTEGER_MAX, sensor};
 
 /// The most readings of one request.
 pub(crate) const READINGS_MAX: usize = 1000;
-/// The most taxels of one request, over all its readings: one commit must hold them.
+/// The most taxels and feature values of one request: one commit must hold them.
 pub(crate) const TAXELS_MAX: usize = 4_000_000;
+/// The most values of a feature.
+const FEATURE_MAX: usize = 4096;
+/// The largest value of a feature.
+const FEATURE_VALUE_MAX: f64 = 1e9;
 /// The most wrong fields that one answer lists.
 pub(crate) const ERRORS_MAX: usize = 20;
 /// The largest coordinate of a position, in metres.
@@ -53,10 +57,13 @@ pub(crate) fn readings(
         let detail = format!("{n} readings came, expected 1 to {READINGS_MAX}");
         return Err(Refusal::field("/readings", detail));
     }
-    let n_taxels: usize = given.iter().map(|reading| reading.image.len()).sum();
+    let values = |reading: &wire::Reading| {
+        reading.image.len() + reading.feature.as_ref().map_or(0, Vec::len)
+    };
+    let n_taxels: usize = given.iter().map(values).sum();
     if n_taxels > TAXELS_MAX {
         let detail = format!(
-            "{n_taxels} taxels came in one request, expected at most {TAXELS_MAX}: send fewer \
+            "{n_taxels} taxels and feature values came in one request, expected at most {TAXELS_MAX}: send fewer \
              readings at once"
         );
         return Err(Refusal::field("/readings", detail));
@@ -89,14 +96,16 @@ pub(crate) fn one(
         let detail = format!("there is no sensor {:?}, expected an id or a name", given.sensor);
         Refusal::field(format!("{pointer}/sensor"), detail)
     })?;
-    let session_from_sensor = pose(&format!("{pointer}/pose"), &given.pose)?;
+    let pose = given.pose.as_ref().map(|given| pose(&format!("{pointer}/pose"), given));
+    feature(&format!("{pointer}/feature"), given.feature.as_deref())?;
     let applied = sensors.calibrations().newest(sensor.id)?;
     let stored = StoredReading {
         sensor: sensor.id,
-        session_from_sensor,
+        session_from_sensor: pose.transpose()?,
         pressures: given.image.clone(),
         stamp_ns: given.stamp.map(|given| stamp_ns(pointer, given)).transpose()?,
         calibration: applied.as_ref().map_or(0, |applied| applied.number),
+        feature: given.feature.clone(),
     };
     let calibration = applied.as_ref().map(|applied| &*applied.calibration);
     let reading = from_store(&stored, &sensor, calibration).map_err(|error| {
@@ -110,13 +119,15 @@ pub(crate) fn one(
 }
 
 /// A stored reading as core knows it, corrected with the calibration that it names. It was
-/// checked when it came, but not by this program.
+/// checked when it came, but not by this program. Where no pose is stored the reading has the
+/// identity: those who need poses look for the stored one first.
 pub(crate) fn from_store(
     stored: &StoredReading,
     sensor: &Sensor,
     calibration: Option<&Calibration>,
 ) -> Result<Reading, ReadingError> {
-    let (id, pose) = (SensorId(stored.sensor.as_u128()), stored.session_from_sensor);
+    let id = SensorId(stored.sensor.as_u128());
+    let pose = stored.session_from_sensor.unwrap_or(Pose::IDENTITY);
     Reading::calibrated(id, &sensor.description, calibration, &stored.pressures, pose)
 }
 
@@ -129,9 +140,10 @@ pub(crate) fn stored(entry: &Entry) -> Option<wire::StoredReading> {
         seq: entry.reading_id.as_ref().map(|id| id.seq),
         sensor: reading.sensor,
         stamp: reading.stamp_ns.map(stamp),
-        pose: sensor::pose(&reading.session_from_sensor),
+        pose: reading.session_from_sensor.as_ref().map(sensor::pose),
         image: reading.pressures.clone(),
         calibration: (reading.calibration > 0).then_some(reading.calibration),
+        feature: reading.feature.clone(),
     })
 }
 
@@ -156,6 +168,24 @@ pub(crate) fn pose(pointer: &str, given: &wire::Pose) -> Result<Pose, Refusal> {
         ),
         PoseError::Norm { .. } => Refusal::field(format!("{pointer}/orientation"), error),
     })
+}
+
+/// Checks a client's own feature.
+fn feature(pointer: &str, given: Option<&[f64]>) -> Result<(), Refusal> {
+    let Some(feature) = given else { return Ok(()) };
+    if !(1..=FEATURE_MAX).contains(&feature.len()) {
+        let detail = format!("{} values came, expected 1 to {FEATURE_MAX}", feature.len());
+        return Err(Refusal::field(pointer, detail));
+    }
+    let within = |value: &f64| value.abs() <= FEATURE_VALUE_MAX;
+    match feature.iter().position(|value| !within(value)) {
+        None => Ok(()),
+        Some(place) => {
+            let found = feature[place];
+            let detail = format!("came {found}, expected a number within ±{FEATURE_VALUE_MAX:e}");
+            Err(Refusal::field(format!("{pointer}/{place}"), detail))
+        }
+    }
 }
 
 fn reading_id(pointer: &str, given: &wire::Reading) -> Result<Option<ReadingId>, Refusal> {

@@ -132,6 +132,7 @@ fn refuse(error: SensorError) -> Refusal {
 /// How a reading is understood.
 pub(crate) fn check(
     reading: &Reading,
+    session_from_sensor: Option<Pose>,
     description: &SensorDescription,
     applied: Option<&Applied>,
 ) -> wire::ReadingCheck {
@@ -146,10 +147,10 @@ pub(crate) fn check(
     let contact = indices(&|_, pressure| pressure > 0.0 && pressure >= threshold);
     let missing = indices(&|taxel, _| reading.missing()[taxel]);
     let saturated = indices(&|_, pressure| pressure >= parameters.saturation);
-    let session_from_sensor = reading.session_from_sensor();
     let center = center_of_pressure(image, description);
     let touches = !contact.is_empty();
-    let looks = session_from_sensor.turn([0.0, 0.0, 1.0].into());
+    let in_session = |pose: Pose| point((pose * center).to_array());
+    let looks = |pose: Pose| point(pose.turn([0.0, 0.0, 1.0].into()).to_array());
     let hints = hints(image.pressures.iter().copied(), parameters, &missing, &saturated, touches);
     wire::ReadingCheck {
         rows: image.rows as u32,
@@ -160,8 +161,8 @@ pub(crate) fn check(
         contact,
         max_pressure,
         centroid_in_sensor: touches.then(|| point(center.to_array())),
-        centroid_in_session: touches.then(|| point((session_from_sensor * center).to_array())),
-        sensor_z_in_session: point(looks.to_array()),
+        centroid_in_session: session_from_sensor.filter(|_| touches).map(in_session),
+        sensor_z_in_session: session_from_sensor.map(looks),
         calibration: applied.map(|applied| applied.number),
         unusable: applied.map_or_else(Vec::new, |applied| {
             let is_unusable = |taxel: &u32| !applied.calibration.is_usable(*taxel as usize);

@@ -72,8 +72,31 @@ pub(crate) fn options(session: &Session) -> Options {
 /// Whether a method needs maps of contact, and a prior over poses.
 pub(crate) fn is_geometric(method: Method) -> bool {
     match method {
-        Method::Sva | Method::SvaLiteral => false,
+        Method::Sva | Method::SvaLiteral | Method::Appearance | Method::AppearanceLiteral => false,
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => true,
+    }
+}
+
+/// Whether a method compares appearance alone: it needs no poses, and objects may move.
+pub(crate) fn is_appearance(method: Method) -> bool {
+    match method {
+        Method::Appearance | Method::AppearanceLiteral => true,
+        Method::Sva
+        | Method::SvaLiteral
+        | Method::Geometric
+        | Method::GeometricHistogram
+        | Method::GeometricParticles => false,
+    }
+}
+
+/// A method as the store names it.
+fn stored_method(method: Method) -> StoredMethod {
+    match method {
+        Method::Sva | Method::SvaLiteral => StoredMethod::Sva,
+        Method::Appearance | Method::AppearanceLiteral => StoredMethod::Appearance,
+        Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
+            StoredMethod::Geometric
+        }
     }
 }
 
@@ -96,18 +119,18 @@ pub(crate) fn new_session(
     }
     let ttl_s = request.ttl_s.map(|ttl| super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX));
     let options = checked_options(request, model)?;
-    let is_geometric = is_geometric(options.method);
+    let (method, is_geometric) = (options.method, is_geometric(options.method));
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     let options = serde_json::to_string(&options).expect("numbers and names can be written");
     Ok(Session {
         id,
         catalogue: model.catalogue,
         version: model.version,
-        method: if is_geometric { StoredMethod::Geometric } else { StoredMethod::Sva },
+        method: stored_method(method),
         sensors: Vec::new(),
         frame_id,
         prior: prior(request.prior.as_deref().unwrap_or_default(), model)?,
-        object_may_move: false,
+        object_may_move: is_appearance(method),
         seed: if is_geometric { seed } else { 0 },
         time_to_live_ms: ttl_s.transpose()?.unwrap_or(0) * 1000,
         options,
@@ -139,7 +162,10 @@ fn checked_options(request: &wire::CreateSession, model: &Model) -> Result<Optio
     }
     let mut options = Options { method, ..Options::default() };
     match method {
-        Method::Sva | Method::SvaLiteral => return Ok(options),
+        Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),
+        Method::Appearance | Method::AppearanceLiteral => {
+            return model.appearance().map(|_| options);
+        }
         Method::Geometric => {}
         Method::GeometricHistogram => options.bins = Some(bins(request.bins.unwrap_or(BINS))?),
         Method::GeometricParticles => {
@@ -163,13 +189,15 @@ fn bins(n: [u32; 3]) -> Result<[u32; 3], Refusal> {
 }
 
 /// A method's name on the wire.
-fn name(method: Method) -> &'static str {
+pub(crate) fn name(method: Method) -> &'static str {
     match method {
         Method::Sva => "`sva`",
         Method::SvaLiteral => "`sva_literal`",
         Method::Geometric => "`geometric`",
         Method::GeometricHistogram => "`geometric_histogram`",
         Method::GeometricParticles => "`geometric_particles`",
+        Method::Appearance => "`appearance`",
+        Method::AppearanceLiteral => "`appearance_literal`",
     }
 }
 

@@ -146,6 +146,7 @@ pub(crate) fn stage_name(stage: JobStage) -> &'static str {
         JobStage::Vocabulary => "vocabulary",
         JobStage::Mapping => "mapping",
         JobStage::Geometry => "geometry",
+        JobStage::Appearance => "appearance",
         JobStage::Storing => "storing",
     }
 }
@@ -156,6 +157,7 @@ fn stage(name: &str) -> Option<JobStage> {
         JobStage::Vocabulary,
         JobStage::Mapping,
         JobStage::Geometry,
+        JobStage::Appearance,
         JobStage::Storing,
     ]
     .into_iter()
@@ -184,17 +186,77 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
     if let Some(range) = request.distance_range {
         distances(range)?;
     }
+    let chosen = request.descriptor.unwrap_or(Descriptor::Mnti);
+    if !descriptor(chosen).gives_one_feature() {
+        let name = descriptor(chosen).name();
+        let detail = format!("came {name}, expected a descriptor with one feature a reading");
+        return Err(Refusal::field("/descriptor", detail));
+    }
     Ok(StartTraining {
         objects: request.objects.clone(),
         sensor: Some(request.sensor.clone().unwrap_or_else(|| "digitacts-6x6".to_owned())),
         readings_per_object: Some(count(n_readings)),
         seed: Some(seed),
         n_classes: Some(count(n_classes)),
-        descriptor: Some(request.descriptor.unwrap_or(Descriptor::Mnti)),
+        descriptor: Some(chosen),
         distance_range: request.distance_range,
         geometry: request.geometry.map(super::geometry::training).transpose()?,
+        appearance: request.appearance.as_ref().map(super::appearance::training).transpose()?,
+        pair_maps: Some(pair_maps(request)?),
+        extend: None,
         activate: Some(request.activate.unwrap_or(true)),
     })
+}
+
+/// Whether pair maps are to be learnt; without them there must be something else.
+fn pair_maps(request: &StartTraining) -> Result<bool, Refusal> {
+    let wanted = request.pair_maps.unwrap_or(true);
+    if !wanted && request.appearance.is_none() {
+        let detail = "came false without `appearance`: nothing would be learnt";
+        return Err(Refusal::field("/pair_maps", detail));
+    }
+    if !wanted && request.geometry.is_some() {
+        let detail = "came false with `geometry`, whose maps need the frames of pair maps";
+        return Err(Refusal::field("/pair_maps", detail));
+    }
+    Ok(wanted)
+}
+
+/// A training that extends a version: what it says of objects and readings, and how the
+/// version was trained. Settings of the request's own are a mistake.
+pub(crate) fn extension(
+    request: &StartTraining,
+    version: u32,
+    base: &StartTraining,
+) -> Result<StartTraining, Refusal> {
+    let given = [
+        ("/n_classes", request.n_classes.is_some()),
+        ("/descriptor", request.descriptor.is_some()),
+        ("/distance_range", request.distance_range.is_some()),
+        ("/geometry", request.geometry.is_some()),
+        ("/appearance", request.appearance.is_some()),
+        ("/pair_maps", request.pair_maps.is_some()),
+    ];
+    if let Some((field, _)) = given.iter().find(|(_, came)| *came) {
+        let detail = format!("came with `extend`: it is as version {version} has it");
+        return Err(Refusal::field(*field, detail));
+    }
+    if base.geometry.is_some() {
+        let detail = format!(
+            "version {version} has maps of contact, whose classes are learnt from all objects \
+             together: train all objects anew"
+        );
+        return Err(Refusal::field("/extend", detail));
+    }
+    let settings = StartTraining {
+        n_classes: base.n_classes,
+        descriptor: base.descriptor,
+        distance_range: base.distance_range,
+        appearance: base.appearance.clone(),
+        pair_maps: base.pair_maps,
+        ..request.clone()
+    };
+    Ok(StartTraining { extend: Some(version), ..training(&settings)? })
 }
 
 /// Core's configuration of a training that was checked.
@@ -202,13 +264,27 @@ pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Refusal
     let default = TrainingConfig::default();
     Ok(TrainingConfig {
         n_classes: training.n_classes.map_or(default.n_classes, |n| n as usize),
-        descriptor: match training.descriptor {
-            Some(Descriptor::Vectorize) => DescriptorKind::Vectorize,
-            Some(Descriptor::Mnti) | None => DescriptorKind::Mnti,
-        },
+        descriptor: training.descriptor.map_or(default.descriptor, descriptor),
         distances: training.distance_range.map_or(Ok(default.distances), distances)?,
         ..default
     })
+}
+
+pub(super) fn descriptor(descriptor: Descriptor) -> DescriptorKind {
+    match descriptor {
+        Descriptor::Vectorize => DescriptorKind::Vectorize,
+        Descriptor::Sift => DescriptorKind::Sift,
+        Descriptor::Mr8 => DescriptorKind::Mr8,
+        Descriptor::MomentNormalized => DescriptorKind::MomentNormalized,
+        Descriptor::PolarFourier => DescriptorKind::PolarFourier,
+        Descriptor::PolarFourierRw => DescriptorKind::PolarFourierRw,
+        Descriptor::PolarFourierNi => DescriptorKind::PolarFourierNi,
+        Descriptor::PolarFourierSigned => DescriptorKind::PolarFourierSigned,
+        Descriptor::Mnti => DescriptorKind::Mnti,
+        Descriptor::Steerable => DescriptorKind::Steerable,
+        Descriptor::Schmid => DescriptorKind::Schmid,
+        Descriptor::PolarSpectrum => DescriptorKind::PolarSpectrum,
+    }
 }
 
 fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Refusal> {

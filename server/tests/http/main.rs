@@ -3,6 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
+mod appearance;
 mod bad_input;
 mod calibration;
 mod geometry;

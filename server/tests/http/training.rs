@@ -106,6 +106,27 @@ async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_version_is_trained_with_any_descriptor_of_one_feature_a_reading() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
+    it.put_mesh("bar", &off_box(BAR)).await.expect(200);
+    let path = "/v1/catalogues/default/trainings";
+    for (version, descriptor) in [(1, "polar_fourier_signed"), (2, "sift")] {
+        let training = json!({
+            "descriptor": descriptor, "readings_per_object": 40, "n_classes": 4,
+        });
+        let job = it.post(path, &training).await.expect(202);
+        let job = it.finished(job["id"].as_str().unwrap()).await;
+        assert_eq!(job["version"], version, "{job}");
+        assert_eq!(job["training"]["descriptor"], descriptor);
+    }
+    let several = it.post(path, &json!({"descriptor": "mr8"})).await;
+    several.problem(422, "invalid-value", Some("/descriptor"));
+    let unknown = it.post(path, &json!({"descriptor": "fourier"})).await;
+    assert_eq!(unknown.status.as_u16() / 100, 4);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn jobs_can_be_cancelled_until_they_are_finished() {
     let it = Harness::start().await;
     for name in ["cube", "other"] {

@@ -14,6 +14,7 @@ use palpate_core::reading::SensorId;
 use uuid::Uuid;
 
 use super::reader::Reader;
+use super::writer::{put_counts, put_floats, put_singles};
 use super::{CodecError, FORM, count};
 
 /// The name of the block with the class table and the sensors' gains.
@@ -139,18 +140,6 @@ fn shape(reader: &mut Reader<'_>, n: [usize; 3]) -> Result<GridShape, CodecError
     let min = reader.floats("place of the cells", 3)?;
     let cell = reader.floats("side of a cell", 1)?[0];
     Ok(GridShape::new([min[0], min[1], min[2]].into(), cell, n)?)
-}
-
-fn put_counts(block: &mut Vec<u8>, counts: &[u32]) {
-    block.extend(counts.iter().flat_map(|count| count.to_le_bytes()));
-}
-
-fn put_floats(block: &mut Vec<u8>, values: &[f64]) {
-    block.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-}
-
-fn put_singles(block: &mut Vec<u8>, values: &[f32]) {
-    block.extend(values.iter().flat_map(|value| value.to_le_bytes()));
 }
 
 #[cfg(test)]

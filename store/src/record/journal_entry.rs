@@ -1,6 +1,7 @@
 //! Journal entries as they are stored: the schemas so far, and what each of them says.
 //!
 //! Schema 1 did not know of calibrations: its readings are taken as they came, calibration 0.
+//! Schemas 1 and 2 knew no reading without a pose, and no features of clients.
 
 use bincode::{Decode, Encode};
 use palpate_core::pose::Pose;
@@ -59,6 +60,31 @@ enum EventV2 {
     Closed,
 }
 
+#[derive(Encode, Decode)]
+struct JournalEntryV3 {
+    seq: u64,
+    received_at_ms: u64,
+    reading_id: Option<(String, u64)>,
+    event: EventV3,
+}
+
+#[derive(Encode, Decode)]
+enum EventV3 {
+    Reading {
+        sensor: IdV1,
+        /// Position, then quaternion x, y, z, w.
+        pose: Option<([f64; 3], [f64; 4])>,
+        stamp_ns: Option<i64>,
+        pressures: Vec<u8>,
+        calibration: u32,
+        feature: Option<Vec<u8>>,
+    },
+    Retraction {
+        seq: u64,
+    },
+    Closed,
+}
+
 impl From<JournalEntryV1> for JournalEntryV2 {
     fn from(old: JournalEntryV1) -> Self {
         let event = match old.event {
@@ -81,25 +107,49 @@ impl From<JournalEntryV1> for JournalEntryV2 {
     }
 }
 
+impl From<JournalEntryV2> for JournalEntryV3 {
+    fn from(old: JournalEntryV2) -> Self {
+        let event = match old.event {
+            EventV2::Reading {
+                sensor,
+                position,
+                quaternion_xyzw,
+                stamp_ns,
+                pressures,
+                calibration,
+            } => {
+                let pose = Some((position, quaternion_xyzw));
+                EventV3::Reading { sensor, pose, stamp_ns, pressures, calibration, feature: None }
+            }
+            EventV2::Retraction { seq } => EventV3::Retraction { seq },
+            EventV2::Closed => EventV3::Closed,
+        };
+        let JournalEntryV2 { seq, received_at_ms, reading_id, .. } = old;
+        Self { seq, received_at_ms, reading_id, event }
+    }
+}
+
 impl Record for Entry {
     const KIND: Kind = Kind::JournalEntry;
-    const SCHEMA: u16 = 2;
+    const SCHEMA: u16 = 3;
 
     fn to_payload(&self) -> Vec<u8> {
         let event = match &self.event {
-            Event::Reading(reading) => EventV2::Reading {
+            Event::Reading(reading) => EventV3::Reading {
                 sensor: reading.sensor.into_bytes(),
-                position: reading.session_from_sensor.translation.to_array(),
-                quaternion_xyzw: reading.session_from_sensor.rotation.to_array(),
+                pose: reading
+                    .session_from_sensor
+                    .map(|pose| (pose.translation.to_array(), pose.rotation.to_array())),
                 stamp_ns: reading.stamp_ns,
                 pressures: pressures_to_bytes(&reading.pressures),
                 calibration: reading.calibration,
+                feature: reading.feature.as_deref().map(feature_to_bytes),
             },
-            Event::Retraction { seq } => EventV2::Retraction { seq: *seq },
-            Event::Closed => EventV2::Closed,
+            Event::Retraction { seq } => EventV3::Retraction { seq: *seq },
+            Event::Closed => EventV3::Closed,
         };
         let reading_id = self.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
-        write(&JournalEntryV2 {
+        write(&JournalEntryV3 {
             seq: self.seq,
             received_at_ms: self.received_at_ms,
             reading_id,
@@ -113,30 +163,29 @@ impl Record for Entry {
 
     fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
         match schema {
-            1 => entry(read::<JournalEntryV1>(payload)?.into()),
+            1 => entry(JournalEntryV2::from(read::<JournalEntryV1>(payload)?).into()),
+            2 => entry(read::<JournalEntryV2>(payload)?.into()),
             found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
         }
     }
 }
 
-fn entry(stored: JournalEntryV2) -> Result<Entry, RecordError> {
+fn entry(stored: JournalEntryV3) -> Result<Entry, RecordError> {
     let event = match stored.event {
-        EventV2::Reading {
-            sensor,
-            position,
-            quaternion_xyzw,
-            stamp_ns,
-            pressures,
-            calibration,
-        } => Event::Reading(StoredReading {
-            sensor: Uuid::from_bytes(sensor),
-            session_from_sensor: stored_pose(position, quaternion_xyzw)?,
-            pressures: pressures_from_bytes(&pressures)?,
-            stamp_ns,
-            calibration,
-        }),
-        EventV2::Retraction { seq } => Event::Retraction { seq },
-        EventV2::Closed => Event::Closed,
+        EventV3::Reading { sensor, pose, stamp_ns, pressures, calibration, feature } => {
+            let pose = pose.map(|(position, quaternion)| stored_pose(position, quaternion));
+            let feature = feature.map(|bytes| floats(&bytes));
+            Event::Reading(StoredReading {
+                sensor: Uuid::from_bytes(sensor),
+                session_from_sensor: pose.transpose()?,
+                pressures: pressures_from_bytes(&pressures)?,
+                stamp_ns,
+                calibration,
+                feature: feature.transpose()?,
+            })
+        }
+        EventV3::Retraction { seq } => Event::Retraction { seq },
+        EventV3::Closed => Event::Closed,
     };
     let reading_id = stored.reading_id.map(|(robot, seq)| ReadingId { robot, seq });
     Ok(Entry { seq: stored.seq, received_at_ms: stored.received_at_ms, reading_id, event })
@@ -156,11 +205,19 @@ fn pressures_to_bytes(pressures: &[Option<f64>]) -> Vec<u8> {
 }
 
 fn pressures_from_bytes(bytes: &[u8]) -> Result<Vec<Option<f64>>, RecordError> {
+    let values = floats(bytes)?;
+    Ok(values.into_iter().map(|value| Some(value).filter(|value| !value.is_nan())).collect())
+}
+
+fn feature_to_bytes(feature: &[f64]) -> Vec<u8> {
+    feature.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn floats(bytes: &[u8]) -> Result<Vec<f64>, RecordError> {
     let (values, rest) = bytes.as_chunks::<8>();
     if !rest.is_empty() {
         let consumed = bytes.len() - rest.len();
         return Err(RecordError::Trailing { consumed, length: bytes.len() });
     }
-    let value = |bytes: &[u8; 8]| Some(f64::from_le_bytes(*bytes)).filter(|value| !value.is_nan());
-    Ok(values.iter().map(value).collect())
+    Ok(values.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
 }

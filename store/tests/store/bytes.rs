@@ -2,7 +2,8 @@
 //!
 //! `golden/records_v1.txt` was written by this test's `current` on layout 1 and is never
 //! changed: what it holds must be readable for ever. A new schema adds a file:
-//! `golden/records_v2.txt` has journal entries of schema 2 and calibrations.
+//! `golden/records_v2.txt` has journal entries of schema 2 and calibrations,
+//! `golden/records_v3.txt` journal entries of schema 3.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -23,6 +24,7 @@ use crate::samples;
 
 const GOLDEN: &str = include_str!("golden/records_v1.txt");
 const GOLDEN_V2: &str = include_str!("golden/records_v2.txt");
+const GOLDEN_V3: &str = include_str!("golden/records_v3.txt");
 
 /// Every key and value of a filled database, a line each in hexadecimal; values above 500
 /// bytes (pieces of files) by their hash.
@@ -41,6 +43,18 @@ fn current_v2() -> String {
     samples::wait(async {
         database.journal().append(Uuid::from_u128(50), 0, &entries).await.unwrap();
         database.calibrations().add(&samples::calibration(10)).await.unwrap();
+    });
+    lines(&*engine)
+}
+
+/// The same of a database with what schema 3 brought.
+fn current_v3() -> String {
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    let database = Database::with_engine(Arc::clone(&engine)).unwrap();
+    let closed = NewEntry { event: Event::Closed, ..samples::entry("b", 1) };
+    let entries = [samples::coded_entry("a", 1), samples::calibrated_entry("a", 2, 7), closed];
+    samples::wait(async {
+        database.journal().append(Uuid::from_u128(50), 0, &entries).await.unwrap();
     });
     lines(&*engine)
 }
@@ -70,11 +84,14 @@ fn unhex(text: &str) -> Vec<u8> {
     (0..text.len()).step_by(2).map(digits).collect()
 }
 
+/// Journal entries (`r`, `t`) are written with schema 3 today.
+fn is_entry(line: &str) -> bool {
+    line.starts_with("72") || line.starts_with("74")
+}
+
 #[test]
 fn todays_bytes_are_the_frozen_bytes() {
     let current = current();
-    // Journal entries (`r`, `t`) are written with schema 2 since; see the test below.
-    let is_entry = |line: &str| line.starts_with("72") || line.starts_with("74");
     for (now, frozen) in current.lines().zip(GOLDEN.lines()) {
         assert!(now == frozen || is_entry(now), "{now}");
     }
@@ -85,9 +102,27 @@ fn todays_bytes_are_the_frozen_bytes() {
 fn todays_bytes_of_schema_2_are_the_frozen_bytes() {
     let current = current_v2();
     for (now, frozen) in current.lines().zip(GOLDEN_V2.lines()) {
-        assert_eq!(now, frozen);
+        assert!(now == frozen || is_entry(now), "{now}");
     }
     assert_eq!(current.lines().count(), GOLDEN_V2.lines().count(), "\n{current}");
+}
+
+#[test]
+fn todays_bytes_of_schema_3_are_the_frozen_bytes() {
+    let current = current_v3();
+    for (now, frozen) in current.lines().zip(GOLDEN_V3.lines()) {
+        assert_eq!(now, frozen);
+    }
+    assert_eq!(current.lines().count(), GOLDEN_V3.lines().count(), "\n{current}");
+}
+
+#[test]
+fn frozen_bytes_of_schema_3_are_read() {
+    let entries = thawed(GOLDEN_V3).journal().entries(Uuid::from_u128(50), 0, 10).unwrap();
+    let events: Vec<Event> = entries.into_iter().map(|entry| entry.event).collect();
+    let written = [samples::coded_entry("a", 1), samples::calibrated_entry("a", 2, 7)];
+    assert_eq!(events[..2], written.map(|entry| entry.event));
+    assert_eq!(events[2..], [Event::Closed]);
 }
 
 #[test]
@@ -131,15 +166,21 @@ fn frozen_bytes_are_read() {
 
 fn reading() -> impl Strategy<Value = StoredReading> {
     let pressures = prop::collection::vec(prop::option::of(-1e8..1e8_f64), 0..60);
-    let angles = (0.0..6.0_f64, -1.0..1.0_f64);
-    (any::<u128>(), pressures, angles, any::<Option<i64>>(), any::<u32>()).prop_map(
-        |(sensor, pressures, (angle, x), stamp_ns, calibration)| StoredReading {
-            sensor: Uuid::from_u128(sensor),
-            session_from_sensor: Pose::new([x, -x, 2.0 * x], [0.0, angle.sin(), 0.0, angle.cos()])
-                .unwrap(),
-            pressures,
-            stamp_ns,
-            calibration,
+    let pose = prop::option::of((0.0..6.0_f64, -1.0..1.0_f64).prop_map(|(angle, x)| {
+        Pose::new([x, -x, 2.0 * x], [0.0, angle.sin(), 0.0, angle.cos()]).unwrap()
+    }));
+    let feature = prop::option::of(prop::collection::vec(-1e9..1e9_f64, 0..40));
+    let numbers = (any::<Option<i64>>(), any::<u32>());
+    (any::<u128>(), pressures, pose, numbers, feature).prop_map(
+        |(sensor, pressures, session_from_sensor, (stamp_ns, calibration), feature)| {
+            StoredReading {
+                sensor: Uuid::from_u128(sensor),
+                session_from_sensor,
+                pressures,
+                stamp_ns,
+                calibration,
+                feature,
+            }
         },
     )
 }

@@ -82,12 +82,21 @@ pub(crate) fn reading(n_taxels: usize) -> StoredReading {
     let half = std::f64::consts::FRAC_PI_8;
     StoredReading {
         sensor: Uuid::from_u128(10),
-        session_from_sensor: Pose::new([0.1, -0.2, 0.3], [0.0, half.sin(), 0.0, half.cos()])
-            .unwrap(),
+        session_from_sensor: Some(
+            Pose::new([0.1, -0.2, 0.3], [0.0, half.sin(), 0.0, half.cos()]).unwrap(),
+        ),
         pressures: pressures.collect(),
         stamp_ns: Some(-5),
         calibration: 0,
+        feature: None,
     }
+}
+
+/// A reading without a pose, with a feature of the client's own.
+pub(crate) fn coded_entry(robot: &str, seq: u64) -> NewEntry {
+    let feature = Some(vec![0.5, -2.0, 1e-3]);
+    let reading = StoredReading { session_from_sensor: None, feature, ..reading(4) };
+    NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
 }
 
 /// A reading that a calibration applies to.

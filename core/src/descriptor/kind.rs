@@ -1,0 +1,235 @@
+//! The descriptors that exist, by the names users type.
+
+use super::mnti::Mnti;
+use super::moment_normalized::MomentNormalizer;
+use super::mr8::Mr8;
+use super::polar_fourier::{PolarFourier, PolarFourierForm};
+use super::polar_spectrum::PolarSpectrum;
+use super::schmid::Schmid;
+use super::sift::Sift;
+use super::steerable::Steerable;
+use super::vectorize::{Vectorize, from_columns};
+use super::{Descriptor, FeatureMatrix};
+use crate::reading::TactileImage;
+
+/// A descriptor, not planned yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DescriptorKind {
+    /// The image itself, columns concatenated (section 4.3.2.1): the negative control.
+    Vectorize,
+    /// Lowe's histograms of gradients of the whole image (section 4.3.2.2).
+    Sift,
+    /// Largest responses of oriented filters in four windows (section 4.3.2.3): several
+    /// features a reading.
+    Mr8,
+    /// The image turned to its principal axes (section 4.3.2.4).
+    MomentNormalized,
+    /// Fourier magnitudes of rings and of their neighbours' relations (section 4.3.2.5.1).
+    PolarFourier,
+    /// Polar-Fourier, each row divided by the root of its radius (rwPF).
+    PolarFourierRw,
+    /// Polar-Fourier of the rings alone (niPF).
+    PolarFourierNi,
+    /// Polar-Fourier and third-order products that tell an image from its mirror image.
+    PolarFourierSigned,
+    /// Moment-normalised, translation-invariant (section 4.3.2.5.2).
+    Mnti,
+    /// Strengths of spatial frequencies without place and direction: beyond the dissertation.
+    PolarSpectrum,
+    /// Derivatives at the centre, steered to the gradient: a control that performed poorly.
+    Steerable,
+    /// Responses of round filters: a control that performed poorly.
+    Schmid,
+}
+
+impl DescriptorKind {
+    /// Every descriptor.
+    pub const ALL: [Self; 12] = [
+        Self::Vectorize,
+        Self::Sift,
+        Self::Mr8,
+        Self::MomentNormalized,
+        Self::PolarFourier,
+        Self::PolarFourierRw,
+        Self::PolarFourierNi,
+        Self::PolarFourierSigned,
+        Self::Mnti,
+        Self::PolarSpectrum,
+        Self::Steerable,
+        Self::Schmid,
+    ];
+
+    /// The name that users type.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vectorize => "vectorize",
+            Self::Sift => "sift",
+            Self::Mr8 => "mr8",
+            Self::MomentNormalized => "moment_normalized",
+            Self::PolarFourier => "polar_fourier",
+            Self::PolarFourierRw => "polar_fourier_rw",
+            Self::PolarFourierNi => "polar_fourier_ni",
+            Self::PolarFourierSigned => "polar_fourier_signed",
+            Self::Mnti => "mnti",
+            Self::PolarSpectrum => "polar_spectrum",
+            Self::Steerable => "steerable",
+            Self::Schmid => "schmid",
+        }
+    }
+
+    /// The descriptor of a name, or `None` when there is none.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// True when a reading has one feature, whatever its shape: what a method needs that
+    /// gives each touch one appearance.
+    #[must_use]
+    pub fn gives_one_feature(self) -> bool {
+        self != Self::Mr8
+    }
+
+    /// Prepares to describe images of `rows` × `cols` taxels, at least one of each.
+    #[must_use]
+    pub fn plan(self, rows: usize, cols: usize) -> Box<dyn Descriptor> {
+        let polar = |form| Box::new(PolarFourier::new(rows, cols, form));
+        match self {
+            Self::Vectorize => Box::new(Vectorize::new(rows, cols)),
+            Self::Sift => Box::new(Sift::new(rows, cols)),
+            Self::Mr8 => Box::new(Mr8::new(rows, cols)),
+            Self::MomentNormalized => Box::new(MomentNormalizer::new(rows, cols)),
+            Self::PolarFourier => polar(PolarFourierForm::Interleaved),
+            Self::PolarFourierRw => polar(PolarFourierForm::RadiallyWeighted),
+            Self::PolarFourierNi => polar(PolarFourierForm::NonInterleaved),
+            Self::PolarFourierSigned => polar(PolarFourierForm::Signed),
+            Self::Mnti => Box::new(Mnti::new(rows, cols)),
+            Self::PolarSpectrum => Box::new(PolarSpectrum::new(rows, cols)),
+            Self::Steerable => Box::new(Steerable::new(rows, cols)),
+            Self::Schmid => Box::new(Schmid::new(rows, cols)),
+        }
+    }
+
+    /// The features of one image; to describe many, plan once.
+    #[must_use]
+    pub fn describe(self, image: &TactileImage) -> FeatureMatrix {
+        self.plan(image.rows, image.cols).describe(&[image])
+    }
+
+    /// The image that a feature of `rows` × `cols` taxels pictures, up to its intensity (and,
+    /// for Moment-Normalised, its rotation); `None` for descriptors that cannot be undone
+    /// and for features of another length.
+    #[must_use]
+    pub fn picture(self, feature: &[f64], rows: usize, cols: usize) -> Option<TactileImage> {
+        let invertible = matches!(self, Self::Vectorize | Self::MomentNormalized);
+        (invertible && feature.len() == rows * cols).then(|| TactileImage {
+            rows,
+            cols,
+            pressures: from_columns(feature, rows),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::descriptor::affinity;
+    use crate::descriptor::test_support::{any_image, blob, check_descriptor, mirrored};
+
+    #[test]
+    fn names_lead_back_to_their_descriptors() {
+        for kind in DescriptorKind::ALL {
+            assert_eq!(DescriptorKind::from_name(kind.name()), Some(kind));
+        }
+        assert_eq!(DescriptorKind::from_name("fourier"), None);
+    }
+
+    #[test]
+    fn every_shape_from_2_to_128_can_be_described() {
+        let shapes = [(2, 2), (2, 3), (3, 2), (5, 5), (6, 6), (6, 8), (28, 50), (128, 3), (2, 128)];
+        for (rows, cols) in shapes {
+            let pressures = (0..rows * cols).map(|n| ((n * n) % 11) as f64 * 500.0).collect();
+            check_descriptor(&TactileImage { rows, cols, pressures });
+        }
+        check_descriptor(&blob(26, 0.4, 0.2, 0.1));
+        check_descriptor(&TactileImage { rows: 1, cols: 1, pressures: vec![3.0] });
+    }
+
+    #[test]
+    fn the_largest_image_can_be_described() {
+        let image = blob(128, 0.4, 0.2, 0.1);
+        for kind in DescriptorKind::ALL {
+            let described = kind.describe(&image);
+            let row = described.row(0);
+            assert!((affinity(row, row) - 1.0).abs() < 1e-9, "{kind:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_image_has_unit_features_whatever_its_intensity(image in any_image(6, 7)) {
+            check_descriptor(&image);
+        }
+    }
+
+    #[test]
+    fn nothing_touched_is_all_zeros() {
+        let image = TactileImage { rows: 6, cols: 6, pressures: vec![0.0; 36] };
+        for kind in DescriptorKind::ALL {
+            let described = kind.describe(&image);
+            assert!(described.values().iter().all(|value| value.abs() < 1e-15), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn features_of_images_picture_them() {
+        let image = blob(6, 0.2, 0.1, 0.0);
+        let feature = DescriptorKind::Vectorize.describe(&image);
+        let picture = DescriptorKind::Vectorize.picture(feature.row(0), 6, 6).unwrap();
+        let norm = image.pressures.iter().map(|p| p * p).sum::<f64>().sqrt();
+        for (shown, pressure) in picture.pressures.iter().zip(&image.pressures) {
+            assert!((shown * norm - pressure).abs() < 1e-9);
+        }
+        assert_eq!(DescriptorKind::Mnti.picture(&[0.0; 25], 5, 5), None);
+        assert_eq!(DescriptorKind::Vectorize.picture(&[0.0; 25], 6, 6), None);
+    }
+
+    #[test]
+    fn who_sees_a_mirror_image_and_who_is_blind_to_it() {
+        let image = blob(12, 0.3, 0.4, 0.2);
+        for kind in [DescriptorKind::PolarFourier, DescriptorKind::PolarFourierNi] {
+            let described = [kind.describe(&image), kind.describe(&mirrored(&image))];
+            let kept = affinity(described[0].row(0), described[1].row(0));
+            assert!(kept > 1.0 - 1e-9, "{kind:?}: {kept}");
+        }
+        let signed = DescriptorKind::PolarFourierSigned;
+        let bent = bent_blob();
+        let described = [signed.describe(&bent), signed.describe(&mirrored(&bent))];
+        let kept = affinity(described[0].row(0), described[1].row(0));
+        assert!(kept < 0.99, "{kept}");
+    }
+
+    /// A letter like p, which no rotation makes a q.
+    fn bent_blob() -> TactileImage {
+        let drawn = [
+            "............",
+            "...####.....",
+            "...##.##....",
+            "...##..##...",
+            "...##..##...",
+            "...##.##....",
+            "...####.....",
+            "...##.......",
+            "...##.......",
+            "...##.......",
+            "............",
+            "............",
+        ];
+        let pressure = |mark| if mark == '#' { 5e3 } else { 0.0 };
+        let pressures = drawn.concat().chars().map(pressure).collect();
+        TactileImage { rows: 12, cols: 12, pressures }
+    }
+}

@@ -1,0 +1,25 @@
+//! What held-back readings say of a version's appearance.
+
+use palpate_schemas as wire;
+use palpate_store::model_codec::APPEARANCE_BLOCK;
+
+use super::{Catalogues, number};
+use crate::refusal::Refusal;
+use crate::wire::appearance;
+
+impl Catalogues {
+    /// The report of a version's appearance.
+    pub(crate) async fn appearance_report(
+        &self,
+        name: &str,
+        version: &str,
+    ) -> Result<wire::AppearanceReport, Refusal> {
+        let catalogue = self.find(name)?;
+        let manifest = self.manifest(&catalogue, number(version)?)?;
+        let model = self.load(catalogue.id, manifest.version).await?;
+        let trained = model.appearance()?;
+        let block = manifest.blocks.iter().find(|block| block.name == APPEARANCE_BLOCK);
+        let hash = block.map_or([0; 32], |block| block.hash);
+        Ok(appearance::report(trained, &model.objects, &hash, &model.name, model.version))
+    }
+}

@@ -1,0 +1,138 @@
+//! From a request to what is trained: checked when it comes, looked up when it is its turn.
+
+use palpate_schemas::StartTraining;
+use palpate_store::catalogue::{Manifest, VersionObject};
+use palpate_store::entity::Object;
+
+use super::Jobs;
+use crate::refusal::Refusal;
+use crate::training::{AppearancePlan, Base, Plan};
+use crate::wire as convert;
+
+impl Jobs {
+    /// A request with every default filled in and everything that it names looked up.
+    pub(super) fn checked(
+        &self,
+        catalogue: &str,
+        request: &StartTraining,
+    ) -> Result<StartTraining, Refusal> {
+        let base = request.extend.map(|version| self.base_of(catalogue, version)).transpose()?;
+        let mut training = match &base {
+            None => convert::training::training(request)?,
+            Some((manifest, base)) => {
+                convert::training::extension(request, manifest.version, base)?
+            }
+        };
+        let sensor = training.sensor.clone().unwrap_or_default();
+        let sensor = self.sensors.find(&sensor)?.ok_or_else(|| {
+            Refusal::field(
+                "/sensor",
+                format!("there is no sensor {sensor:?}, expected an id or a name"),
+            )
+        })?;
+        training.sensor = Some(sensor.id.to_string());
+        let known = base.map_or(Vec::new(), |(manifest, _)| manifest.objects);
+        let objects = self.objects_of(&training, &known)?;
+        training.objects = Some(objects.iter().map(|object| object.id.to_string()).collect());
+        Ok(training)
+    }
+
+    /// A version that is to be extended, and how it was trained.
+    fn base_of(&self, catalogue: &str, version: u32) -> Result<(Manifest, StartTraining), Refusal> {
+        let found = self.catalogues.manifest_of(catalogue, version);
+        let (manifest, parameters) = found.map_err(|refusal| Refusal::field("/extend", refusal))?;
+        Ok((manifest, parameters.training))
+    }
+
+    /// What a checked training is to do.
+    pub(super) async fn plan(
+        &self,
+        catalogue: &str,
+        training: &StartTraining,
+    ) -> Result<Plan, Refusal> {
+        let references = training.objects.as_deref().unwrap_or_default();
+        let objects: Result<Vec<VersionObject>, Refusal> = references
+            .iter()
+            .map(|reference| {
+                let object = self.objects.find(reference)?;
+                Ok(VersionObject { id: object.id, name: object.name })
+            })
+            .collect();
+        let base = match training.extend {
+            None => None,
+            Some(version) => {
+                let (manifest, parameters) = self.catalogues.manifest_of(catalogue, version)?;
+                let model = self.catalogues.load(manifest.catalogue, version).await?;
+                Some(Base { model, reports: parameters.report.objects })
+            }
+        };
+        let appearance = training.appearance.as_ref().map(|settings| AppearancePlan {
+            config: convert::appearance::config(settings),
+            source: settings.source.unwrap_or_default(),
+        });
+        Ok(Plan {
+            objects: objects?,
+            sensor: self.sensors.get(training.sensor.as_deref().unwrap_or_default())?,
+            readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
+            seed: training.seed.unwrap_or(1),
+            config: convert::training::config(training)?,
+            geometry: training.geometry.as_ref().map(convert::geometry::config),
+            appearance,
+            pair_maps: training.pair_maps.unwrap_or(true),
+            base,
+        })
+    }
+
+    /// The objects of a training that have something to be trained from.
+    /// Without names those that are not `known` already.
+    fn objects_of(
+        &self,
+        training: &StartTraining,
+        known: &[VersionObject],
+    ) -> Result<Vec<Object>, Refusal> {
+        let Some(references) = &training.objects else {
+            let mut objects = Vec::new();
+            for object in self.store.objects().all()? {
+                let is_known = known.iter().any(|known| known.id == object.id);
+                if !is_known && self.has_data(&object)? {
+                    objects.push(object);
+                }
+            }
+            if objects.is_empty() {
+                let new = if known.is_empty() { "" } else { "new " };
+                let detail = format!("no {new}object has data: upload a mesh or readings first");
+                return Err(Refusal::field("/objects", detail));
+            }
+            return Ok(objects);
+        };
+        if references.is_empty() {
+            return Err(Refusal::field("/objects", "came empty, expected at least one object"));
+        }
+        let mut objects: Vec<Object> = Vec::with_capacity(references.len());
+        for (index, reference) in references.iter().enumerate() {
+            let at = format!("/objects/{index}");
+            let object = match self.objects.find(reference) {
+                Err(missing @ Refusal::NotFound { .. }) => return Err(Refusal::field(at, missing)),
+                other => other?,
+            };
+            if objects.iter().any(|known| known.id == object.id) {
+                let detail = format!("object {:?} is named twice", object.name);
+                return Err(Refusal::field(at, detail));
+            }
+            if !self.has_data(&object)? {
+                let detail = format!(
+                    "object {:?} has no data: upload a mesh or readings first",
+                    object.name
+                );
+                return Err(Refusal::field(at, detail));
+            }
+            objects.push(object);
+        }
+        Ok(objects)
+    }
+
+    fn has_data(&self, object: &Object) -> Result<bool, Refusal> {
+        Ok(self.store.training().len(object.id)? > 0
+            || self.store.meshes().info(object.id)?.is_some())
+    }
+}

@@ -1,0 +1,47 @@
+//! A version that is added to: what it knows stays, bit by bit.
+
+use std::sync::Arc;
+
+use palpate_schemas::ObjectReport;
+use palpate_store::catalogue::VersionObject;
+
+use crate::catalogues::Model;
+
+/// The version that a training extends.
+pub(crate) struct Base {
+    pub(crate) model: Arc<Model>,
+    /// What was reported of its objects.
+    pub(crate) reports: Vec<ObjectReport>,
+}
+
+impl Base {
+    /// Where each object of a plan stands in the version; `None` for new ones.
+    pub(super) fn places(&self, objects: &[VersionObject]) -> Vec<Option<usize>> {
+        let place = |new: &VersionObject| self.model.objects.iter().position(|o| o.id == new.id);
+        objects.iter().map(place).collect()
+    }
+}
+
+/// What is `known`, with what is `new` in its place if it has one, else at the end.
+pub(super) fn extended<T: Clone>(known: &[T], places: &[Option<usize>], new: Vec<T>) -> Vec<T> {
+    let mut all = known.to_vec();
+    for (new, place) in new.into_iter().zip(places) {
+        match place {
+            Some(place) => all[*place] = new,
+            None => all.push(new),
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_new_replaces_what_is_known_or_follows_it() {
+        let found = extended(&["mug", "gear", "hand"], &[Some(1), None], vec!["gear!", "cup"]);
+        assert_eq!(found, ["mug", "gear!", "hand", "cup"]);
+        assert_eq!(extended(&[], &[None, None], vec![1, 2]), [1, 2]);
+    }
+}

@@ -1,0 +1,63 @@
+//! Why a training came to nothing, in words for the one who asked for it.
+
+use palpate_core::occupancy::GridError;
+use palpate_core::occupancy::grid::CELLS_MAX;
+use palpate_core::reading::ReadingError;
+use palpate_core::train::TrainError;
+use palpate_core::train::appearance::AppearanceTrainError;
+use palpate_sim::mesh::MeshError;
+use palpate_sim::rig::PlanarError;
+use palpate_sim::sampler::SampleError;
+use palpate_store::error::StoreError;
+use thiserror::Error;
+
+use crate::refusal::Refusal;
+
+/// Why a training came to nothing.
+#[derive(Debug, Error)]
+pub(crate) enum TrainingFailure {
+    #[error("it was told to stop")]
+    Stopped,
+    #[error("object {object:?} has no data: upload a mesh or readings")]
+    NoData { object: String },
+    #[error("object {object:?} has readings of several sensors, expected one")]
+    Sensors { object: String },
+    #[error("object {object:?}: {source}")]
+    Mesh { object: String, source: MeshError },
+    #[error("object {object:?}: {source}")]
+    Reading { object: String, source: ReadingError },
+    #[error("object {object:?}: {source}")]
+    Sampling { object: String, source: SampleError },
+    #[error("object {object:?}: {source}")]
+    Mapping { object: String, source: TrainError },
+    #[error("object {object:?}: {source}")]
+    Planar { object: String, source: PlanarError },
+    #[error("object {object:?}: {source} with cells of {} mm", cell * 1e3)]
+    Grid { object: String, cell: f64, source: GridError },
+    #[error(
+        "object {object:?} brings the maps to {found} cells of {} mm, expected at most \
+         {CELLS_MAX} for all objects: choose larger cells", cell * 1e3
+    )]
+    Cells { object: String, cell: f64, found: usize },
+    #[error(
+        "object {object:?} has readings without poses, which pair maps and geometry need: train \
+         with `\"pair_maps\": false` and `appearance`"
+    )]
+    NoPoses { object: String },
+    #[error(
+        "object {object:?} has no readings with features: features of clients cannot be simulated"
+    )]
+    NoFeatures { object: String },
+    #[error("object {object:?} has features of {found} values, expected {expected} as the others")]
+    FeatureLength { object: String, expected: usize, found: usize },
+    #[error("object {object:?}: {source}")]
+    Appearance { object: String, source: AppearanceTrainError },
+    #[error(transparent)]
+    AppearanceVocabulary(#[from] AppearanceTrainError),
+    #[error(transparent)]
+    Vocabulary(#[from] TrainError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+}

@@ -1,0 +1,163 @@
+//! What objects are trained from: readings that robots took, or touches of meshes in
+//! simulation.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::TaxelGrid;
+use palpate_core::train::TrainingSet;
+use palpate_schemas::JobStage;
+use palpate_sim::mesh::Mesh;
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
+use palpate_store::catalogue::VersionObject;
+use palpate_store::entity::Sensor;
+use palpate_store::journal::Event;
+use rayon::prelude::*;
+use uuid::Uuid;
+
+use super::{Plan, Progress, Sources, TrainingFailure, geometry, step};
+use crate::wire::object::{read_format, unit_metres};
+use crate::wire::reading::from_store;
+
+/// The readings of one object.
+pub(super) struct Material {
+    pub(super) object: VersionObject,
+    pub(super) readings: Vec<Reading>,
+    /// The client's own code of each reading, where it sent any.
+    pub(super) features: Vec<Vec<f64>>,
+    sensor: Arc<Sensor>,
+    pub(super) origin: Option<DVec3>,
+    /// Presses straight down, of a mesh whose planar map is to be learnt; else the maps of
+    /// contact are learnt from the readings.
+    planar: Option<Vec<Reading>>,
+}
+
+impl Material {
+    pub(super) fn set(&self) -> TrainingSet<'_> {
+        TrainingSet { readings: &self.readings, sensor: &self.sensor.description }
+    }
+
+    /// The taxels of the sensor.
+    pub(super) fn grid(&self) -> &TaxelGrid {
+        self.sensor.description.grid()
+    }
+
+    /// The readings that maps of contact are learnt from.
+    pub(super) fn pressed(&self) -> TrainingSet<'_> {
+        let readings = self.planar.as_deref().unwrap_or(&self.readings);
+        TrainingSet { readings, ..self.set() }
+    }
+}
+
+/// Collects the readings of all objects: their own, or touches of their meshes.
+pub(super) fn gather(
+    plan: &Plan,
+    sources: &Sources<'_>,
+    progress: &Progress<'_>,
+) -> Result<Vec<Material>, TrainingFailure> {
+    let total = plan.objects.len() * plan.readings_per_object;
+    let done = AtomicUsize::new(0);
+    step(progress, JobStage::Sampling, 0, total)?;
+    let gather_one = |(index, object): (usize, &VersionObject)| {
+        let material = match own_readings(plan, object, sources)? {
+            Some(material) => {
+                done.fetch_add(plan.readings_per_object, Ordering::Relaxed);
+                material
+            }
+            None => touch(plan, index, object, sources, &done, progress)?,
+        };
+        step(progress, JobStage::Sampling, done.load(Ordering::Relaxed), total)?;
+        Ok(material)
+    };
+    plan.objects.par_iter().enumerate().map(gather_one).collect()
+}
+
+/// The readings that robots took of an object; `None` without any.
+fn own_readings(
+    plan: &Plan,
+    object: &VersionObject,
+    sources: &Sources<'_>,
+) -> Result<Option<Material>, TrainingFailure> {
+    let name = || object.name.clone();
+    let entries = sources.store.training().entries(object.id, 0, usize::MAX)?;
+    let mut readings = Vec::with_capacity(entries.len());
+    let mut features = Vec::new();
+    let mut sensor: Option<Arc<Sensor>> = None;
+    for entry in &entries {
+        let Event::Reading(stored) = &entry.event else { continue };
+        if plan.pair_maps && stored.session_from_sensor.is_none() {
+            return Err(TrainingFailure::NoPoses { object: name() });
+        }
+        let used = match &sensor {
+            Some(sensor) if sensor.id == stored.sensor => Arc::clone(sensor),
+            Some(_) => return Err(TrainingFailure::Sensors { object: name() }),
+            None => sources.sensors.get(&stored.sensor.to_string())?,
+        };
+        let calibration = sources.sensors.calibrations().of(used.id, stored.calibration)?;
+        let reading = from_store(stored, &used, calibration.as_deref())
+            .map_err(|source| TrainingFailure::Reading { object: name(), source })?;
+        readings.push(reading);
+        features.extend(stored.feature.clone());
+        sensor = Some(used);
+    }
+    let object = object.clone();
+    Ok(sensor.map(|sensor| Material {
+        object,
+        readings,
+        features,
+        sensor,
+        origin: None,
+        planar: None,
+    }))
+}
+
+/// Touches an object's mesh in simulation.
+fn touch(
+    plan: &Plan,
+    index: usize,
+    object: &VersionObject,
+    sources: &Sources<'_>,
+    done: &AtomicUsize,
+    progress: &Progress<'_>,
+) -> Result<Material, TrainingFailure> {
+    let name = || object.name.clone();
+    let mesh = mesh(object.id, sources, &name)?;
+    let origin = mesh.centroid();
+    let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
+    let planar = geometry::planar_presses(plan, index, object, &simulator)?;
+    let config = SamplerConfig::for_simulator(&simulator);
+    let total = plan.objects.len() * plan.readings_per_object;
+    let mut counted = 0;
+    let mut hear = |taken: usize, _: usize| {
+        let now = done.fetch_add(taken - counted, Ordering::Relaxed) + (taken - counted);
+        counted = taken;
+        progress(JobStage::Sampling, now, total)
+    };
+    let id = SensorId(plan.sensor.id.as_u128());
+    let seed = plan.seed.wrapping_add(index as u64);
+    let readings = sample(&simulator, id, plan.readings_per_object, seed, &config, &mut hear)
+        .map_err(|source| match source {
+            SampleError::Stopped { .. } => TrainingFailure::Stopped,
+            source => TrainingFailure::Sampling { object: name(), source },
+        })?;
+    let sensor = Arc::clone(&plan.sensor);
+    let (object, origin) = (object.clone(), Some(origin));
+    Ok(Material { object, readings, features: Vec::new(), sensor, origin, planar })
+}
+
+fn mesh(
+    object: Uuid,
+    sources: &Sources<'_>,
+    name: &dyn Fn() -> String,
+) -> Result<Mesh, TrainingFailure> {
+    let (info, file) = sources
+        .store
+        .meshes()
+        .get(object)?
+        .ok_or_else(|| TrainingFailure::NoData { object: name() })?;
+    Mesh::from_bytes(read_format(info.format), &file, unit_metres(info.unit))
+        .map_err(|source| TrainingFailure::Mesh { object: name(), source })
+}

@@ -1,0 +1,128 @@
+//! A whole model, to blocks and back.
+
+use palpate_core::descriptor::DescriptorKind;
+use palpate_core::patch::Patch;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::vocabulary::{Association, ClassIdx};
+
+use super::*;
+
+fn map(n_patches: usize, seed: u64) -> ObjectMap {
+    let mut stream = Stream::new(seed, Purpose::Sampling, 0);
+    let patches: Vec<Patch> = (0..n_patches)
+        .map(|patch| Patch {
+            position: stream.direction() * 0.04,
+            normal: stream.direction(),
+            normal_confidence: 0.5,
+            classes: vec![
+                Association { class: ClassIdx((patch % 3) as u8), weight: 0.75 },
+                Association { class: ClassIdx(((patch + 1) % 3) as u8), weight: 0.25 },
+            ],
+        })
+        .collect();
+    let distances = DistanceBins::new(0.008, 0.08, 40).unwrap();
+    ObjectMap::build(&patches, [0.1, 0.2, 0.3].into(), 3, distances).unwrap()
+}
+
+fn model() -> Catalogue {
+    let medoid = |class: usize| (0..36).map(|value| (value * class) as f64 / 7.0).collect();
+    Catalogue {
+        vocabulary: Vocabulary {
+            descriptor: DescriptorKind::Mnti,
+            rows: 6,
+            cols: 7,
+            mean: vec![0.25; 36],
+            medoids: (0..3).map(medoid).collect(),
+            spreads: vec![0.1, 0.2, 0.3],
+        },
+        association: AssociationRule { threshold: 0.75, max_classes: 4 },
+        objects: vec![Arc::new(map(30, 1)), Arc::new(map(12, 2))],
+        geometry: None,
+        appearance: None,
+    }
+}
+
+const OBJECTS: [Uuid; 2] = [Uuid::from_u128(1), Uuid::from_u128(2)];
+
+#[test]
+fn a_model_comes_back_bit_by_bit() {
+    let blocks = model_to_blocks(&model(), &OBJECTS);
+    assert_eq!(blocks.len(), 3);
+    assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model()));
+}
+
+#[test]
+fn a_model_with_geometry_comes_back_and_needs_the_geometry_of_every_object() {
+    let geometry = Some(Arc::new(geometry::tests::model()));
+    let model = Catalogue { geometry, ..model() };
+    let blocks = model_to_blocks(&model, &OBJECTS);
+    assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
+    let missing = model_from_blocks(&blocks[..5], &OBJECTS).unwrap_err();
+    assert_eq!(missing, CodecError::Missing { name: geometry_block_name(OBJECTS[1]) });
+}
+
+#[test]
+fn a_model_with_appearance_comes_back_with_and_without_maps() {
+    let appearance = Some(Arc::new(appearance::tests::model()));
+    let (mean, medoids, spreads) = (Vec::new(), Vec::new(), Vec::new());
+    let nothing = Vocabulary { mean, medoids, spreads, ..model().vocabulary };
+    for (objects, vocabulary) in [(model().objects, model().vocabulary), (Vec::new(), nothing)] {
+        let appearance = appearance.clone();
+        let model = Catalogue { vocabulary, appearance, objects, ..model() };
+        let blocks = model_to_blocks(&model, &OBJECTS);
+        assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
+        let last = blocks.len() - 1;
+        let missing = model_from_blocks(&blocks[..last], &OBJECTS).unwrap_err();
+        assert_eq!(missing, CodecError::Missing { name: appearance_block_name(OBJECTS[1]) });
+    }
+}
+
+#[test]
+fn an_object_may_be_left_out_or_be_in_another_place() {
+    let blocks = model_to_blocks(&model(), &OBJECTS);
+    let turned = model_from_blocks(&blocks, &[OBJECTS[1]]).unwrap();
+    assert_eq!(turned.objects, [Arc::clone(&model().objects[1])]);
+    let missing = model_from_blocks(&blocks[..2], &OBJECTS).unwrap_err();
+    assert_eq!(missing, CodecError::Missing { name: map_block_name(OBJECTS[1]) });
+}
+
+#[test]
+fn a_cut_or_longer_block_is_refused() {
+    for block in [vocabulary_to_block(&model()), map_to_block(&map(12, 3))] {
+        let decodes =
+            |block: &[u8]| vocabulary_from_block(block).is_ok() || map_from_block(block).is_ok();
+        assert!(decodes(&block));
+        for length in 0..block.len() {
+            assert!(!decodes(&block[..length]), "{length} of {}", block.len());
+        }
+        assert!(!decodes(&[block, vec![0]].concat()));
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let block = map_to_block(&map(12, 3));
+    let with = |at: usize, bytes: &[u8]| {
+        let mut block = block.clone();
+        block[at..at + bytes.len()].copy_from_slice(bytes);
+        map_from_block(&block).unwrap_err()
+    };
+    assert_eq!(with(0, &9u32.to_le_bytes()), CodecError::Form { found: 9 });
+    assert!(matches!(with(8, &0u32.to_le_bytes()), CodecError::Count { field: "classes", .. }));
+    assert!(matches!(with(20, &9f64.to_le_bytes()), CodecError::Distances(_)));
+    let nan = with(60, &f32::NAN.to_le_bytes());
+    assert!(matches!(nan, CodecError::Finite { field: "patches", .. }));
+    // The last posting's first patch.
+    assert_eq!(with(block.len() - 6, &12u16.to_le_bytes()), CodecError::Index);
+    // The first offset.
+    assert_eq!(with(60 + 12 * 28, &1u32.to_le_bytes()), CodecError::Index);
+}
+
+#[test]
+fn a_map_over_another_vocabulary_is_refused() {
+    let mut other = model();
+    other.vocabulary.medoids.pop();
+    other.vocabulary.spreads.pop();
+    let error = model_from_blocks(&model_to_blocks(&other, &OBJECTS), &OBJECTS).unwrap_err();
+    assert_eq!(error, CodecError::Classes { expected: 2, found: 3 });
+}
