@@ -103,11 +103,12 @@ impl Plan {
             sensor: self.sensor.name().to_owned(),
             frame_id: None,
             stamp: None,
-            pose: schemas::Pose {
+            pose: Some(schemas::Pose {
                 position: pose.translation.to_array(),
                 orientation: pose.rotation.to_array(),
-            },
+            }),
             image: touch.reading.image().pressures.iter().copied().map(Some).collect(),
+            feature: None,
         }
     }
 }

@@ -71,8 +71,9 @@ mod tests {
             sensor: "digitacts-6x6".to_owned(),
             frame_id: None,
             stamp: None,
-            pose: Pose { position: [0.1, 0.2, 0.3], orientation: [0.0, 0.0, 0.0, 1.0] },
+            pose: Some(Pose { position: [0.1, 0.2, 0.3], orientation: [0.0, 0.0, 0.0, 1.0] }),
             image: vec![Some(1.0 / 3.0), None],
+            feature: None,
         }
     }
 

@@ -142,7 +142,7 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     let sessions: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
     assert_eq!(
         sessions["items"].as_array().unwrap().len(),
-        5,
+        6,
         "those of before survived the restart"
     );
 
@@ -172,6 +172,11 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
     assert_eq!(again["session"], serde_json::Value::Null);
     let file = |name: &str| std::fs::read(at.join(name)).unwrap();
     assert_eq!(file("mug.json"), file("2.json"));
+    // An object that moves, by a method that does not ask where the sensor was.
+    let moving = "explore --mesh meshes/mug.stl --readings 12 --perturb --method appearance --json";
+    let moved = answer(moving);
+    assert_eq!(moved["readings"], 12);
+    assert!(moved["probability"].as_f64().unwrap() > 1.0 / 3.0, "{moved}");
 }
 
 #[test]

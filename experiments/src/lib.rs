@@ -4,12 +4,17 @@
 //! as JSON, CSV and SVG and one line of `docs/results.md`. Poses, noise and readings of a
 //! trial come from streams that training never uses.
 
+pub mod appearance_trials;
 pub mod contact_rates;
 pub mod controllers;
 pub mod coverage;
 pub mod covering;
+pub mod exploration;
+pub mod explorations;
 pub mod letters_geometric;
+pub mod object_trials;
 pub mod objects;
+pub mod perturbation;
 pub mod plot;
 pub mod report;
 pub mod server_throughput;

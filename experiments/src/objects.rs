@@ -9,7 +9,8 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 use palpate_sim::mesh::{Mesh, MeshFormat};
-use palpate_sim::press::PressSimulator;
+use palpate_sim::noise::NoiseLevel;
+use palpate_sim::press::{PressConfig, PressSimulator};
 use palpate_sim::sampler::{SamplerConfig, sample};
 use palpate_sim::shapes;
 
@@ -78,7 +79,22 @@ pub fn touch(
     n: usize,
     seed: u64,
 ) -> anyhow::Result<Vec<Reading>> {
-    let simulator = PressSimulator::new(object.mesh.clone(), sensor.clone());
+    touch_in_noise(object, sensor, NoiseLevel::NONE, n, seed)
+}
+
+/// The same under noise beyond the sensor's own, which the controllers feel too.
+///
+/// # Errors
+/// When the sampler gives up: the object cannot be touched often enough.
+pub fn touch_in_noise(
+    object: &TestObject,
+    sensor: &SensorDescription,
+    noise_level: NoiseLevel,
+    n: usize,
+    seed: u64,
+) -> anyhow::Result<Vec<Reading>> {
+    let press = PressConfig { noise_level, ..PressConfig::for_sensor(sensor) };
+    let simulator = PressSimulator::with_config(object.mesh.clone(), sensor.clone(), press);
     let config = SamplerConfig::for_simulator(&simulator);
     let mut go_on = |_done: usize, _total: usize| ControlFlow::Continue(());
     sample(&simulator, SensorId(0), n, seed, &config, &mut go_on)

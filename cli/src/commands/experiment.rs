@@ -13,7 +13,11 @@ use palpate_core::units::MM;
 use palpate_experiments::contact_rates::{self, ContactRates};
 use palpate_experiments::controllers::{self, Controllers};
 use palpate_experiments::covering::{self, Covering};
+use palpate_experiments::exploration;
+use palpate_experiments::explorations::ExplorationTrials;
 use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_named};
+use palpate_experiments::object_trials::ObjectTrials;
+use palpate_experiments::perturbation;
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
 use palpate_experiments::sva_objects::{self, SvaObjects};
@@ -103,6 +107,10 @@ enum Experiment {
         #[arg(long, default_value_t = 100, value_parser = count)]
         successes: usize,
     },
+    /// Figures 4.11 and 4.12: strategies of exploration, and the sampler's readings.
+    Exploration(Explorations),
+    /// Figure 4.13: objects that move each time they are touched.
+    Perturbation(Explorations),
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
     Covering,
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
@@ -111,6 +119,37 @@ enum Experiment {
         #[arg(long, default_value_t = 1280, value_parser = count)]
         readings: usize,
     },
+}
+
+/// What is explored how often.
+#[derive(Clone, Debug, Args)]
+struct Explorations {
+    /// A folder of meshes; the built-in objects when not given.
+    #[arg(long, value_name = "DIR")]
+    meshes: Option<PathBuf>,
+    /// Largest dimension to which every object is scaled.
+    #[arg(long, default_value_t = 80.0, value_parser = millimetres)]
+    size_mm: f64,
+    /// Explorations an object, of 100 readings each.
+    #[arg(long, default_value_t = 10, value_parser = count)]
+    runs: usize,
+    /// Trials an object, shared by its explorations.
+    #[arg(long, default_value_t = 100, value_parser = count)]
+    trials: usize,
+}
+
+impl Explorations {
+    fn config(self, seed: u64) -> ExplorationTrials {
+        let Self { meshes, size_mm, runs, trials } = self;
+        let size = size_mm * MM;
+        let objects = ObjectTrials { meshes, size, seed, trials, ..ObjectTrials::default() };
+        ExplorationTrials { objects, runs }
+    }
+
+    fn words(&self) -> String {
+        let Self { meshes, size_mm, runs, trials } = self;
+        format!("{} --size-mm {size_mm} --runs {runs} --trials {trials}", folder(meshes))
+    }
 }
 
 /// The noise of the letter rig.
@@ -188,6 +227,14 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = Controllers { meshes, object, seed, seeds, successes };
             on_a_thread(move || controllers::run(&config, command, &show)).await?
         }
+        Experiment::Exploration(explorations) => {
+            let config = explorations.config(seed);
+            on_a_thread(move || exploration::run(&config, command, &show)).await?
+        }
+        Experiment::Perturbation(explorations) => {
+            let config = explorations.config(seed);
+            on_a_thread(move || perturbation::run(&config, command, &show)).await?
+        }
         Experiment::Covering => {
             let config = Covering { seed, ..Covering::default() };
             on_a_thread(move || covering::run(&config, command, &show)).await?
@@ -211,9 +258,6 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
 
 /// The command line that gives the same figures again.
 fn command_line(experiment: &Experiment, seed: u64) -> String {
-    let folder = |meshes: &Option<PathBuf>| {
-        meshes.as_ref().map(|folder| format!(" --meshes {}", folder.display())).unwrap_or_default()
-    };
     let rest = match experiment {
         Experiment::SvaObjects { meshes, size_mm, trials } => {
             format!("sva-objects{} --size-mm {size_mm} --trials {trials}", folder(meshes))
@@ -236,12 +280,18 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
             "controllers{} --object {object} --seeds {seeds} --successes {successes}",
             folder(meshes)
         ),
+        Experiment::Exploration(explorations) => format!("exploration{}", explorations.words()),
+        Experiment::Perturbation(explorations) => format!("perturbation{}", explorations.words()),
         Experiment::Covering => "covering".to_owned(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }
     };
     format!("palpate experiment {rest} --seed {seed}")
+}
+
+fn folder(meshes: &Option<PathBuf>) -> String {
+    meshes.as_ref().map(|folder| format!(" --meshes {}", folder.display())).unwrap_or_default()
 }
 
 async fn on_a_thread(

@@ -4,9 +4,10 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use palpate_client::schemas::{
-    AddReadings, Belief, BeliefDetail, CreateSession, Reading, ReadingsQuery, SensorPreset, Session,
+    AddReadings, Belief, BeliefDetail, CreateSession, Method, Reading, ReadingsQuery, SensorPreset,
+    Session,
 };
 use palpate_sim::explore::Statistics;
 use palpate_sim::shapes;
@@ -26,6 +27,7 @@ use crate::readings_file::ReadingsFile;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate explore --object mug --readings 40 --out mug.json\n  \
+    palpate explore --object mug --perturb --method appearance --readings 40\n  \
     palpate explore --mesh part.stl --readings 100 --offline --out part.json\n  \
     palpate explore --replay mug.json --session 0198a0d0-0000-7000-8000-000000000000\n\n\
     Exits with 4 when the object is known and the likeliest one at the end is another."
@@ -73,6 +75,10 @@ pub(crate) struct ExploreArgs {
     /// The catalogue of a new session.
     #[arg(long, default_value = "default")]
     catalogue: String,
+    /// How a new session recognises [default: sva]. An object that moves (--perturb) needs a
+    /// method that ignores poses: appearance, of a version trained with `--appearance`.
+    #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
+    method: Option<ExploreMethod>,
     /// Do not talk to a server.
     #[arg(long, requires = "out")]
     offline: bool,
@@ -82,6 +88,31 @@ pub(crate) struct ExploreArgs {
     /// Write a picture of the arm, the object and the touches: a PNG file.
     #[arg(long, value_name = "FILE", conflicts_with = "replay")]
     picture: Option<PathBuf>,
+}
+
+/// How to recognise; the methods `geometric…` need to know where the object may lie, which a
+/// blind arm does not.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ExploreMethod {
+    /// Spatially varying appearance.
+    Sva,
+    /// Spatially varying appearance as printed.
+    SvaLiteral,
+    /// Bags of features: which object, not where.
+    Appearance,
+    /// Bags of features as printed.
+    AppearanceLiteral,
+}
+
+impl ExploreMethod {
+    fn wire(self) -> Method {
+        match self {
+            Self::Sva => Method::Sva,
+            Self::SvaLiteral => Method::SvaLiteral,
+            Self::Appearance => Method::Appearance,
+            Self::AppearanceLiteral => Method::AppearanceLiteral,
+        }
+    }
 }
 
 /// The answer.
@@ -265,6 +296,7 @@ async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Sessio
         None => {
             let new = CreateSession {
                 catalogue: Some(args.catalogue.clone()),
+                method: args.method.map(ExploreMethod::wire),
                 ..CreateSession::default()
             };
             context.client.create_session(&new).await?

@@ -1,0 +1,251 @@
+//! Appearance trials on objects in simulation: what figures 4.8, 4.14, 4.15 and 4.16 share.
+//!
+//! Objects are touched by the sampler of section 4.4.1.2, once for training and validation
+//! and once, from another seed, for testing. The classes are learnt from a part of the
+//! training readings, histograms from all of them.
+
+use std::path::PathBuf;
+
+use palpate_core::descriptor::DescriptorKind;
+use palpate_core::model::appearance::{AppearanceModel, AppearanceRule};
+use palpate_core::reading::Reading;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::train::appearance::AppearanceConfig;
+use palpate_core::units::MM;
+use palpate_sim::noise::NoiseLevel;
+use serde_json::json;
+
+use crate::appearance_trials::{Evidence, Point, accuracy_at, line, train_with_vocabulary_of};
+use crate::objects::{TestObject, load, touch_in_noise};
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+
+/// The descriptors of figures 4.14 to 4.16: the three best and the control.
+pub const TOP_DESCRIPTORS: [DescriptorKind; 4] = [
+    DescriptorKind::Mnti,
+    DescriptorKind::PolarFourier,
+    DescriptorKind::MomentNormalized,
+    DescriptorKind::Vectorize,
+];
+
+/// Counts of readings after which accuracy is measured.
+const COUNTS: [usize; 16] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 80, 100];
+
+/// Counts that the summary states.
+const STATED_AT: [usize; 4] = [5, 10, 20, 60];
+
+/// What is touched how often.
+#[derive(Clone, Debug)]
+pub struct ObjectTrials {
+    /// A folder of meshes; the built-in objects when not given.
+    pub meshes: Option<PathBuf>,
+    /// The largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Training and validation readings an object.
+    pub training_readings: usize,
+    /// How many of them, first in order, the classes are learnt from.
+    pub vocabulary_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Trials an object.
+    pub trials: usize,
+    /// Candidates for the number of classes.
+    pub n_classes: Vec<usize>,
+}
+
+impl Default for ObjectTrials {
+    /// The dissertation's 1,000 training, 100 validation and 100 test readings; 48 classes
+    /// from 400 readings an object.
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            size: 80.0 * MM,
+            seed: 1,
+            training_readings: 1_100,
+            vocabulary_readings: 440,
+            test_readings: 100,
+            trials: 100,
+            n_classes: vec![48],
+        }
+    }
+}
+
+/// The world of one curve: a sensor and its noise.
+pub struct Setting {
+    /// Its name in rows and plots.
+    pub name: String,
+    /// Its part of the summary's keys; empty for the only setting.
+    pub key: String,
+    /// The sensor.
+    pub sensor: SensorDescription,
+    /// Noise beyond the sensor's own.
+    pub noise_level: NoiseLevel,
+}
+
+/// Readings of every object in one setting.
+pub struct Touched {
+    /// Of every object, for training and validation.
+    pub training: Vec<Vec<Reading>>,
+    /// Of every object, for tests.
+    pub test: Vec<Vec<Reading>>,
+}
+
+/// A model and how its test went.
+pub struct Tested {
+    /// The model.
+    pub model: AppearanceModel,
+    /// Accuracy against readings.
+    pub curve: Vec<Point>,
+}
+
+impl ObjectTrials {
+    /// The objects.
+    ///
+    /// # Errors
+    /// When the folder cannot be read or holds no mesh.
+    pub fn objects(&self) -> anyhow::Result<Vec<TestObject>> {
+        load(self.meshes.as_deref(), self.size)
+    }
+
+    /// Touches every object in a setting.
+    ///
+    /// # Errors
+    /// When an object cannot be touched often enough.
+    pub fn touch(&self, objects: &[TestObject], setting: &Setting) -> anyhow::Result<Touched> {
+        let touch_all = |n: usize, seed: u64| -> anyhow::Result<Vec<Vec<Reading>>> {
+            let touch = |object: &TestObject| {
+                touch_in_noise(object, &setting.sensor, setting.noise_level, n, seed)
+            };
+            objects.iter().map(touch).collect()
+        };
+        Ok(Touched {
+            training: touch_all(self.training_readings, 2 * self.seed)?,
+            test: touch_all(self.test_readings, 2 * self.seed + 1)?,
+        })
+    }
+
+    /// Learns with a configuration, of which a part of about 1/11 is held back, and tests.
+    ///
+    /// # Errors
+    /// When the readings cannot be learnt from.
+    pub fn test(
+        &self,
+        touched: &Touched,
+        setting: &Setting,
+        appearance: &AppearanceConfig,
+    ) -> anyhow::Result<Tested> {
+        let (n, sensor) = (self.vocabulary_readings, &setting.sensor);
+        let model = train_with_vocabulary_of(n, &touched.training, sensor, appearance, self.seed)?;
+        let evidence = Evidence::of(&model, &touched.test, sensor, AppearanceRule::Divergence);
+        let curve = evidence.drawn(&COUNTS, self.trials, self.seed);
+        Ok(Tested { model, curve })
+    }
+
+    /// The configuration of a descriptor: one in eleven readings is held back.
+    #[must_use]
+    pub fn appearance(&self, descriptor: DescriptorKind) -> AppearanceConfig {
+        AppearanceConfig {
+            descriptor,
+            n_classes: self.n_classes.clone(),
+            held_back_share: 1.0 / 11.0,
+            ..AppearanceConfig::default()
+        }
+    }
+
+    /// Runs the descriptors of figures 4.14 to 4.16 in every setting, a panel a descriptor.
+    ///
+    /// # Errors
+    /// When objects cannot be read, touched or learnt.
+    pub fn sweep(
+        &self,
+        experiment: &str,
+        command: String,
+        settings: &[Setting],
+        progress: Progress<'_>,
+    ) -> anyhow::Result<Outcome> {
+        let objects = self.objects()?;
+        let mut report = Report::new(experiment, command, self.seed);
+        let mut lines: Vec<Vec<Line>> = TOP_DESCRIPTORS.iter().map(|_| Vec::new()).collect();
+        for (done, setting) in settings.iter().enumerate() {
+            progress(&format!("touching, {}", setting.name), done, settings.len());
+            let touched = self.touch(&objects, setting)?;
+            for (descriptor, lines) in TOP_DESCRIPTORS.iter().zip(&mut lines) {
+                let stage = format!("{}, {}", setting.name, descriptor.name());
+                progress(&stage, done, settings.len());
+                let tested = self.test(&touched, setting, &self.appearance(*descriptor))?;
+                rows(&mut report, setting, descriptor.name(), &objects, &tested.curve);
+                lines.push(line(&setting.name, &tested.curve));
+            }
+        }
+        let panels: Vec<Panel> = TOP_DESCRIPTORS
+            .iter()
+            .zip(lines)
+            .map(|(descriptor, lines)| panel(descriptor.name(), lines))
+            .collect();
+        Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
+    }
+}
+
+/// A panel of accuracy against readings.
+#[must_use]
+pub fn panel(title: &str, lines: Vec<Line>) -> Panel {
+    let (x, y) = ("readings".to_owned(), "right (%)".to_owned());
+    Panel { title: title.to_owned(), x, y, lines }
+}
+
+/// Rows of a curve, its confusions after 20 readings, and the summary.
+pub fn rows(
+    report: &mut Report,
+    setting: &Setting,
+    method: &str,
+    objects: &[TestObject],
+    curve: &[Point],
+) {
+    for point in curve {
+        report.row(vec![
+            ("setting", json!(setting.name)),
+            ("method", json!(method)),
+            ("readings", json!(point.readings)),
+            ("accuracy", json!(point.accuracy)),
+            ("stated_probability_mean", json!(point.stated)),
+        ]);
+    }
+    for (truth, named, trials) in
+        curve.iter().filter(|point| point.readings == 20).flat_map(|point| &point.confusions)
+    {
+        report.row(vec![
+            ("setting", json!(setting.name)),
+            ("method", json!(method)),
+            ("readings", json!(20)),
+            ("object", json!(objects[*truth].name)),
+            ("confused_with", json!(objects[*named].name)),
+            ("trials", json!(trials)),
+        ]);
+    }
+    for readings in STATED_AT {
+        if let Some(accuracy) = accuracy_at(curve, readings) {
+            let key = format!("{method}_{}accuracy_at_{readings}", setting.key);
+            report.summarise(&key, accuracy);
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A run small enough for a test: ten objects, few readings, few classes.
+    pub(crate) fn small() -> ObjectTrials {
+        ObjectTrials {
+            seed: 101,
+            training_readings: 66,
+            vocabulary_readings: 66,
+            test_readings: 20,
+            trials: 3,
+            n_classes: vec![12],
+            ..ObjectTrials::default()
+        }
+    }
+}
