@@ -11,6 +11,7 @@ pub mod choice;
 pub mod discriminant;
 pub mod gmm;
 pub mod kmeans;
+pub mod labelled;
 pub mod medoids;
 pub mod pca;
 

@@ -107,6 +107,8 @@ fn unseen_touches_without_poses_name_the_object() {
         (ClusteringMethod::Mixture, None),
         (ClusteringMethod::SharedMixture, None),
         (ClusteringMethod::KMeans, None),
+        (ClusteringMethod::PerObject, None),
+        (ClusteringMethod::PerObject, Some(DiscriminantConfig { n_axes: 5, shrinkage: 0.1 })),
         (ClusteringMethod::Mixture, Some(DiscriminantConfig { n_axes: 5, shrinkage: 0.1 })),
     ];
     for (clustering, discriminant) in methods {

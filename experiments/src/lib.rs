@@ -5,18 +5,27 @@
 //! trial come from streams that training never uses.
 
 pub mod appearance_trials;
+pub mod consistency;
 pub mod contact_rates;
 pub mod controllers;
 pub mod coverage;
 pub mod covering;
+pub mod covering_thickness;
+pub mod descriptors;
 pub mod exploration;
 pub mod explorations;
+pub mod letter_presses;
+pub mod letters_appearance;
 pub mod letters_geometric;
+pub mod noise;
 pub mod object_trials;
 pub mod objects;
 pub mod perturbation;
 pub mod plot;
+pub mod real_frames;
 pub mod report;
+pub mod resolution;
 pub mod server_throughput;
+pub mod sim_to_real;
 pub mod statistics;
 pub mod sva_objects;

@@ -61,6 +61,8 @@ pub enum ClusteringKind {
     Mixture,
     /// A Gaussian mixture with one covariance for all classes: for few readings.
     SharedMixture,
+    /// One Gaussian for each training object: for few readings of a large array.
+    PerObject,
     /// k-means: a feature belongs to one class.
     KMeans,
 }

@@ -3,6 +3,9 @@
 //! Each writes JSON, CSV, SVG and pictures to a folder, and its line into `docs/results.md`
 //! when it is run where that file is.
 
+mod appearance;
+mod exploration;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -11,13 +14,8 @@ use clap::{Args, Subcommand, ValueEnum};
 use palpate_client::{Client, ClientOptions};
 use palpate_core::units::MM;
 use palpate_experiments::contact_rates::{self, ContactRates};
-use palpate_experiments::controllers::{self, Controllers};
 use palpate_experiments::covering::{self, Covering};
-use palpate_experiments::exploration;
-use palpate_experiments::explorations::ExplorationTrials;
 use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_named};
-use palpate_experiments::object_trials::ObjectTrials;
-use palpate_experiments::perturbation;
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
 use palpate_experiments::sva_objects::{self, SvaObjects};
@@ -26,6 +24,8 @@ use palpate_sim::rig::RigNoise;
 
 use crate::output::{Output, table};
 use crate::progress::StepProgress;
+use appearance::AppearanceExperiment;
+use exploration::ExplorationExperiment;
 
 /// The page that states every figure.
 const RESULTS: &str = "docs/results.md";
@@ -92,27 +92,12 @@ enum Experiment {
         #[arg(long, default_value_t = 300, value_parser = count)]
         touches: usize,
     },
-    /// Figure 4.17: convergence of the contact controllers under noise.
-    Controllers {
-        /// A folder of meshes; the built-in objects when not given.
-        #[arg(long, value_name = "DIR")]
-        meshes: Option<PathBuf>,
-        /// Which of them is touched.
-        #[arg(long, default_value = "dragon", value_name = "NAME")]
-        object: String,
-        /// How many seeds, from --seed on.
-        #[arg(long, default_value_t = 10, value_parser = count)]
-        seeds: usize,
-        /// Touches that must converge at each level of noise and seed.
-        #[arg(long, default_value_t = 100, value_parser = count)]
-        successes: usize,
-    },
-    /// Figures 4.11 and 4.12: strategies of exploration, and the sampler's readings.
-    Exploration(Explorations),
-    /// Figure 4.13: objects that move each time they are touched.
-    Perturbation(Explorations),
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
     Covering,
+    #[command(flatten)]
+    Appearance(AppearanceExperiment),
+    #[command(flatten)]
+    Exploration(ExplorationExperiment),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput {
         /// Readings that are posted in each setting.
@@ -121,35 +106,9 @@ enum Experiment {
     },
 }
 
-/// What is explored how often.
-#[derive(Clone, Debug, Args)]
-struct Explorations {
-    /// A folder of meshes; the built-in objects when not given.
-    #[arg(long, value_name = "DIR")]
-    meshes: Option<PathBuf>,
-    /// Largest dimension to which every object is scaled.
-    #[arg(long, default_value_t = 80.0, value_parser = millimetres)]
-    size_mm: f64,
-    /// Explorations an object, of 100 readings each.
-    #[arg(long, default_value_t = 10, value_parser = count)]
-    runs: usize,
-    /// Trials an object, shared by its explorations.
-    #[arg(long, default_value_t = 100, value_parser = count)]
-    trials: usize,
-}
-
-impl Explorations {
-    fn config(self, seed: u64) -> ExplorationTrials {
-        let Self { meshes, size_mm, runs, trials } = self;
-        let size = size_mm * MM;
-        let objects = ObjectTrials { meshes, size, seed, trials, ..ObjectTrials::default() };
-        ExplorationTrials { objects, runs }
-    }
-
-    fn words(&self) -> String {
-        let Self { meshes, size_mm, runs, trials } = self;
-        format!("{} --size-mm {size_mm} --runs {runs} --trials {trials}", folder(meshes))
-    }
+/// The argument that names a folder of meshes.
+fn meshes_of(meshes: &Option<PathBuf>) -> String {
+    meshes.as_ref().map(|folder| format!(" --meshes {}", folder.display())).unwrap_or_default()
 }
 
 /// The noise of the letter rig.
@@ -223,21 +182,15 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = ContactRates { meshes, seed, touches };
             on_a_thread(move || contact_rates::run(&config, command, &show)).await?
         }
-        Experiment::Controllers { meshes, object, seeds, successes } => {
-            let config = Controllers { meshes, object, seed, seeds, successes };
-            on_a_thread(move || controllers::run(&config, command, &show)).await?
-        }
-        Experiment::Exploration(explorations) => {
-            let config = explorations.config(seed);
-            on_a_thread(move || exploration::run(&config, command, &show)).await?
-        }
-        Experiment::Perturbation(explorations) => {
-            let config = explorations.config(seed);
-            on_a_thread(move || perturbation::run(&config, command, &show)).await?
-        }
         Experiment::Covering => {
             let config = Covering { seed, ..Covering::default() };
             on_a_thread(move || covering::run(&config, command, &show)).await?
+        }
+        Experiment::Appearance(experiment) => {
+            on_a_thread(move || experiment.run(seed, command, &show)).await?
+        }
+        Experiment::Exploration(experiment) => {
+            on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
         Experiment::ServerThroughput { readings } => {
             let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
@@ -260,7 +213,7 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
 fn command_line(experiment: &Experiment, seed: u64) -> String {
     let rest = match experiment {
         Experiment::SvaObjects { meshes, size_mm, trials } => {
-            format!("sva-objects{} --size-mm {size_mm} --trials {trials}", folder(meshes))
+            format!("sva-objects{} --size-mm {size_mm} --trials {trials}", meshes_of(meshes))
         }
         Experiment::LettersGeometric { letters, seeds, trials, noise, font, methods } => {
             let font = font.as_ref().map(|font| format!(" --font {}", font.display()));
@@ -274,24 +227,16 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
             )
         }
         Experiment::ContactRates { meshes, touches } => {
-            format!("contact-rates{} --touches {touches}", folder(meshes))
+            format!("contact-rates{} --touches {touches}", meshes_of(meshes))
         }
-        Experiment::Controllers { meshes, object, seeds, successes } => format!(
-            "controllers{} --object {object} --seeds {seeds} --successes {successes}",
-            folder(meshes)
-        ),
-        Experiment::Exploration(explorations) => format!("exploration{}", explorations.words()),
-        Experiment::Perturbation(explorations) => format!("perturbation{}", explorations.words()),
         Experiment::Covering => "covering".to_owned(),
+        Experiment::Appearance(experiment) => experiment.line(),
+        Experiment::Exploration(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }
     };
     format!("palpate experiment {rest} --seed {seed}")
-}
-
-fn folder(meshes: &Option<PathBuf>) -> String {
-    meshes.as_ref().map(|folder| format!(" --meshes {}", folder.display())).unwrap_or_default()
 }
 
 async fn on_a_thread(

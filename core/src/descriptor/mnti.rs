@@ -85,11 +85,10 @@ impl Descriptor for Mnti {
     fn write(&self, image: &TactileImage, workspace: &mut Workspace, features: &mut [f64]) {
         let n = image.pressures.len();
         let n_enlarged = self.enlarged.0 * self.enlarged.1;
-        let (reals, complexes) = workspace.lend(2 * n, 2 * n_enlarged + self.fourier.n_scratch());
-        let (masked, turned) = reals.split_at_mut(n);
+        let (turned, complexes) = workspace.lend(n, 2 * n_enlarged + self.fourier.n_scratch());
         let (padded, rest) = complexes.split_at_mut(n_enlarged);
         let (spectrum, scratch) = rest.split_at_mut(n_enlarged);
-        self.normalizer.turn(&image.pressures, masked, turned);
+        self.normalizer.turn(&image.pressures, turned);
         self.pad(turned, padded);
         self.fourier.forward(padded, spectrum, scratch);
         for (feature, place) in features.iter_mut().zip(&self.kept) {

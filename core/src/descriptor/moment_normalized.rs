@@ -1,7 +1,8 @@
 //! Moment normalisation: an image turned so that its major axis lies along +x.
 //!
 //! Source: section 4.3.2.4, Hu (1962); corrections in `docs/equations.md`: axes about the
-//! image centre, and the half-turn decided by the sign of μ30 after alignment, then μ21.
+//! image centre, the half-turn decided by the sign of μ30 after alignment, then μ21, and the
+//! mask applied after turning too, so that its jagged edge does not turn with the image.
 
 use super::disc::{Disc, DiscTaxel};
 use super::vectorize::by_columns;
@@ -38,49 +39,41 @@ impl MomentNormalizer {
     /// Turns an image to its principal axes about the image centre, by bilinear interpolation.
     #[must_use]
     pub fn normalize(&self, image: &TactileImage) -> MomentNormalized {
-        let mut masked = vec![0.0; image.pressures.len()];
-        let mut pressures = masked.clone();
-        let ambiguous = self.turn(&image.pressures, &mut masked, &mut pressures);
+        let mut pressures = vec![0.0; image.pressures.len()];
+        let ambiguous = self.turn(&image.pressures, &mut pressures);
         MomentNormalized { image: TactileImage { pressures, ..*image }, ambiguous }
     }
 
-    /// Writes the turned image, row-major, and says whether the half-turn was ambiguous;
-    /// `masked` is room for one more image.
-    pub(super) fn turn(&self, image: &[f64], masked: &mut [f64], turned: &mut [f64]) -> bool {
-        masked.fill(0.0);
-        for inside in &self.taxels {
-            masked[inside.taxel] = image[inside.taxel];
-        }
-        let (angle, ambiguous) = self.principal_angle(masked);
+    /// Writes the turned image, row-major and zero outside the circle, and says whether the
+    /// half-turn was ambiguous.
+    pub(super) fn turn(&self, image: &[f64], turned: &mut [f64]) -> bool {
+        let (angle, ambiguous) = self.principal_angle(image);
         let (sin, cos) = angle.sin_cos();
         let (center_row, center_col) = self.disc.center();
-        for row in 0..self.disc.rows {
-            for col in 0..self.disc.cols {
-                let (u, v) = self.disc.about_center(row, col);
-                let (x, y) = (cos * u - sin * v, sin * u + cos * v);
-                turned[row * self.disc.cols + col] =
-                    self.bilinear(masked, y + center_row, x + center_col);
-            }
+        turned.fill(0.0);
+        for &DiscTaxel { taxel, x: u, y: v } in &self.taxels {
+            let (x, y) = (cos * u - sin * v, sin * u + cos * v);
+            turned[taxel] = self.bilinear(image, y + center_row, x + center_col);
         }
         ambiguous
     }
 
     /// The direction of the major axis (rad) with its half-turn decided, and whether it
     /// could not be.
-    fn principal_angle(&self, masked: &[f64]) -> (f64, bool) {
+    fn principal_angle(&self, image: &[f64]) -> (f64, bool) {
         let (mut m11, mut m20, mut m02) = (0.0, 0.0, 0.0);
         for &DiscTaxel { taxel, x, y } in &self.taxels {
-            m11 += masked[taxel] * (x * y);
-            m20 += masked[taxel] * (x * x);
-            m02 += masked[taxel] * (y * y);
+            m11 += image[taxel] * (x * y);
+            m20 += image[taxel] * (x * x);
+            m02 += image[taxel] * (y * y);
         }
         let angle = 0.5 * (2.0 * m11).atan2(m20 - m02);
         let (sin, cos) = angle.sin_cos();
         let (mut m30, mut m21) = (0.0, 0.0);
         for &DiscTaxel { taxel, x, y } in &self.taxels {
             let (u, v) = (cos * x + sin * y, -sin * x + cos * y);
-            m30 += masked[taxel] * (u * u * u);
-            m21 += masked[taxel] * (u * u * v);
+            m30 += image[taxel] * (u * u * u);
+            m21 += image[taxel] * (u * u * v);
         }
         let radius = self.disc.diameter() as f64 / 2.0;
         let decisive = AMBIGUOUS_SHARE * (m20 + m02) * radius;
@@ -92,15 +85,14 @@ impl MomentNormalizer {
         (if sign < 0.0 { angle + std::f64::consts::PI } else { angle }, ambiguous)
     }
 
+    /// Between taxels; beyond the array the nearest taxel counts, at most half a taxel away.
     fn bilinear(&self, image: &[f64], row: f64, col: f64) -> f64 {
         let (rows, cols) = (self.disc.rows as i64, self.disc.cols as i64);
         let (r0, c0) = (row.floor(), col.floor());
         let (fr, fc) = (row - r0, col - c0);
         let (r0, c0) = (r0 as i64, c0 as i64);
-        let at = |r: i64, c: i64| {
-            let inside = r >= 0 && c >= 0 && r < rows && c < cols;
-            if inside { image[(r * cols + c) as usize] } else { 0.0 }
-        };
+        let at =
+            |r: i64, c: i64| image[(r.clamp(0, rows - 1) * cols + c.clamp(0, cols - 1)) as usize];
         (1.0 - fr) * ((1.0 - fc) * at(r0, c0) + fc * at(r0, c0 + 1))
             + fr * ((1.0 - fc) * at(r0 + 1, c0) + fc * at(r0 + 1, c0 + 1))
     }
@@ -116,9 +108,8 @@ impl Descriptor for MomentNormalizer {
     }
 
     fn write(&self, image: &TactileImage, workspace: &mut Workspace, features: &mut [f64]) {
-        let n = self.dimension();
-        let (masked, turned) = workspace.lend(2 * n, 0).0.split_at_mut(n);
-        self.turn(&image.pressures, masked, turned);
+        let turned = workspace.lend(self.dimension(), 0).0;
+        self.turn(&image.pressures, turned);
         by_columns(turned, self.disc.cols, features);
     }
 }
@@ -157,6 +148,27 @@ mod tests {
         let normalizer = MomentNormalizer::new(6, 6);
         assert!(normalizer.normalize(&image).ambiguous);
         assert!(!normalizer.normalize(&blob(6, 0.0, 0.0, 0.0)).ambiguous);
+    }
+
+    #[test]
+    fn an_even_touch_stays_even_at_any_angle() {
+        // A slope decides the angle; the circle is full to its edge before and after. A mask
+        // that turned with the image would leave holes at the edge of up to a half.
+        for angle in [0.2_f64, 0.5, 0.9] {
+            let (sin, cos) = angle.sin_cos();
+            let at = |n: usize| {
+                let (x, y) = ((n % 6) as f64 - 2.5, (n / 6) as f64 - 2.5);
+                let along = cos * x + sin * y;
+                1_000.0 + along + 0.1 * along * along
+            };
+            let image = TactileImage { rows: 6, cols: 6, pressures: (0..36).map(at).collect() };
+            let normalizer = MomentNormalizer::new(6, 6);
+            let turned = normalizer.normalize(&image).image;
+            for inside in &normalizer.taxels {
+                assert!((turned.pressures[inside.taxel] / 1_000.0 - 1.0).abs() < 0.02);
+            }
+            assert!(turned.pressures[0].abs() < 1e-12); // a corner
+        }
     }
 
     proptest! {

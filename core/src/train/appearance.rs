@@ -21,8 +21,9 @@ use crate::model::appearance::{
 use crate::vocabulary::bag::{ClassHistogram, Clustering, joint_shares};
 use crate::vocabulary::choice::{ClassCount, best_class_count};
 use crate::vocabulary::discriminant::{Discriminant, find_discriminants};
-use crate::vocabulary::gmm::{Covariances, MixtureConfig, fit_mixture_while};
+use crate::vocabulary::gmm::{Covariances, MixtureConfig, MixtureError, fit_mixture_while};
 use crate::vocabulary::kmeans::{KMeansConfig, k_means};
+use crate::vocabulary::labelled::labelled_mixture;
 use crate::vocabulary::pca::{Keep, Pca, PcaError};
 use features::{Split, source_of, split};
 pub use trials::NEAR_DUPLICATE;
@@ -37,6 +38,8 @@ pub enum ClusteringMethod {
     Mixture,
     /// A Gaussian mixture with one covariance for all, beyond print: for few readings.
     SharedMixture,
+    /// One Gaussian for each training object, beyond print: `n_classes` plays no role.
+    PerObject,
 }
 
 /// How discriminant axes are found, beyond the dissertation.
@@ -141,6 +144,9 @@ pub enum AppearanceTrainError {
     /// The features do not vary, or are too few.
     #[error(transparent)]
     Pca(#[from] PcaError),
+    /// Features do not vary within objects, so that no class has a width.
+    #[error(transparent)]
+    Mixture(#[from] MixtureError),
     /// Whoever hears how far it is said stop.
     #[error("learning was told to stop")]
     Stopped,
@@ -194,8 +200,10 @@ pub fn learn_appearance_vocabulary_heard(
         let objects: Vec<Vec<Vec<f64>>> = splits.par_iter().map(project).collect();
         find_discriminants(&objects, settings.n_axes, settings.shrinkage)
     });
-    let reduced: Vec<Vec<f64>> =
-        all.par_iter().map(|feature| reduce(&pca, discriminant.as_ref(), feature)).collect();
+    let reduce_all = |split: &Split| -> Vec<Vec<f64>> {
+        split.training_features().map(|f| reduce(&pca, discriminant.as_ref(), f)).collect()
+    };
+    let reduced: Vec<Vec<Vec<f64>>> = splits.par_iter().map(reduce_all).collect();
     let mut best: Option<AppearanceVocabulary> = None;
     let mut choices: Vec<ClassCount> = Vec::new();
     for n_classes in &config.n_classes {
@@ -205,8 +213,7 @@ pub fn learn_appearance_vocabulary_heard(
             source,
             pca: pca.clone(),
             discriminant: discriminant.clone(),
-            clustering: cluster(&reduced, *n_classes, config, seed, &go_on)
-                .ok_or(AppearanceTrainError::Stopped)?,
+            clustering: cluster(&reduced, *n_classes, config, seed, &go_on)?,
             choices: Vec::new(),
         };
         let objects: Vec<Arc<ObjectAppearance>> =
@@ -280,27 +287,30 @@ fn reduce(pca: &Pca, discriminant: Option<&Discriminant>, feature: &[f64]) -> Ve
     discriminant.map_or_else(|| principal.clone(), |axes| axes.project(&principal))
 }
 
+/// Makes classes of the objects' reduced features.
 fn cluster(
-    features: &[Vec<f64>],
+    objects: &[Vec<Vec<f64>>],
     n_classes: usize,
     config: &AppearanceConfig,
     seed: u64,
     go_on: &(dyn Fn() -> bool + Sync),
-) -> Option<Clustering> {
+) -> Result<Clustering, AppearanceTrainError> {
     let n_starts = config.n_starts;
     let mixture = |covariances| {
         let settings =
             MixtureConfig { n_starts, covariances, ..MixtureConfig::with_components(n_classes) };
-        let fit = fit_mixture_while(features, &settings, seed, go_on)?;
-        Some(Clustering::Mixture(fit.mixture))
+        let fit = fit_mixture_while(&objects.concat(), &settings, seed, go_on);
+        Ok(Clustering::Mixture(fit.ok_or(AppearanceTrainError::Stopped)?.mixture))
     };
     match config.clustering {
+        ClusteringMethod::KMeans if !go_on() => Err(AppearanceTrainError::Stopped),
         ClusteringMethod::KMeans => {
             let settings = KMeansConfig { n_starts, ..KMeansConfig::with_classes(n_classes) };
-            go_on().then(|| Clustering::KMeans(k_means(features, &settings, seed)))
+            Ok(Clustering::KMeans(k_means(&objects.concat(), &settings, seed)))
         }
         ClusteringMethod::Mixture => mixture(Covariances::Full),
         ClusteringMethod::SharedMixture => mixture(Covariances::Shared),
+        ClusteringMethod::PerObject => Ok(Clustering::Mixture(labelled_mixture(objects)?)),
     }
 }
 

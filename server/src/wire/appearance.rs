@@ -77,6 +77,7 @@ pub(crate) fn config(training: &AppearanceTraining) -> AppearanceConfig {
         clustering: match training.clustering.unwrap_or_default() {
             ClusteringKind::Mixture => ClusteringMethod::Mixture,
             ClusteringKind::SharedMixture => ClusteringMethod::SharedMixture,
+            ClusteringKind::PerObject => ClusteringMethod::PerObject,
             ClusteringKind::KMeans => ClusteringMethod::KMeans,
         },
         n_classes: candidates

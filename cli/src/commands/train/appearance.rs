@@ -43,6 +43,8 @@ enum Clustering {
     Mixture,
     /// A Gaussian mixture with one covariance: for few readings.
     SharedMixture,
+    /// One Gaussian for each training object: for few readings of a large array.
+    PerObject,
     /// k-means.
     KMeans,
 }
@@ -61,6 +63,7 @@ impl AppearanceArgs {
             clustering: self.clustering.map(|clustering| match clustering {
                 Clustering::Mixture => ClusteringKind::Mixture,
                 Clustering::SharedMixture => ClusteringKind::SharedMixture,
+                Clustering::PerObject => ClusteringKind::PerObject,
                 Clustering::KMeans => ClusteringKind::KMeans,
             }),
             n_classes: (!classes.is_empty()).then(|| classes.clone()),

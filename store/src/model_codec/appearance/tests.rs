@@ -101,7 +101,7 @@ fn the_bytes_are_those_of_the_format() {
     assert_eq!(lengths(&model()), expected.map(|(length, hash)| (length, hash.to_owned())));
     // 2 + 2 numbers of the axis; a cost and 3 centres.
     let other = lengths(&other_model());
-    assert_eq!(other[0], (40 + 96 + 32 + 32 + 20, "OTHER".to_owned()));
+    assert_eq!(other[0], (40 + 96 + 32 + 32 + 20, "69aa26937fe2c5fd".to_owned()));
 }
 
 #[test]

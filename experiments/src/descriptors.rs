@@ -1,0 +1,161 @@
+//! Figure 4.8 again: every descriptor on ten objects, accuracy against readings.
+//!
+//! All descriptors see the same readings of the 6 × 6 sensor under 0.10 inch. Beside them
+//! stand what this project adds: a reduction by discriminant axes, and the printed share of
+//! 90 % of the variance. The best descriptor's confusion and affinity (figures 4.9, 4.10)
+//! are rows of the report.
+
+use palpate_core::descriptor::DescriptorKind;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::train::appearance::{AppearanceConfig, DiscriminantConfig};
+use palpate_sim::noise::NoiseLevel;
+use serde_json::json;
+
+use crate::appearance_trials::{Point, accuracy_at, line};
+use crate::object_trials::{ObjectTrials, Setting, Tested, panel, rows};
+use crate::objects::TestObject;
+use crate::plot::svg;
+use crate::report::{Outcome, Progress, Report};
+
+/// The count at which descriptors are compared.
+const COMPARED_AT: usize = 20;
+
+/// The descriptors of the figure's upper half, and their kin.
+const UPPER: [DescriptorKind; 6] = [
+    DescriptorKind::Mnti,
+    DescriptorKind::PolarFourier,
+    DescriptorKind::PolarFourierRw,
+    DescriptorKind::PolarFourierNi,
+    DescriptorKind::MomentNormalized,
+    DescriptorKind::PolarFourierSigned,
+];
+
+/// Those of its lower half, and the controls.
+const LOWER: [DescriptorKind; 6] = [
+    DescriptorKind::Vectorize,
+    DescriptorKind::Sift,
+    DescriptorKind::Mr8,
+    DescriptorKind::Steerable,
+    DescriptorKind::Schmid,
+    DescriptorKind::PolarSpectrum,
+];
+
+/// Runs the experiment.
+///
+/// # Errors
+/// When objects cannot be read, touched or learnt.
+pub fn run(
+    config: &ObjectTrials,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let objects = config.objects()?;
+    let setting = Setting {
+        name: "6×6, 0.10 inch".to_owned(),
+        key: String::new(),
+        sensor: SensorDescription::digitacts_6x6(),
+        noise_level: NoiseLevel::NONE,
+    };
+    progress("touching objects", 0, 1);
+    let touched = config.touch(&objects, &setting)?;
+    let mut report = Report::new("descriptors", command, config.seed);
+    let mut curves: Vec<(String, Vec<Point>)> = Vec::new();
+    let methods = methods(config);
+    for (done, (name, appearance)) in methods.iter().enumerate() {
+        progress(name, done, methods.len());
+        let tested = config.test(&touched, &setting, appearance)?;
+        rows(&mut report, &setting, name, &objects, &tested.curve);
+        if shows_matrices(name) {
+            matrices(&mut report, name, &objects, &tested);
+        }
+        curves.push((name.clone(), tested.curve));
+    }
+    best(&mut report, &curves);
+    let lines = |names: &[&str]| {
+        let chosen = curves.iter().filter(|(name, _)| names.contains(&name.as_str()));
+        chosen.map(|(name, curve)| line(name, curve)).collect()
+    };
+    let plot = svg(&[
+        panel("the better half", lines(&UPPER.map(DescriptorKind::name))),
+        panel("the other half", lines(&LOWER.map(DescriptorKind::name))),
+        panel("beyond print", lines(&OPTIONS)),
+    ]);
+    Ok(Outcome { report, plot, pictures: Vec::new() })
+}
+
+/// What options are compared on MNTI and Polar-Fourier.
+const OPTIONS: [&str; 6] = [
+    "mnti",
+    "mnti_90_percent",
+    "mnti_discriminant",
+    "polar_fourier",
+    "polar_fourier_90_percent",
+    "polar_fourier_discriminant",
+];
+
+/// Every descriptor by its name, and the options.
+fn methods(config: &ObjectTrials) -> Vec<(String, AppearanceConfig)> {
+    let plain = |kind: DescriptorKind| (kind.name().to_owned(), config.appearance(kind));
+    let mut methods: Vec<_> = UPPER.into_iter().chain(LOWER).map(plain).collect();
+    for kind in [DescriptorKind::Mnti, DescriptorKind::PolarFourier] {
+        let printed = AppearanceConfig { variance_share: 0.9, ..config.appearance(kind) };
+        methods.push((format!("{}_90_percent", kind.name()), printed));
+        let discriminant = Some(DiscriminantConfig { n_axes: 8, shrinkage: 0.01 });
+        let option = AppearanceConfig { discriminant, ..config.appearance(kind) };
+        methods.push((format!("{}_discriminant", kind.name()), option));
+    }
+    methods
+}
+
+/// Figures 4.9 and 4.10 show MNTI and Polar-Fourier.
+fn shows_matrices(name: &str) -> bool {
+    [DescriptorKind::Mnti, DescriptorKind::PolarFourier].iter().any(|kind| kind.name() == name)
+}
+
+/// The best of the dissertation's descriptors, and of everything.
+fn best(report: &mut Report, curves: &[(String, Vec<Point>)]) {
+    let best_of = |all: &dyn Fn(&str) -> bool| {
+        let at = |curve: &[Point]| accuracy_at(curve, COMPARED_AT);
+        let accuracies = curves.iter().filter(|(name, _)| all(name)).filter_map(|(_, c)| at(c));
+        accuracies.fold(f64::NAN, f64::max)
+    };
+    let printed = |name: &str| !OPTIONS.contains(&name) || !name.contains("_discriminant");
+    let ours = |name: &str| name.contains("signed") || name == DescriptorKind::PolarSpectrum.name();
+    report.summarise("best_accuracy_at_20", best_of(&|_| true));
+    report.summarise("best_printed_accuracy_at_20", best_of(&|n| printed(n) && !ours(n)));
+}
+
+/// Confusion (mean probability after the report's readings) and affinity, a row a pair.
+fn matrices(report: &mut Report, name: &str, objects: &[TestObject], tested: &Tested) {
+    let model = &tested.model.report;
+    for (truth, (confusion, affinity)) in model.confusion.iter().zip(&model.affinity).enumerate() {
+        for (named, (probability, alike)) in confusion.iter().zip(affinity).enumerate() {
+            report.row(vec![
+                ("method", json!(name)),
+                ("readings", json!(model.n_readings)),
+                ("object", json!(objects[truth].name)),
+                ("confused_with", json!(objects[named].name)),
+                ("probability", json!(probability)),
+                ("affinity", json!(alike)),
+            ]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::object_trials::tests::small;
+
+    #[test]
+    fn a_small_run_compares_every_descriptor() {
+        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        for kind in DescriptorKind::ALL {
+            assert!(summary.contains_key(&format!("{}_accuracy_at_20", kind.name())), "{kind:?}");
+        }
+        assert!(summary["best_accuracy_at_20"] > 0.6, "{summary:?}");
+        assert!(summary["best_printed_accuracy_at_20"] <= summary["best_accuracy_at_20"]);
+        assert_eq!(outcome.plot.matches("<polyline").count(), 18);
+    }
+}

@@ -1,0 +1,117 @@
+//! Presses on raised letters for appearance: anywhere on a letter, or where the rig plans.
+//!
+//! The simulated letters of section 4.4.4.1 are approached from above only; the places are
+//! drawn evenly over the letter's face, at any angle, as the sampler draws them by area.
+
+use std::f64::consts::TAU;
+
+use anyhow::Context as _;
+use palpate_core::patch::touches;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::units::MM;
+use palpate_sim::letters::{Font, Letter};
+use palpate_sim::rig::{LetterField, PlanarPose, Rig, RigNoise, rig_sensor};
+
+/// Half the side of the square in which places are drawn: more than any letter has.
+const REACH: f64 = 30.0 * MM;
+
+/// Streams of drawn presses, apart from those of the rig's planned sessions.
+const STREAM_BASE: u64 = 1 << 62;
+
+/// Letters as one kind of sensor feels them.
+pub struct RaisedLetters {
+    letters: Vec<Letter>,
+    fields: Vec<LetterField>,
+}
+
+impl RaisedLetters {
+    /// The letters of the built-in font.
+    ///
+    /// # Errors
+    /// When the font has none of a symbol.
+    pub fn new(symbols: &str) -> anyhow::Result<Self> {
+        let font = Font::built_in();
+        let letter = |symbol: char| {
+            font.letter(symbol).cloned().with_context(|| format!("the font has no {symbol}"))
+        };
+        let letters: Vec<Letter> = symbols.chars().map(letter).collect::<anyhow::Result<_>>()?;
+        let sensor = rig_sensor();
+        let fields = letters.iter().map(|letter| LetterField::new(letter, &sensor)).collect();
+        Ok(Self { letters, fields })
+    }
+
+    /// The letters' outlines.
+    #[must_use]
+    pub fn letters(&self) -> &[Letter] {
+        &self.letters
+    }
+
+    /// `n` presses of every letter anywhere on its face. Equal sets of a rig are equal;
+    /// `set` tells training from tests.
+    #[must_use]
+    pub fn anywhere(&self, rig: &Rig, seed: u64, set: u64, n: usize) -> Vec<Vec<Reading>> {
+        let presses = |(letter, field): (&Letter, &LetterField)| {
+            let index = STREAM_BASE | u64::from(u32::from(letter.symbol())) << 8 | set;
+            let mut stream = Stream::new(seed, Purpose::RigNoise, index);
+            (0..n).map(|_| rig.press(field, place_on(letter, &mut stream), &mut stream)).collect()
+        };
+        self.letters.iter().zip(&self.fields).map(presses).collect()
+    }
+
+    /// The planned presses of section 3.2.3 of every letter, `repetitions` times 192, without
+    /// those that touch nothing.
+    #[must_use]
+    pub fn planned(&self, rig: &Rig, repetitions: u32) -> Vec<Vec<Reading>> {
+        let presses = |field: &LetterField| {
+            let all = (0..repetitions).flat_map(|repetition| rig.session(field, repetition));
+            all.filter(|reading| touches(reading, rig.sensor())).collect()
+        };
+        self.fields.iter().map(presses).collect()
+    }
+}
+
+/// A rig with the sensor of section 3.2.3 in it.
+#[must_use]
+pub fn rig(noise: RigNoise, seed: u64) -> Rig {
+    Rig::new(SensorId(0), &rig_sensor(), noise, seed)
+}
+
+/// A place drawn evenly over the letter's face, and any angle.
+#[must_use]
+pub fn place_on(letter: &Letter, stream: &mut Stream) -> PlanarPose {
+    loop {
+        let (x, y) = (stream.uniform(-REACH, REACH), stream.uniform(-REACH, REACH));
+        if letter.contains(x, y) {
+            return PlanarPose { x, y, angle: stream.uniform(0.0, TAU) };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presses_anywhere_are_on_the_letter_and_sets_differ() {
+        let letters = RaisedLetters::new("IO").unwrap();
+        let rig = rig(RigNoise::none(), 101);
+        let presses = letters.anywhere(&rig, 101, 0, 40);
+        assert_eq!(presses, letters.anywhere(&rig, 101, 0, 40));
+        assert_ne!(presses, letters.anywhere(&rig, 101, 1, 40));
+        for (letter, presses) in letters.letters().iter().zip(&presses) {
+            for press in presses {
+                let at = press.session_from_sensor().translation;
+                assert!(letter.contains(at.x, at.y));
+                assert!(touches(press, rig.sensor()));
+            }
+        }
+    }
+
+    #[test]
+    fn planned_presses_that_miss_are_left_out() {
+        let letters = RaisedLetters::new("I").unwrap();
+        let found = letters.planned(&rig(RigNoise::physical(), 101), 2)[0].len();
+        assert!((100..384).contains(&found), "{found}");
+    }
+}

@@ -1,0 +1,53 @@
+//! Figure 4.15 again: 6 × 6, 14 × 14 and 26 × 26 taxels over the same 12 mm.
+
+use palpate_core::sensor::SensorDescription;
+use palpate_sim::noise::NoiseLevel;
+
+use crate::object_trials::{ObjectTrials, Setting};
+use crate::report::{Outcome, Progress};
+
+/// Runs the experiment.
+///
+/// # Errors
+/// When objects cannot be read, touched or learnt.
+pub fn run(
+    config: &ObjectTrials,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    config.sweep("resolution", command, &settings(), progress)
+}
+
+fn settings() -> Vec<Setting> {
+    let sensors = [
+        SensorDescription::digitacts_6x6(),
+        SensorDescription::fingertip_14x14(),
+        SensorDescription::tekscan_26x26(),
+    ];
+    let setting = |sensor: SensorDescription| {
+        let side = sensor.grid().rows;
+        Setting {
+            name: format!("{side}×{side}"),
+            key: format!("{side}x{side}_"),
+            sensor,
+            noise_level: NoiseLevel::NONE,
+        }
+    };
+    sensors.into_iter().map(setting).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::object_trials::tests::small;
+
+    #[test]
+    fn a_small_run_states_every_resolution() {
+        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        for key in ["6x6", "14x14", "26x26"] {
+            assert!(summary[&format!("mnti_{key}_accuracy_at_20")] > 0.3, "{summary:?}");
+        }
+        assert_eq!(outcome.plot.matches("<polyline").count(), 12);
+    }
+}
