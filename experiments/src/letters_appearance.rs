@@ -271,7 +271,6 @@ mod tests {
             n_classes: 12,
             divisions: 2,
             trials: 5,
-            ..LettersAppearance::default()
         };
         let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;

@@ -2,28 +2,29 @@
 //!
 //! There is no physical sensor here, so a differently simulated one stands in its place.
 //! Learning takes presses of solid letters by the imaging model of chapter 2 without any
-//! noise (`sim::press`). Tests take the planned presses of the rig (`sim::rig`), whose array
-//! has unequal gains, drift, noise and steps, lies at a tilt and off its place, and answers
-//! with the square of the indentation. The remedies of section 4.4.4.3.2 come one by one:
+//! noise (`sim::press`). Tests take the planned presses of the rig (`sim::rig`): first ideal,
+//! then with unequal gains, drift, noise, steps, tilt and misplacement, then with a response
+//! that is the square of the indentation. The remedies of section 4.4.4.3.2 come one by one:
 //! noise in training, the square root of every value in tests, a small blur in tests.
+
+use std::f64::consts::TAU;
 
 use anyhow::Context as _;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::appearance::AppearanceRule;
-use palpate_core::patch::touches;
 use palpate_core::reading::{Reading, SensorId, TactileImage};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
 use palpate_core::train::appearance::AppearanceConfig;
-use palpate_core::units::MM;
+use palpate_core::units::{KPA, MM};
 use palpate_sim::letters::Letter;
 use palpate_sim::press::PressSimulator;
-use palpate_sim::rig::{INDENTATION, LetterField, Rig, RigNoise, rig_sensor};
+use palpate_sim::rig::{INDENTATION, PlanarPose, Rig, RigNoise, rig_sensor};
 use rayon::prelude::*;
 use serde_json::json;
 
 use crate::appearance_trials::{Evidence, Point, accuracy_at, line, mean_of, train};
-use crate::letter_presses::{RaisedLetters, place_on};
+use crate::letter_presses::{CONTACT, RaisedLetters};
 use crate::object_trials::panel;
 use crate::plot::{Line, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -39,6 +40,10 @@ const TRAINING_NOISE: f64 = 0.3;
 
 /// Weight of each of the four neighbours in the small blur; the taxel itself has 1.
 const BLUR: f64 = 0.15;
+
+/// Half the side of the square in which simulated presses are drawn, metres: the rig's plan
+/// reaches as far.
+const REACH: f64 = 10.2 * MM;
 
 /// Streams of simulated training, apart from the rig's.
 const STREAM_BASE: u64 = 1 << 61;
@@ -66,7 +71,7 @@ impl Default for SimToReal {
         Self {
             letters: "AEIOU".to_owned(),
             seed: 1,
-            seeds: 5,
+            seeds: 3,
             training_presses: 600,
             trials: 50,
             n_classes: vec![24],
@@ -74,40 +79,60 @@ impl Default for SimToReal {
     }
 }
 
-/// How readings are treated before they are learnt or recognised.
+/// Where tests come from, and what is done about it.
 #[derive(Clone, Copy, Debug)]
 struct Bridge {
     name: &'static str,
     key: &'static str,
+    tested: Tested,
     noise_in_training: bool,
     square_root: bool,
     blur: bool,
-    /// Tests take the simulator of training, not the rig: what could be had at best.
-    same_sensor: bool,
 }
 
-/// The remedies one by one, and the bound.
-const BRIDGES: [Bridge; 5] = {
-    let none = Bridge {
-        name: "as it comes",
-        key: "plain_",
+/// Who takes the test readings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Tested {
+    /// The simulator of training.
+    Same,
+    /// The rig's planned presses, ideal: another imaging model.
+    IdealRig,
+    /// The rig with what a mechanism and a calibrated array add.
+    Rig,
+    /// The same with a squared response.
+    SquaredRig,
+}
+
+/// From the same simulator to the other sensor, and the remedies one by one.
+const BRIDGES: [Bridge; 7] = {
+    let same = Bridge {
+        name: "same simulator",
+        key: "same_",
+        tested: Tested::Same,
         noise_in_training: false,
         square_root: false,
         blur: false,
-        same_sensor: false,
     };
+    let squared =
+        Bridge { name: "squared response", key: "squared_", tested: Tested::SquaredRig, ..same };
     let noise =
-        Bridge { name: "noise in training", key: "noise_", noise_in_training: true, ..none };
+        Bridge { name: "and noise in training", key: "noise_", noise_in_training: true, ..squared };
     let root = Bridge { name: "and square root", key: "root_", square_root: true, ..noise };
-    let blur = Bridge { name: "and blur", key: "", blur: true, ..root };
     [
-        none,
+        same,
+        Bridge { name: "ideal rig", key: "ideal_", tested: Tested::IdealRig, ..same },
+        Bridge { name: "noisy rig", key: "rig_", tested: Tested::Rig, ..same },
+        squared,
         noise,
         root,
-        blur,
-        Bridge { name: "same sensor", key: "same_", same_sensor: true, ..none },
+        Bridge { name: "and blur", key: "", blur: true, ..root },
     ]
 };
+
+/// A mechanism as in section 3.2.3, and an array after the calibration of section 2.2.
+fn calibrated() -> RigNoise {
+    RigNoise { gain_spread: 0.05, noise: 0.2 * KPA, step: 0.08 * KPA, ..RigNoise::physical() }
+}
 
 /// Runs the experiment.
 ///
@@ -116,7 +141,6 @@ const BRIDGES: [Bridge; 5] = {
 pub fn run(config: &SimToReal, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let letters = RaisedLetters::new(&config.letters)?;
     let simulated = rig_sensor();
-    let real = squared(&simulated)?;
     progress("pressing simulated letters", 0, config.seeds + 1);
     let training = presses(&letters, &simulated, config, 0)?;
     let same = presses(&letters, &simulated, config, 1)?;
@@ -126,18 +150,12 @@ pub fn run(config: &SimToReal, command: String, progress: Progress<'_>) -> anyho
     for index in 0..config.seeds {
         let seed = config.seed + index as u64;
         progress(&format!("sensor {seed}"), index + 1, config.seeds + 1);
-        let rig = Rig::new(SensorId(0), &real, RigNoise::physical(), seed);
-        let test = on_rig(&letters, &rig);
         for (bridge_idx, bridge) in BRIDGES.iter().enumerate() {
+            let tested = bridged(&tests(&letters, *bridge, &same, seed)?, &simulated, *bridge)?;
             let learnt = if bridge.noise_in_training {
                 noisy(&training, &simulated, seed)?
             } else {
                 training.clone()
-            };
-            let tested = if bridge.same_sensor {
-                same.clone()
-            } else {
-                bridged(&test, &simulated, *bridge)?
             };
             for (kind_idx, kind) in kinds.iter().enumerate() {
                 let appearance = AppearanceConfig {
@@ -177,7 +195,8 @@ fn squared(sensor: &SensorDescription) -> anyhow::Result<SensorDescription> {
     Ok(SensorDescription::new(SensorParameters { force_curve, ..parameters })?)
 }
 
-/// Presses of solid letters anywhere on their faces, through the imaging model.
+/// Presses of solid letters wherever the array meets them, through the imaging model: a
+/// model of touches that are centred on a stroke knows nothing of those beside it.
 fn presses(
     letters: &RaisedLetters,
     sensor: &SensorDescription,
@@ -193,22 +212,35 @@ fn presses(
         let index = STREAM_BASE | u64::from(u32::from(letter.symbol())) << 8 | set;
         let mut stream = Stream::new(config.seed, Purpose::Sampling, index);
         let mut press = || {
-            let pose = place_on(letter, &mut stream).object_from_sensor(depth);
-            simulator.read(SensorId(0), pose, &mut stream)
+            loop {
+                let (x, y) = (stream.uniform(-REACH, REACH), stream.uniform(-REACH, REACH));
+                let at = PlanarPose { x, y, angle: stream.uniform(0.0, TAU) };
+                let pose = at.object_from_sensor(depth);
+                let reading = simulator.read(SensorId(0), pose, &mut stream);
+                if reading.image().max() > CONTACT {
+                    return reading;
+                }
+            }
         };
         (0..config.training_presses).map(|_| press()).collect()
     };
     Ok(letters.letters().par_iter().map(of_letter).collect())
 }
 
-/// Both repetitions of the rig's plan, without presses that touch nothing.
-fn on_rig(letters: &RaisedLetters, rig: &Rig) -> Vec<Vec<Reading>> {
-    let of_letter = |letter: &Letter| {
-        let field = LetterField::new(letter, rig.sensor());
-        let all = (0..2).flat_map(|repetition| rig.session(&field, repetition));
-        all.filter(|reading| touches(reading, rig.sensor())).collect()
+/// The test readings of a bridge, before its remedies.
+fn tests(
+    letters: &RaisedLetters,
+    bridge: Bridge,
+    same: &[Vec<Reading>],
+    seed: u64,
+) -> anyhow::Result<Vec<Vec<Reading>>> {
+    let (sensor, noise) = match bridge.tested {
+        Tested::Same => return Ok(same.to_vec()),
+        Tested::IdealRig => (rig_sensor(), RigNoise::none()),
+        Tested::Rig => (rig_sensor(), calibrated()),
+        Tested::SquaredRig => (squared(&rig_sensor())?, calibrated()),
     };
-    letters.letters().iter().map(of_letter).collect()
+    Ok(letters.planned(&Rig::new(SensorId(0), &sensor, noise, seed), 2))
 }
 
 /// Training readings with uniform noise of a part of their own largest value.
@@ -327,11 +359,11 @@ mod tests {
         };
         let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
-        for key in ["", "plain_", "noise_", "root_"] {
+        for key in ["", "ideal_", "rig_", "squared_", "noise_", "root_"] {
             assert!(summary.contains_key(&format!("mnti_{key}accuracy_at_40")), "{summary:?}");
         }
         assert!(summary["polar_fourier_same_accuracy_at_40"] > 0.6, "{summary:?}");
-        assert_eq!(outcome.plot.matches("<polyline").count(), 15);
+        assert_eq!(outcome.plot.matches("<polyline").count(), 21);
     }
 
     #[test]

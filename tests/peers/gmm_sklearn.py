@@ -6,7 +6,11 @@ than the same tolerance. The printed log-likelihoods say whether the two found t
 
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install scikit-learn
     cargo build --release -p palpate-core --example gmm_peer
+    export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 RAYON_NUM_THREADS=1
     /tmp/peers/bin/python tests/peers/gmm_sklearn.py target/release/examples/gmm_peer
+
+One core each is what compares: without the three variables scikit-learn's BLAS waits for cores
+that a busy machine does not give it (7 to 10 times slower was measured).
 """
 
 import argparse
@@ -19,6 +23,9 @@ import warnings
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.mixture import GaussianMixture
+
+
+THREAD_VARIABLES = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS"]
 
 
 def ours(program, file, args, tolerance):
@@ -58,7 +65,8 @@ def main():
     parser.add_argument("--tolerance", type=float, default=1e-3, help="gain of the mean ln density")
     parser.add_argument("--no-kmeans", action="store_true", help="their start without k-means")
     args = parser.parse_args()
-    print(f"{args.n} features of {args.dimension} values, {os.cpu_count()} CPUs")
+    threads = [f"{name}={os.environ.get(name, '-')}" for name in THREAD_VARIABLES]
+    print(f"{args.n} features of {args.dimension} values, {os.cpu_count()} CPUs, {' '.join(threads)}")
     for components in args.components:
         case = argparse.Namespace(**{**vars(args), "components": components})
         with tempfile.TemporaryDirectory() as folder:

@@ -26,7 +26,7 @@ use crate::vocabulary::kmeans::{KMeansConfig, k_means};
 use crate::vocabulary::labelled::labelled_mixture;
 use crate::vocabulary::pca::{Keep, Pca, PcaError};
 use features::{Split, source_of, split};
-pub use trials::NEAR_DUPLICATE;
+pub use trials::{CONFUSED_SHARE, NEAR_DUPLICATE};
 use trials::{count, fit_exponent, report};
 
 /// Which clustering makes the classes.

@@ -32,7 +32,7 @@ pub(super) enum AppearanceExperiment {
     /// Figure 4.20: letters learnt in simulation, recognised with another sensor.
     SimToReal {
         /// How many sensors, from --seed on.
-        #[arg(long, default_value_t = 5, value_parser = count)]
+        #[arg(long, default_value_t = 3, value_parser = count)]
         seeds: usize,
     },
     /// Real frames of a 28×50 array, without poses.

@@ -22,6 +22,11 @@ const N_TRIALS: usize = 50;
 /// Objects whose histograms correlate at least this much are reported as nearly the same.
 pub const NEAR_DUPLICATE: f64 = 0.95;
 
+/// And those whose held-back readings give the other object at least this share of what both
+/// get; readings of one object taken for two would give 0.5, whatever noise few readings
+/// leave in the histograms.
+pub const CONFUSED_SHARE: f64 = 0.4;
+
 /// One trial: the true object, and the sum of its readings' ln likelihoods by object.
 struct Trial {
     truth: usize,
@@ -152,19 +157,27 @@ pub(super) fn report(
     let known = &shares.known;
     let affinity: Vec<Vec<f64>> =
         known.iter().map(|a| known.iter().map(|b| correlation(a, b)).collect()).collect();
+    let near_duplicates = near_duplicates(&affinity, &confusion);
     AppearanceReport {
         n_readings,
         confusion,
         accuracy: share_right(&trials),
-        near_duplicates: near_duplicates(&affinity),
+        near_duplicates,
         affinity,
     }
 }
 
-fn near_duplicates(affinity: &[Vec<f64>]) -> Vec<NearDuplicate> {
+fn near_duplicates(affinity: &[Vec<f64>], confusion: &[Vec<f64>]) -> Vec<NearDuplicate> {
+    let is_confused = |a: usize, b: usize| {
+        let other = confusion[a][b] + confusion[b][a];
+        let both = confusion[a][a] + confusion[b][b] + other;
+        both > 0.0 && other >= CONFUSED_SHARE * both
+    };
     let mut pairs: Vec<NearDuplicate> = (0..affinity.len())
         .flat_map(|second| (0..second).map(move |first| (first, second)))
-        .filter(|(first, second)| affinity[*first][*second] >= NEAR_DUPLICATE)
+        .filter(|(first, second)| {
+            affinity[*first][*second] >= NEAR_DUPLICATE || is_confused(*first, *second)
+        })
         .map(|(first, second)| NearDuplicate {
             first: ObjectIdx(first as u32),
             second: ObjectIdx(second as u32),
@@ -220,6 +233,19 @@ mod tests {
         let found = report(&objects, &shares(&objects), 1.0, 1, 1).near_duplicates;
         assert_eq!(found.len(), 1);
         assert_eq!((found[0].first, found[0].second), (ObjectIdx(0), ObjectIdx(2)));
+    }
+
+    #[test]
+    fn objects_whose_readings_cannot_be_told_apart_are_named() {
+        // Histograms differ (cos = 0.48 / 0.52 = 0.92), but every held-back reading of both
+        // is of class 0: 0.6 / (0.6 + 0.4) and 0.4, so the other gets half of what both get.
+        let objects = [object([6.0, 4.0], [5, 0]), object([4.0, 6.0], [5, 0])];
+        let found = report(&objects, &shares(&objects), 1.0, 1, 1);
+        assert!((found.affinity[0][1] - 0.48 / 0.52).abs() < 1e-12);
+        assert_eq!(found.near_duplicates.len(), 1);
+        // 0.9 / 1.0 and 0.1: the other gets a tenth.
+        let objects = [object([9.0, 1.0], [5, 0]), object([1.0, 9.0], [0, 5])];
+        assert!(report(&objects, &shares(&objects), 1.0, 1, 1).near_duplicates.is_empty());
     }
 
     #[test]
