@@ -178,7 +178,9 @@ mod tests {
             assert!(summary[&format!("{key}_covered_at_20")] > 0.1, "{summary:?}");
         }
         assert!(summary["sva_resting_in_order_accuracy_at_10"] > 0.2, "{summary:?}");
-        assert_ne!(summary["moving_covered_at_20"], summary["resting_covered_at_20"]);
+        // The same courses, until the object is elsewhere.
+        let change = summary["moving_covered_at_20"] - summary["resting_covered_at_20"];
+        assert!(change.abs() > 1e-6, "{summary:?}");
         assert_eq!(outcome.plot.matches("<polyline").count(), 2 + 16);
     }
 }
