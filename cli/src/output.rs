@@ -1,5 +1,7 @@
 //! How answers look: tables and sentences for people, one line of JSON for programs.
 
+use std::io::Write as _;
+
 use comfy_table::{Table, presets};
 use serde::Serialize;
 
@@ -16,7 +18,7 @@ impl Output {
         if self.json {
             eprintln!("{}", text.as_ref());
         } else {
-            println!("{}", text.as_ref());
+            print_line(text.as_ref());
         }
     }
 
@@ -27,11 +29,21 @@ impl Output {
         text: impl FnOnce(&T) -> String,
     ) -> anyhow::Result<()> {
         if self.json {
-            println!("{}", serde_json::to_string(answer)?);
+            print_line(&serde_json::to_string(answer)?);
         } else {
-            println!("{}", text(answer));
+            print_line(&text(answer));
         }
         Ok(())
+    }
+}
+
+/// Writes a line to the standard output. A reader that has seen enough, such as `head`, does
+/// not end the command: what it was asked to do is still done.
+fn print_line(text: &str) {
+    if let Err(error) = writeln!(std::io::stdout().lock(), "{text}")
+        && error.kind() != std::io::ErrorKind::BrokenPipe
+    {
+        eprintln!("cannot write to the standard output: {error}");
     }
 }
 

@@ -80,6 +80,19 @@ fn a_server_that_is_not_there_exits_with_three_and_a_hint() {
 }
 
 #[test]
+fn a_reader_that_goes_away_does_not_end_the_work() {
+    let folder = TempDir::new().unwrap();
+    let mut command = palpate("objects example --all --out meshes");
+    let command = command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(stderr(&output), "");
+    assert_eq!(std::fs::read_dir(folder.path().join("meshes")).unwrap().count(), 10);
+}
+
+#[test]
 fn the_description_of_the_api_is_printed_without_a_server() {
     let folder = TempDir::new().unwrap();
     let output = run(folder.path(), "openapi");

@@ -12,20 +12,20 @@ mod marginals;
 mod options;
 mod planar;
 mod polish;
+mod prepared;
 mod printed;
 mod solid;
 
-use std::sync::Arc;
-
 use crate::belief::answer::Answer;
 use crate::log_prob::normalize;
-use crate::model::{Catalogue, ObjectIdx};
+use crate::model::ObjectIdx;
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;
 
 pub use error::GeometricError;
 pub use marginals::{AxisMarginal, Marginals, PlaneMarginal};
 pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior, PrintedFilter};
+pub use prepared::PreparedGeometry;
 
 use planar::PlanarBelief;
 use printed::PrintedBelief;
@@ -52,22 +52,22 @@ impl GeometricBelief {
     /// is even.
     ///
     /// # Errors
-    /// [`GeometricError`] when the catalogue has no geometry or none of the kind that the pose
-    /// prior and the filter need, or when priors or options are out of range.
+    /// [`GeometricError`] when the geometry is not of the kind that the pose prior and the
+    /// filter need, or when priors or options are out of range.
     pub fn new(
-        catalogue: Arc<Catalogue>,
+        geometry: &PreparedGeometry,
         options: GeometricOptions,
         prior: Option<&[f64]>,
     ) -> Result<Self, GeometricError> {
-        let model = catalogue.geometry.as_ref().ok_or(GeometricError::NoGeometry)?;
+        let model = geometry.model();
         let log_prior = log_prior(prior, model.maps.len())?;
         options.check()?;
         let state = match (&options.pose, &options.filter) {
             (plane @ PosePrior::Planar { .. }, GeometricFilter::Adaptive(filter)) => {
-                State::Planar(Box::new(PlanarBelief::new(model, *plane, *filter, &log_prior)?))
+                State::Planar(Box::new(PlanarBelief::new(geometry, *plane, *filter, &log_prior)?))
             }
             (solid @ PosePrior::Bounded { .. }, GeometricFilter::Adaptive(filter)) => {
-                State::Solid(Box::new(SolidBelief::new(model, *solid, *filter, &log_prior)?))
+                State::Solid(Box::new(SolidBelief::new(geometry, *solid, *filter, &log_prior)?))
             }
             (pose, GeometricFilter::Printed(filter)) => {
                 let seed = options.seed;

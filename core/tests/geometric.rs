@@ -6,12 +6,12 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
 };
+use palpate_core::model::ObjectIdx;
 use palpate_core::model::geometry::GeometricModel;
-use palpate_core::model::{Catalogue, ObjectIdx};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
@@ -19,7 +19,6 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::train::TrainingSet;
 use palpate_core::train::geometry::{GeometryConfig, map_geometry};
 use palpate_core::units::{DEG, MM};
-use palpate_core::vocabulary::{AssociationRule, Vocabulary};
 
 /// Bumps of two bodies: x, y (mm) and height (kPa), all 2.7 mm wide.
 const BODIES: [&[[f64; 3]]; 2] = [
@@ -74,18 +73,8 @@ fn model() -> GeometricModel {
     map_geometry(&sets, &[DVec3::ZERO; 2], &GeometryConfig::planar()).unwrap()
 }
 
-fn catalogue(geometry: Option<GeometricModel>) -> Arc<Catalogue> {
-    let vocabulary = Vocabulary {
-        descriptor: DescriptorKind::Mnti,
-        rows: 6,
-        cols: 6,
-        mean: vec![],
-        medoids: vec![],
-        spreads: vec![],
-    };
-    let association = AssociationRule::default();
-    let geometry = geometry.map(Arc::new);
-    Arc::new(Catalogue { vocabulary, association, objects: vec![], geometry, appearance: None })
+fn prepared(model: GeometricModel) -> PreparedGeometry {
+    PreparedGeometry::new(Arc::new(model))
 }
 
 /// A plane that is neither at the session's origin nor level.
@@ -116,7 +105,7 @@ fn truth() -> Pose {
 }
 
 fn belief(n: usize) -> GeometricBelief {
-    let mut belief = GeometricBelief::new(catalogue(Some(model())), options(), None).unwrap();
+    let mut belief = GeometricBelief::new(&prepared(model()), options(), None).unwrap();
     for reading in presses(1, n, 2) {
         belief.add(&reading.moved_by(truth()), &SensorDescription::digitacts_6x6()).unwrap();
     }
@@ -174,7 +163,7 @@ fn marginals_peak_at_the_truth_and_sum_to_one() {
 
 #[test]
 fn an_untouched_belief_is_the_prior() {
-    let prior = GeometricBelief::new(catalogue(Some(model())), options(), Some(&[3.0, 1.0]));
+    let prior = GeometricBelief::new(&prepared(model()), options(), Some(&[3.0, 1.0]));
     let answer = prior.unwrap().answer(1);
     assert!((answer.probabilities[0] - 0.75).abs() < 1e-9);
     assert_eq!(answer.n_readings, 0);
@@ -182,15 +171,14 @@ fn an_untouched_belief_is_the_prior() {
 
 #[test]
 fn what_does_not_fit_is_refused_by_name() {
-    let new = |catalogue, options, prior| GeometricBelief::new(catalogue, options, prior).err();
-    assert_eq!(new(catalogue(None), options(), None), Some(GeometricError::NoGeometry));
+    let new = |model, options, prior| GeometricBelief::new(&prepared(model), options, prior).err();
     let mut unforced = model();
     for map in &mut unforced.maps {
         Arc::make_mut(map).mosaic = None;
     }
-    let error = new(catalogue(Some(unforced)), options(), None);
+    let error = new(unforced, options(), None);
     assert_eq!(error, Some(GeometricError::NoMosaic { object: 0 }));
-    let error = new(catalogue(Some(model())), options(), Some(&[1.0]));
+    let error = new(model(), options(), Some(&[1.0]));
     assert_eq!(error, Some(GeometricError::Prior { expected: 2, found: 1 }));
     let PosePrior::Planar { session_from_plane, center, angle, half_angle, .. } = options().pose
     else {
@@ -198,7 +186,7 @@ fn what_does_not_fit_is_refused_by_name() {
     };
     let half_extent = f64::NAN;
     let pose = PosePrior::Planar { session_from_plane, center, half_extent, angle, half_angle };
-    let error = new(catalogue(Some(model())), GeometricOptions { pose, ..options() }, None);
+    let error = new(model(), GeometricOptions { pose, ..options() }, None);
     assert!(matches!(error, Some(GeometricError::Range { field: "half_extent", .. })));
 }
 

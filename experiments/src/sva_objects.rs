@@ -378,7 +378,7 @@ mod tests {
         }
         let config = SvaObjects {
             meshes: Some(folder.clone()),
-            trials: 1,
+            trials: 3,
             train_readings: 200,
             test_readings: 30,
             readings: 10,

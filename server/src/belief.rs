@@ -92,7 +92,7 @@ impl SessionBelief {
         };
         let pose = options.pose_prior.as_ref().ok_or(BeliefError::OptionMissing)?;
         let options = GeometricOptions { pose: core_prior(pose)?, filter, seed: session.seed };
-        Ok(Self::Geometric(GeometricBelief::new(catalogue, options, prior)?))
+        Ok(Self::Geometric(GeometricBelief::new(model.prepared()?, options, prior)?))
     }
 
     /// Takes a reading into account: as it is `stored`, and as core knows it.

@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use dashmap::DashMap;
+use palpate_core::geometric::PreparedGeometry;
 use palpate_core::model::appearance::AppearanceModel;
 use palpate_core::model::geometry::GeometricModel;
 use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
@@ -36,15 +37,23 @@ pub(crate) struct Model {
     pub(crate) version: u32,
     pub(crate) core: Arc<CoreCatalogue>,
     pub(crate) objects: Vec<VersionObject>,
+    /// What sessions by geometry share.
+    prepared: Option<PreparedGeometry>,
 }
 
 impl Model {
+    /// The geometry of its objects with what sessions look up in it.
+    pub(crate) fn prepared(&self) -> Result<&PreparedGeometry, Refusal> {
+        self.prepared.as_ref().ok_or_else(|| self.no_geometry())
+    }
+
+    fn no_geometry(&self) -> Refusal {
+        Refusal::NoGeometry { catalogue: self.name.clone(), version: self.version }
+    }
+
     /// What the version knows of its objects' geometry.
     pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
-        self.core.geometry.as_ref().ok_or_else(|| Refusal::NoGeometry {
-            catalogue: self.name.clone(),
-            version: self.version,
-        })
+        self.core.geometry.as_ref().ok_or_else(|| self.no_geometry())
     }
 
     /// What the version knows of its objects' appearance.
@@ -315,5 +324,7 @@ fn read_model(table: &Table, catalogue: Uuid, version: u32) -> Result<Model, Ref
     let core = table.model(&manifest)?;
     let n_objects = manifest.objects.len();
     tracing::info!("Read version {version} of catalogue {name:?} with {n_objects} objects");
-    Ok(Model { catalogue, name, version, core: Arc::new(core), objects: manifest.objects })
+    let prepared = core.geometry.clone().map(PreparedGeometry::new);
+    let (core, objects) = (Arc::new(core), manifest.objects);
+    Ok(Model { catalogue, name, version, core, objects, prepared })
 }

@@ -6,18 +6,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
 };
-use palpate_core::model::{Catalogue, ObjectIdx};
+use palpate_core::model::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::train::TrainingSet;
 use palpate_core::train::geometry::{GeometryConfig, map_geometry};
 use palpate_core::units::{DEG, MM};
-use palpate_core::vocabulary::{AssociationRule, Vocabulary};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SamplerConfig, sample};
 use palpate_sim::shapes::example;
@@ -32,28 +31,13 @@ fn touches(body: &str, n: usize, seed: u64) -> Vec<Reading> {
         .unwrap()
 }
 
-fn catalogue() -> Arc<Catalogue> {
+fn geometry() -> PreparedGeometry {
     let sensor = SensorDescription::digitacts_6x6();
     let readings: Vec<Vec<Reading>> = BODIES.iter().map(|body| touches(body, 400, 1)).collect();
     let sets: Vec<TrainingSet<'_>> =
         readings.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
     let geometry = map_geometry(&sets, &[DVec3::ZERO; 3], &GeometryConfig::solid()).unwrap();
-    let vocabulary = Vocabulary {
-        descriptor: DescriptorKind::Mnti,
-        rows: 6,
-        cols: 6,
-        mean: vec![],
-        medoids: vec![],
-        spreads: vec![],
-    };
-    let association = AssociationRule::default();
-    Arc::new(Catalogue {
-        vocabulary,
-        association,
-        objects: vec![],
-        geometry: Some(Arc::new(geometry)),
-        appearance: None,
-    })
+    PreparedGeometry::new(Arc::new(geometry))
 }
 
 fn options(pose: PosePrior) -> GeometricOptions {
@@ -66,7 +50,7 @@ fn options(pose: PosePrior) -> GeometricOptions {
 
 #[test]
 fn a_body_within_bounds_is_named_and_placed() {
-    let catalogue = catalogue();
+    let geometry = geometry();
     let nominal = Pose::from_parts(DQuat::from_rotation_z(0.8), DVec3::new(0.5, 0.1, 0.3));
     let pose = PosePrior::Bounded {
         session_from_object: nominal,
@@ -77,7 +61,7 @@ fn a_body_within_bounds_is_named_and_placed() {
         let off = DQuat::from_scaled_axis(DVec3::new(10.0, -8.0, 12.0) * DEG);
         let moved = DVec3::new(6.0, -5.0, 4.0) * MM;
         let truth = Pose::from_parts(off * nominal.rotation, nominal.translation + moved);
-        let mut belief = GeometricBelief::new(catalogue.clone(), options(pose), None).unwrap();
+        let mut belief = GeometricBelief::new(&geometry, options(pose), None).unwrap();
         for reading in touches(body, 10, 2) {
             let sensor = SensorDescription::digitacts_6x6();
             belief.add(&reading.moved_by(truth), &sensor).unwrap();
@@ -99,6 +83,6 @@ fn a_body_within_bounds_is_named_and_placed() {
         angle: 0.0,
         half_angle: 1.0,
     };
-    let error = GeometricBelief::new(catalogue, options(plane), None).err();
+    let error = GeometricBelief::new(&geometry, options(plane), None).err();
     assert_eq!(error, Some(GeometricError::NotPlanar));
 }

@@ -226,7 +226,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         let mut left = effort.evaluations_max;
         let mut best = self.best_complete();
         loop {
-            let worth = self.worth_splitting(best, effort);
+            let worth = self.worth_splitting(best, left, effort);
             if worth.is_empty() {
                 return;
             }
@@ -252,21 +252,28 @@ impl<const D: usize> AdaptiveHistogram<D> {
         }
     }
 
-    /// The better half of the bins that may be split, most massive first.
-    fn worth_splitting(&self, best: f64, effort: &Effort) -> Vec<usize> {
+    /// The better half of the bins that may be split, most massive first; no more than `left`
+    /// evaluations are enough for.
+    fn worth_splitting(&self, best: f64, left: usize, effort: &Effort) -> Vec<usize> {
         let depth_max = self.division.depth_max();
         let worth = |bin: &Bin<D>| {
             bin.n_scored as usize == self.typical.len()
                 && bin.score >= best - effort.split
                 && (bin.depth as usize) < depth_max
         };
-        let mut order: Vec<usize> =
-            (0..self.bins.len()).filter(|at| worth(&self.bins[*at])).collect();
-        let mass = |at: &usize| self.log_mass(&self.bins[*at]);
-        order.sort_by(|a, b| mass(b).total_cmp(&mass(a)).then(a.cmp(b)));
-        // Only half at a time, so that children compete with what is left.
-        order.truncate(order.len().div_ceil(2));
-        order
+        let bins = self.bins.iter().enumerate().filter(|(_, bin)| worth(bin));
+        let mut order: Vec<(f64, usize)> = bins.map(|(at, bin)| (self.log_mass(bin), at)).collect();
+        // Only half at a time, so that children compete with what is left. A split has at least
+        // two children; one more bin than can be paid for ends the rounds.
+        let affordable = left / (2 * self.typical.len().max(1)) + 1;
+        let n = order.len().div_ceil(2).min(affordable);
+        let by_mass = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+        if n < order.len() {
+            order.select_nth_unstable_by(n, by_mass);
+            order.truncate(n);
+        }
+        order.sort_unstable_by(by_mass);
+        order.into_iter().map(|entry| entry.1).collect()
     }
 
     /// Forgets the worst bins when there are too many.

@@ -5,9 +5,6 @@ use thiserror::Error;
 /// Why a catalogue, a prior or a reading cannot be used.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum GeometricError {
-    /// The catalogue was trained without geometry.
-    #[error("the catalogue has no geometry, expected one trained with it")]
-    NoGeometry,
     /// An object has no force mosaic.
     #[error("object {object} has no force mosaic, expected one for every object")]
     NoMosaic {

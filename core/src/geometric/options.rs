@@ -9,7 +9,7 @@ use super::planar::check_tilt;
 use crate::filter::particle::ParticleOptions;
 use crate::mosaic::press_fit::PressPrior;
 use crate::pose::Pose;
-use crate::units::MM;
+use crate::units::{DEG, MM};
 
 /// Where the object may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,8 +77,10 @@ pub enum PrintedFilter {
 /// The work of the adaptive histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveOptions {
-    /// The first bins of planar poses along x, y and θ (of the full turn).
-    pub first: [usize; 3],
+    /// The first bins of planar poses are at most this wide along x and y, metres.
+    pub first_width: f64,
+    /// And along θ, rad.
+    pub first_angle: f64,
     /// Bins are split until they are no wider than this, metres.
     pub smallest: f64,
     /// Bins this far behind the best sleep, nats.
@@ -87,7 +89,8 @@ pub struct AdaptiveOptions {
     pub split: f64,
     /// No reading counts more than this against a pose, nats.
     pub floor: f64,
-    /// Bins that are evaluated in full after a screening, for every object.
+    /// Bins that are evaluated in full after a screening, for every object; more, in
+    /// proportion, when the box of poses holds more first bins than a box of ±10 mm does.
     pub screened: usize,
     /// The exponent of the screening for the others, 0 to 1.
     pub screen_temper: f64,
@@ -99,17 +102,43 @@ pub struct AdaptiveOptions {
     pub press: PressPrior,
 }
 
+/// About the first bins of a box of ±10 mm and the full turn.
+const SCREENED_OF: usize = 700;
+
+/// No axis is divided into more first bins than this.
+const FIRST_MAX: f64 = 100.0;
+
+impl AdaptiveOptions {
+    /// How many first bins a box of poses has along x, y and θ: `half` are its half widths
+    /// (m, m, rad).
+    #[must_use]
+    pub fn first_bins(&self, half: [f64; 3]) -> [usize; 3] {
+        let widths = [self.first_width, self.first_width, self.first_angle];
+        std::array::from_fn(|axis| {
+            // A hair's breadth more must not add a bin.
+            let n = (2.0 * half[axis] / widths[axis] - 1e-6).ceil();
+            n.clamp(1.0, FIRST_MAX) as usize
+        })
+    }
+
+    /// How many bins of an object are evaluated in full when it has `first` first bins.
+    pub(super) fn screened(&self, first: usize) -> usize {
+        self.screened * first.div_ceil(SCREENED_OF).max(1)
+    }
+}
+
 impl Default for AdaptiveOptions {
     fn default() -> Self {
         Self {
-            first: [7, 7, 20],
+            first_width: 3.4 * MM,
+            first_angle: 20.0 * DEG,
             smallest: 1.6 * MM,
             keep: 30.0,
             split: 12.0,
             floor: 12.0,
-            screened: 60,
+            screened: 45,
             screen_temper: 0.3,
-            evaluations: 40,
+            evaluations: 35,
             temper: 0.7,
             press: PressPrior::default(),
         }
@@ -163,9 +192,8 @@ impl GeometricOptions {
                 return within("particles", options.n as f64, 1.0, 1e7);
             }
         };
-        for (field, n) in ["first x", "first y", "first angle"].into_iter().zip(filter.first) {
-            within(field, n as f64, 1.0, 200.0)?;
-        }
+        within("first_width", filter.first_width, 0.1 * MM, 1.0)?;
+        within("first_angle", filter.first_angle, 1.0 * DEG, PI)?;
         within("smallest", filter.smallest, 0.01 * MM, 100.0 * MM)?;
         within("keep", filter.keep, 1.0, 1e4)?;
         within("split", filter.split, 0.0, 1e4)?;

@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Matrix6, Matrix6x3};
 
 use super::marginals::{self, Marginals};
 use super::polish::{Mode, PressAtPose, polish};
+use super::prepared::PreparedGeometry;
 use super::{AdaptiveOptions, GeometricError, PosePrior};
 use crate::belief::answer::{Answer, PoseMode};
 use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, Effort};
@@ -36,11 +37,15 @@ const TILT_MAX: f64 = 30.0 * DEG;
 const MODE_REACH: f64 = 12.0;
 const FORGOTTEN: f64 = 40.0;
 
-/// Cells of the screening, metres: well below the point spread.
-const SCREEN_CELL: f64 = 0.5 * MM;
-
 /// How far a taxel's gain may be from 1 when nobody has learnt it.
 const UNKNOWN_GAIN: f32 = 0.2;
+
+/// Fewer objects than this are looked at with the effort for so many.
+const LOOKED_AT_MIN: usize = 5;
+
+/// How much of a bin's spread widens what a map expects: slips within the bin are unknowns of
+/// the press already, and only what bends beyond them is left.
+const BEND: f64 = 0.7;
 
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
@@ -95,6 +100,8 @@ pub(super) struct PlanarModel {
     turned: TurnedPress,
     /// Which reading and angle `turned` holds.
     turned_as: Option<(usize, u64)>,
+    /// The turn of that angle.
+    turn: [f64; 2],
 }
 
 /// One object: its tiles by depth, and the height of its plane, metres.
@@ -114,10 +121,11 @@ struct PlanarReading {
 
 impl PlanarModel {
     fn new(
-        geometry: &Arc<GeometricModel>,
+        prepared: &PreparedGeometry,
         options: AdaptiveOptions,
         division: &Division<3>,
     ) -> Result<Self, GeometricError> {
+        let geometry = prepared.model();
         let spreads: Vec<[f64; 2]> = (0..=division.depth_max())
             .map(|depth| {
                 // Uniform within the bin: width over √12.
@@ -125,19 +133,15 @@ impl PlanarModel {
                 [x.max(y), angle]
             })
             .collect();
+        let reach = |spread: &[f64; 2]| BEND * spread[0].hypot(LEVER * spread[1]);
         let mut maps = Vec::new();
-        for (object, map) in geometry.maps.iter().enumerate() {
-            if !map.occupancy.shape().is_planar() {
-                return Err(GeometricError::NotPlanar);
-            }
-            let mosaic = map.mosaic.as_ref().ok_or(GeometricError::NoMosaic { object })?;
-            let reach = |spread: &[f64; 2]| spread[0].hypot(LEVER * spread[1]);
-            let tile = |spread| Arc::new(Tile::new(mosaic, reach(spread)));
-            let mut tiles: Vec<Arc<Tile>> = spreads.iter().take(2).map(tile).collect();
-            tiles.push(Arc::new(Tile::new(mosaic, 0.0)));
-            let first = reach(&spreads[0]).hypot(options.press.shift);
-            let screen = Arc::new(ScreenTile::new(mosaic, SCREEN_CELL, first));
-            maps.push(PlanarMap { tiles, screen, height: mosaic.shape().min().z });
+        for object in 0..geometry.maps.len() {
+            let tile = |spread| prepared.tile(object, reach(spread));
+            let mut tiles = spreads.iter().take(2).map(tile).collect::<Result<Vec<_>, _>>()?;
+            tiles.push(prepared.tile(object, 0.0)?);
+            let screen = prepared.screen(object, reach(&spreads[0]).hypot(options.press.shift))?;
+            let height = geometry.maps[object].occupancy.shape().min().z;
+            maps.push(PlanarMap { tiles, screen, height });
         }
         Ok(Self {
             geometry: geometry.clone(),
@@ -149,14 +153,20 @@ impl PlanarModel {
             workspace: Workspace::default(),
             turned: TurnedPress::default(),
             turned_as: None,
+            turn: [1.0, 0.0],
         })
     }
 
     /// Where a reading lies on an object at a pose.
     fn placement(center: [f64; 2], pose: &[f64; 3]) -> Placement {
-        let (sin, cos) = pose[2].sin_cos();
+        Self::placement_turned(center, pose, turn_of(pose[2]))
+    }
+
+    /// The same, for a pose whose turn is known.
+    fn placement_turned(center: [f64; 2], pose: &[f64; 3], turn: [f64; 2]) -> Placement {
+        let [cos, minus_sin] = turn;
         let [x, y] = [center[0] - pose[0], center[1] - pose[1]];
-        Placement { center: [cos * x + sin * y, cos * y - sin * x], turn: [cos, -sin] }
+        Placement { center: [cos * x - minus_sin * y, cos * y + minus_sin * x], turn }
     }
 
     /// The strays of a press within a bin of this spread.
@@ -248,12 +258,13 @@ impl BinLikelihood<3> for PlanarModel {
 
     fn screen(&mut self, object: u32, center: &[f64; 3], _depth: usize, reading: usize) -> f64 {
         let PlanarReading { center: at, press } = &self.readings[reading];
-        let place = Self::placement(*at, center);
         let name = (reading, center[2].to_bits());
         if self.turned_as != Some(name) {
-            self.turned.turn(press, &place);
+            self.turn = turn_of(center[2]);
+            self.turned.turn(press, self.turn);
             self.turned_as = Some(name);
         }
+        let place = Self::placement_turned(*at, center, self.turn);
         let screen = &self.maps[object as usize].screen;
         let amplitude = self.options.press.amplitude as f32;
         self.options.temper * screen.log_likelihood(&mut self.turned, place.center, amplitude)
@@ -262,7 +273,7 @@ impl BinLikelihood<3> for PlanarModel {
 
 impl PlanarBelief {
     pub(super) fn new(
-        geometry: &Arc<GeometricModel>,
+        prepared: &PreparedGeometry,
         pose: PosePrior,
         options: AdaptiveOptions,
         log_prior: &[f64],
@@ -276,17 +287,20 @@ impl PlanarBelief {
         let low = [0, 1, 2].map(|axis: usize| middle[axis] - half[axis]);
         let high = [0, 1, 2].map(|axis: usize| middle[axis] + half[axis]);
         let lengths = [1.0, 1.0, LEVER];
-        let division = Division::new(low, high, options.first, lengths, options.smallest, 3);
-        let model = PlanarModel::new(geometry, options, &division)?;
+        let n = options.first_bins(half);
+        let division = Division::new(low, high, n, lengths, options.smallest, 3);
+        let model = PlanarModel::new(prepared, options, &division)?;
         let n_alive = log_prior.iter().filter(|log| log.is_finite()).count();
-        let first: usize = options.first.iter().product();
+        // Two bodies that are nearly alike need as close a look as five.
+        let n_looked_at = n_alive.max(LOOKED_AT_MIN);
+        let first: usize = n.iter().product();
         let effort = Effort {
             keep: options.keep,
             split: options.split,
             floor: options.floor,
-            screened_max: options.screened * n_alive,
+            screened_max: options.screened(first) * n_looked_at,
             screen_temper: options.screen_temper,
-            evaluations_max: options.evaluations * n_alive,
+            evaluations_max: options.evaluations * n_looked_at,
             bins_max: 4 * first * n_alive,
         };
         let histogram = AdaptiveHistogram::new(division, log_prior);
@@ -337,19 +351,19 @@ impl PlanarBelief {
             self.histogram.bins().iter().map(|bin| (self.histogram.log_mass(bin), *bin)).collect();
         let best = bins.iter().map(|bin| bin.0).fold(f64::NEG_INFINITY, f64::max);
         bins.retain(|bin| bin.0 >= best - MODE_REACH);
-        bins.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.object.cmp(&b.1.object)));
         let mut workspace = Workspace::default();
         let mut modes = Vec::new();
         while modes.len() < n_modes
-            && let Some((log_first, first)) = bins.first().copied()
+            && let Some(most) = most_massive(&bins)
         {
+            let (log_first, first) = bins[most];
             let widths = self.histogram.division().widths(first.depth as usize);
             let mode = match self.model.readings.is_empty() {
                 true => Mode::unpolished(first.center, widths),
                 false => self.model.polish(first.object, first.center, &mut workspace),
             };
             // The best bin is a member, wherever polishing has moved the mode.
-            bins.remove(0);
+            bins.swap_remove(most);
             let mut weight = (log_first - log_total).exp();
             bins.retain(|(log_mass, bin)| {
                 let widths = self.histogram.division().widths(bin.depth as usize);
@@ -383,6 +397,22 @@ impl PlanarBelief {
         let (low, high) = (self.plane.low, self.plane.high);
         marginals::of_object(&self.histogram, object, &AXES, low, high, MARGINAL_CELLS)
     }
+}
+
+/// The turn that takes the plane's axes into those of an object at this angle.
+fn turn_of(angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [cos, -sin]
+}
+
+/// Which bin has the most mass; of equals, the one of the lowest object and place.
+fn most_massive(bins: &[(f64, Bin<3>)]) -> Option<usize> {
+    let place = |bin: &Bin<3>| (bin.object, bin.center.map(f64::to_bits));
+    let order = |a: &usize, b: &usize| {
+        let (a, b) = (&bins[*a], &bins[*b]);
+        a.0.total_cmp(&b.0).then_with(|| place(&b.1).cmp(&place(&a.1)))
+    };
+    (0..bins.len()).max_by(order)
 }
 
 /// Covariance in ROS order of x, y and θ in a plane; the three fixed axes are known to

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::blur::blurred;
 use super::marginals::{self, Marginals};
+use super::prepared::{BLURS, PreparedGeometry};
 use super::{AdaptiveOptions, GeometricError, PosePrior};
 use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
 use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, Effort};
@@ -29,11 +29,11 @@ const LEVER: f64 = 30.0 * MM;
 const FIRST_WIDTH: f64 = 7.0 * MM;
 const FIRST_MAX: usize = 4;
 
-/// The spreads for which blurred maps are kept, metres.
-const BLURS: [f64; 4] = [0.0, 1.5 * MM, 3.0 * MM, 6.0 * MM];
-
 /// The exponent of a press: its taxels see one blurred contact, not as many facts.
 const TEMPER: f64 = 0.3;
+
+/// Six axes take so many times the evaluations of a plane's three.
+const EVALUATIONS: usize = 46;
 
 /// Bins that an answer is made of.
 const ANSWERED_MAX: usize = 400;
@@ -61,7 +61,7 @@ struct SolidModel {
     geometry: Arc<GeometricModel>,
     nominal: Pose,
     /// Maps of every object, by blur.
-    maps: Arc<Vec<Vec<OccupancyGrid>>>,
+    maps: Vec<Arc<[OccupancyGrid]>>,
     /// Which blur serves a depth.
     blur_of: Vec<usize>,
     presses: Vec<ClassifiedPress>,
@@ -97,7 +97,7 @@ impl BinLikelihood<6> for SolidModel {
 
 impl SolidBelief {
     pub(super) fn new(
-        geometry: &Arc<GeometricModel>,
+        prepared: &PreparedGeometry,
         pose: PosePrior,
         options: AdaptiveOptions,
         log_prior: &[f64],
@@ -106,6 +106,7 @@ impl SolidBelief {
         else {
             return Err(GeometricError::NotPlanar);
         };
+        let geometry = prepared.model();
         if geometry.maps.iter().any(|map| map.occupancy.shape().is_planar()) {
             return Err(GeometricError::NotSolid);
         }
@@ -128,8 +129,7 @@ impl SolidBelief {
                 BLURS.iter().rposition(|blur| *blur <= spread).unwrap_or(0)
             })
             .collect();
-        let blurs = |map: &OccupancyGrid| BLURS.iter().map(|sigma| blurred(map, *sigma)).collect();
-        let maps = Arc::new(geometry.maps.iter().map(|map| blurs(&map.occupancy)).collect());
+        let maps = (0..geometry.maps.len()).map(|object| prepared.blurs(object)).collect();
         let first: usize = n.iter().product();
         let n_alive = log_prior.iter().filter(|log| log.is_finite()).count();
         let effort = Effort {
@@ -138,7 +138,7 @@ impl SolidBelief {
             floor: options.floor,
             screened_max: usize::MAX,
             screen_temper: 1.0,
-            evaluations_max: 40 * options.evaluations * n_alive,
+            evaluations_max: EVALUATIONS * options.evaluations * n_alive,
             bins_max: 8 * first * n_alive,
         };
         let presses = Vec::new();

@@ -83,10 +83,16 @@ impl PressFit {
 /// Residuals beyond this many deviations count as this many.
 const OUTLIER: f32 = 3.0;
 
-/// Working space of fits: seven columns over the taxels, padded to whole vectors.
+/// Working space of fits: columns over the taxels, padded to whole vectors.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
     columns: [Vec<f32>; N_UNKNOWNS + 1],
+    /// Offsets turned into the object's axes.
+    offsets: [Vec<f32>; 2],
+    /// Places in the tile.
+    places: Vec<[f32; 2]>,
+    /// Expected pressure, its two derivatives, and precision.
+    expected: [Vec<f32>; 4],
     /// What the unknowns leave of the residuals.
     left: Vec<f32>,
     /// The sum of their squares, each clipped.
@@ -142,6 +148,7 @@ fn look_up(
     deviations: &[f32; N_UNKNOWNS],
     workspace: &mut Workspace,
 ) -> f64 {
+    let log_precision = look_around(press, place, tile, workspace);
     let n = press.pressures.len();
     let padded = n.next_multiple_of(8);
     for column in &mut workspace.columns {
@@ -151,34 +158,59 @@ fn look_up(
     let [c0, c1, c2, c3, c4, c5, c6] = &mut workspace.columns;
     let [c0, c1, c2] = [&mut c0[..n], &mut c1[..n], &mut c2[..n]];
     let [c3, c4, c5, c6] = [&mut c3[..n], &mut c4[..n], &mut c5[..n], &mut c6[..n]];
-    let (offsets, pressures) = (&press.offsets[..n], &press.pressures[..n]);
+    let [ox, oy] = &workspace.offsets;
+    let [expected, along_x, along_y, precision] = &workspace.expected;
+    let (ox, oy, expected) = (&ox[..n], &oy[..n], &expected[..n]);
+    let (along_x, along_y, precision) = (&along_x[..n], &along_y[..n], &precision[..n]);
+    let pressures = &press.pressures[..n];
     let [amplitude, tilt, _, shift, _, turn] = *deviations;
+    for taxel in 0..n {
+        let precision = precision[taxel];
+        let scaled = expected[taxel] * precision;
+        c0[taxel] = scaled * amplitude;
+        c1[taxel] = scaled * ox[taxel] * tilt;
+        c2[taxel] = scaled * oy[taxel] * tilt;
+        c3[taxel] = along_x[taxel] * precision * shift;
+        c4[taxel] = along_y[taxel] * precision * shift;
+        let around = along_y[taxel] * ox[taxel] - along_x[taxel] * oy[taxel];
+        c5[taxel] = around * precision * turn;
+        c6[taxel] = pressures[taxel] * precision - scaled;
+    }
+    log_precision
+}
+
+/// Looks up what is expected at every taxel. Returns Σ ln precision.
+fn look_around(press: &Press, place: &Placement, tile: &Tile, workspace: &mut Workspace) -> f64 {
+    let n = press.pressures.len();
+    let Workspace { offsets: [ox, oy], places, expected, .. } = workspace;
+    ox.resize(n, 0.0);
+    oy.resize(n, 0.0);
+    places.resize(n, [0.0; 2]);
+    expected.iter_mut().for_each(|column| column.resize(n, 0.0));
     let [cos, sin] = place.turn.map(|value| value as f32);
     let [x, y] = place.center.map(|value| value as f32);
-    // In f64 the product of a press's precisions neither over- nor underflows for a while.
-    let (mut product, mut log_precision) = (1.0f64, 0.0f64);
+    let (ox, oy, places) = (&mut ox[..n], &mut oy[..n], &mut places[..n]);
+    for (taxel, offset) in press.offsets[..n].iter().enumerate() {
+        ox[taxel] = cos * offset[0] - sin * offset[1];
+        oy[taxel] = sin * offset[0] + cos * offset[1];
+        places[taxel] = tile.place(x + ox[taxel], y + oy[taxel]);
+    }
+    let [pressure, along_x, along_y, precision] = expected;
+    let (pressure, along_x) = (&mut pressure[..n], &mut along_x[..n]);
+    let (along_y, precision) = (&mut along_y[..n], &mut precision[..n]);
     for taxel in 0..n {
-        let (offset, pressure) = (offsets[taxel], pressures[taxel]);
-        let ox = cos * offset[0] - sin * offset[1];
-        let oy = sin * offset[0] + cos * offset[1];
-        let expected = tile.at(x + ox, y + oy);
-        let unknown_gain = expected.pressure * expected.precision * press.gain_deviation;
-        let precision = expected.precision / (1.0 + unknown_gain * unknown_gain).sqrt();
-        let scaled = expected.pressure * precision;
-        c0[taxel] = scaled * amplitude;
-        c1[taxel] = scaled * ox * tilt;
-        c2[taxel] = scaled * oy * tilt;
-        c3[taxel] = expected.along_x * precision * shift;
-        c4[taxel] = expected.along_y * precision * shift;
-        c5[taxel] = (expected.along_y * ox - expected.along_x * oy) * precision * turn;
-        c6[taxel] = pressure * precision - scaled;
-        product *= f64::from(precision);
-        if taxel % 64 == 63 {
-            log_precision += product.ln();
-            product = 1.0;
+        let found = tile.between(places[taxel]);
+        [pressure[taxel], along_x[taxel], along_y[taxel], precision[taxel]] = found.to_array();
+    }
+    if press.gain_deviation > 0.0 {
+        for (precision, pressure) in precision.iter_mut().zip(pressure.iter()) {
+            let unknown_gain = pressure * *precision * press.gain_deviation;
+            *precision /= (1.0 + unknown_gain * unknown_gain).sqrt();
         }
     }
-    log_precision + product.ln()
+    // In f64 the product of a press's precisions neither over- nor underflows for a while.
+    let product = |chunk: &[f32]| chunk.iter().map(|p| f64::from(*p)).product::<f64>().ln();
+    precision.chunks(64).map(product).sum()
 }
 
 fn accumulate(workspace: &Workspace) -> Normal {

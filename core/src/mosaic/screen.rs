@@ -3,8 +3,10 @@
 //! For telling thousands of coarse bins apart before the best are fitted properly. Slips
 //! count as independent noise by the pressure's slope, so it overstates what differs.
 
+use glam::Vec4;
+
 use super::ForceMosaic;
-use super::press_fit::{Placement, Press};
+use super::press_fit::Press;
 use super::tile::Tile;
 
 /// From here on up, an f32 has no fraction.
@@ -18,7 +20,7 @@ pub struct ScreenTile {
     limit: [f32; 2],
     cols: usize,
     /// Precision² p, p·f, p·f² and ln p / 2, with p in 1/Pa² and f in Pa.
-    cells: Vec<[f32; 4]>,
+    cells: Vec<Vec4>,
 }
 
 /// A press turned into the axes of an object at one angle, in cells.
@@ -26,7 +28,7 @@ pub struct ScreenTile {
 pub struct TurnedPress {
     offsets: [Vec<f32>; 2],
     /// z², z, 1, 1.
-    factors: Vec<[f32; 4]>,
+    factors: Vec<Vec4>,
     cells: Vec<u32>,
 }
 
@@ -48,7 +50,8 @@ impl ScreenTile {
                 let precision = (expected.precision.powi(-2) + slope * slope).recip();
                 let pressure = expected.pressure;
                 let weighed = precision * pressure;
-                cells.push([precision, weighed, weighed * pressure, 0.5 * precision.ln()]);
+                let log = 0.5 * precision.ln();
+                cells.push(Vec4::new(precision, weighed, weighed * pressure, log));
             }
         }
         // The first cell's centre.
@@ -83,16 +86,13 @@ impl ScreenTile {
             let row = within(y + up[taxel] * self.per_cell, limit[1]) + WHOLE - WHOLE;
             cells[taxel] = (row * cols + col + WHOLE).to_bits() & 0x7f_ffff;
         }
-        let mut sums = [[0.0f32; 4]; 2];
+        let mut sums = [Vec4::ZERO; 2];
         for (pair, factors) in cells.chunks(2).zip(turned.factors.chunks(2)) {
             for (lane, (cell, factor)) in pair.iter().zip(factors).enumerate() {
-                let value = &self.cells[*cell as usize];
-                for k in 0..4 {
-                    sums[lane][k] += value[k] * factor[k];
-                }
+                sums[lane] += self.cells[*cell as usize] * *factor;
             }
         }
-        let [square, cross, expected, log] = std::array::from_fn(|k| sums[0][k] + sums[1][k]);
+        let [square, cross, expected, log] = (sums[0] + sums[1]).to_array();
         // a ~ N(1, s²): k = Σ p f² + 1/s², b = Σ p f z + 1/s².
         let prior = amplitude.powi(-2);
         let (k, b) = (expected + prior, cross + prior);
@@ -102,14 +102,14 @@ impl ScreenTile {
 }
 
 impl TurnedPress {
-    /// Turns a press as `place` has it.
-    pub fn turn(&mut self, press: &Press, place: &Placement) {
-        let [cos, sin] = place.turn.map(|value| value as f32);
+    /// Turns a press by the angle of this cosine and sine.
+    pub fn turn(&mut self, press: &Press, turn: [f64; 2]) {
+        let [cos, sin] = turn.map(|value| value as f32);
         let n = press.offsets.len();
         self.offsets.iter_mut().for_each(|axis| axis.resize(n, 0.0));
         self.cells.resize(n, 0);
         self.factors.clear();
-        self.factors.extend(press.pressures.iter().map(|z| [z * z, *z, 1.0, 1.0]));
+        self.factors.extend(press.pressures.iter().map(|z| Vec4::new(z * z, *z, 1.0, 1.0)));
         for (taxel, [x, y]) in press.offsets.iter().enumerate() {
             self.offsets[0][taxel] = cos * x - sin * y;
             self.offsets[1][taxel] = sin * x + cos * y;
@@ -122,6 +122,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::mosaic::press_fit::Placement;
     use crate::occupancy::GridShape;
     use crate::units::MM;
 
@@ -135,7 +136,7 @@ mod tests {
         let press = Press { offsets, pressures: vec![1_100.0, 1_100.0], gain_deviation: 0.0 };
         let place = Placement { center: [0.006, 0.006], turn: [1.0, 0.0] };
         let mut turned = TurnedPress::default();
-        turned.turn(&press, &place);
+        turned.turn(&press, place.turn);
         let found = tile.log_likelihood(&mut turned, place.center, 0.1);
         // Amplitude 0.1 off: Σ p f² = 200, 1/s² = 100, Σ p f z = 220, Σ p z² = 242.
         // left = 242 + 100 − 320²/300 = 0.6667; ln p = −9.2103 twice, halved; − ½ ln 3.

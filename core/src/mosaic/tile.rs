@@ -4,6 +4,8 @@
 //! where no press has reached, no pressure is expected, with the deviation of not knowing.
 //! Lengths in m, pressures in Pa, in the object's plane.
 
+use glam::Vec4;
+
 use super::ForceMosaic;
 
 /// What a mosaic expects at one place.
@@ -26,7 +28,7 @@ pub struct Tile {
     per_cell: f32,
     n: [usize; 2],
     limit: [f32; 2],
-    cells: Vec<[f32; 4]>,
+    cells: Vec<Vec4>,
 }
 
 /// The share of a mosaic's root mean square pressure by which a reading strays from nothing
@@ -66,12 +68,12 @@ impl Tile {
                 let [s, n] = [pressure(x, south), pressure(x, north)];
                 let curved = (w + e - 2.0 * here).hypot(s + n - 2.0 * here);
                 let deviation = deviation(x, y).hypot(curved * bend);
-                cells.push([
+                cells.push(Vec4::new(
                     here,
                     0.5 * (e - w) * per_cell,
                     0.5 * (n - s) * per_cell,
                     deviation.recip(),
-                ]);
+                ));
             }
         }
         let min = mosaic.shape().min();
@@ -83,25 +85,38 @@ impl Tile {
 
     /// What is expected at (x, y), metres in the object's plane.
     #[must_use]
-    #[inline]
     pub fn at(&self, x: f32, y: f32) -> Expected {
-        let along = ((x - self.origin[0]) * self.per_cell).clamp(0.0, self.limit[0]);
-        let up = ((y - self.origin[1]) * self.per_cell).clamp(0.0, self.limit[1]);
-        // Within the clamped range; by way of i32, which is one instruction.
+        let [pressure, along_x, along_y, precision] = self.between(self.place(x, y)).to_array();
+        Expected { pressure, along_x, along_y, precision }
+    }
+
+    /// Columns and rows from the first cell's centre, within the map.
+    #[inline(always)]
+    pub(super) fn place(&self, x: f32, y: f32) -> [f32; 2] {
+        let within = |value: f32, limit: f32| {
+            // Unlike f32::clamp, these two compile to one instruction each.
+            let value = if value > 0.0 { value } else { 0.0 };
+            if value < limit { value } else { limit }
+        };
+        [
+            within((x - self.origin[0]) * self.per_cell, self.limit[0]),
+            within((y - self.origin[1]) * self.per_cell, self.limit[1]),
+        ]
+    }
+
+    /// Pressure, its derivatives along x and y, and precision at a [`Tile::place`].
+    #[inline(always)]
+    pub(super) fn between(&self, [along, up]: [f32; 2]) -> Vec4 {
+        // By way of i32, which is one instruction.
         let (col, row) = (along as i32, up as i32);
         let (fx, fy) = (along - col as f32, up - row as f32);
         let first = col as usize + row as usize * self.n[0];
         let window = &self.cells[first..first + self.n[0] + 2];
         let (a, b) = (window[0], window[1]);
         let (c, d) = (window[self.n[0]], window[self.n[0] + 1]);
-        let mut value = [0.0f32; 4];
-        for channel in 0..4 {
-            let low = a[channel] + fx * (b[channel] - a[channel]);
-            let high = c[channel] + fx * (d[channel] - c[channel]);
-            value[channel] = low + fy * (high - low);
-        }
-        let [pressure, along_x, along_y, precision] = value;
-        Expected { pressure, along_x, along_y, precision }
+        let low = a + fx * (b - a);
+        let high = c + fx * (d - c);
+        low + fy * (high - low)
     }
 }
 

@@ -1,9 +1,9 @@
 //! The methods that compete on letters: an entry each, made ready once a seed, a belief a trial.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::filter::histogram::{
     Extent, HistogramModel, PlanarBins, PlanarHistogram, Reseed,
 };
@@ -13,15 +13,14 @@ use palpate_core::filter::particle::{
 use palpate_core::filter::planes::{BinShare, ClassField};
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
 };
 use palpate_core::log_prob::normalize;
-use palpate_core::model::Catalogue;
 use palpate_core::occupancy::{ClassTable, ClassifiedPress, InverseModel, OccupancyGrid};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
-use palpate_core::vocabulary::{AssociationRule, Vocabulary};
 
 use super::Lab;
 
@@ -123,7 +122,8 @@ impl Method {
     pub(super) fn hypotheses(&self, n_letters: usize) -> usize {
         match self.kind {
             Kind::Adaptive => {
-                n_letters * AdaptiveOptions::default().first.iter().product::<usize>()
+                let bins = AdaptiveOptions::default().first_bins([REACH, REACH, PI]);
+                n_letters * bins.iter().product::<usize>()
             }
             Kind::Histogram(n, _) | Kind::Extents(n) => n_letters * n.iter().product::<usize>(),
             Kind::Particles { n, per_object } => {
@@ -220,27 +220,11 @@ pub(super) fn adaptive_belief(lab: &Lab) -> GeometricBelief {
         center: [0.0; 2],
         half_extent: REACH,
         angle: 0.0,
-        half_angle: std::f64::consts::PI,
-    };
-    // The method needs the geometry of a catalogue alone.
-    let vocabulary = Vocabulary {
-        descriptor: DescriptorKind::Mnti,
-        rows: lab.sensor.grid().rows,
-        cols: lab.sensor.grid().cols,
-        mean: vec![],
-        medoids: vec![],
-        spreads: vec![],
-    };
-    let catalogue = Catalogue {
-        vocabulary,
-        association: AssociationRule::default(),
-        objects: vec![],
-        geometry: Some(Arc::new(lab.model.clone())),
-        appearance: None,
+        half_angle: PI,
     };
     let filter = GeometricFilter::Adaptive(AdaptiveOptions::default());
     let options = GeometricOptions { pose, filter, seed: lab.seed };
-    GeometricBelief::new(Arc::new(catalogue), options, None)
+    GeometricBelief::new(&PreparedGeometry::new(Arc::new(lab.model.clone())), options, None)
         .expect("planar training gives every letter a mosaic")
 }
 

@@ -24,8 +24,8 @@ use crate::wire::{geometry, training};
 const PNG_PIXELS: usize = 600;
 /// The most pixels along a cell.
 const CELL_PIXELS_MAX: usize = 16;
-/// From which probability on a cell is exported as occupied.
-const OCCUPIED: f64 = 0.5;
+/// From which probability on a cell is exported as occupied: more than a hair's evidence.
+const OCCUPIED: f64 = 0.75;
 
 /// The geometry of one object of a version.
 pub(crate) struct Mapped {
@@ -63,7 +63,7 @@ impl Mapped {
         let map = Arc::clone(&self.map);
         let write = move || match form {
             PlyForm::Points => Some(cloud_ply(&map.occupancy, OCCUPIED)),
-            PlyForm::Mesh => surface_ply(&map.occupancy),
+            PlyForm::Mesh => surface_ply(&map.occupancy, OCCUPIED),
         };
         let ply = pool.place()?.run(write).await?;
         ply.ok_or_else(|| {

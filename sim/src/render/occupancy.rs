@@ -82,18 +82,19 @@ pub fn cloud_ply(map: &OccupancyGrid, probability_min: f64) -> Vec<u8> {
     (header + &points).into_bytes()
 }
 
-/// The surface at which a solid map's probability is a half, closed, normals outward; `None`
-/// for a planar map and for one without occupied cells.
+/// The surface at which a solid map's probability is `probability_min`, closed, normals
+/// outward; `None` for a planar map and for one without cells that are likelier occupied.
 ///
-/// The prior must not be above a half, else all space around is occupied.
+/// The prior must not be above that probability, else all space around is occupied.
 #[must_use]
-pub fn surface(map: &OccupancyGrid) -> Option<Mesh> {
+pub fn surface(map: &OccupancyGrid, probability_min: f64) -> Option<Mesh> {
     let shape = map.shape();
-    if shape.is_planar() || map.prior() > 0.5 {
+    if shape.is_planar() || map.prior() > probability_min {
         return None;
     }
-    // Undecided space is free, by less than any evidence.
-    let field = |at: DVec3| 1e-3 - map.log_odds_at(at);
+    // At a half, undecided space is free, by less than any evidence.
+    let level = (probability_min / (1.0 - probability_min)).ln().max(1e-3);
+    let field = |at: DVec3| level - map.log_odds_at(at);
     let [x, y, z] = shape.n().map(|n| n as f64);
     let (low, cell) = (shape.min() - 1.5 * shape.cell(), shape.cell());
     let high = low + (DVec3::new(x, y, z) + 3.0) * cell;
@@ -103,8 +104,8 @@ pub fn surface(map: &OccupancyGrid) -> Option<Mesh> {
 
 /// [`surface`] as an ASCII PLY file.
 #[must_use]
-pub fn surface_ply(map: &OccupancyGrid) -> Option<Vec<u8>> {
-    let mesh = surface(map)?;
+pub fn surface_ply(map: &OccupancyGrid, probability_min: f64) -> Option<Vec<u8>> {
+    let mesh = surface(map, probability_min)?;
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
          property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
@@ -171,17 +172,17 @@ mod tests {
 
     #[test]
     fn the_surface_of_a_ball_is_closed_and_of_its_volume() {
-        let bytes = surface_ply(&ball()).unwrap();
+        let bytes = surface_ply(&ball(), 0.5).unwrap();
         let mesh = Mesh::from_bytes(MeshFormat::Ply, &bytes, 1.0).unwrap();
         assert!(mesh.is_watertight());
         // 4/3 π 0.7³ = 1.4368; the chords of 0.2 m cells cut off a tenth.
         assert!((mesh.signed_volume() / 1.4368 - 1.0).abs() < 0.12, "{}", mesh.signed_volume());
-        assert!(surface(&map([3, 1, 1], vec![2.0, 0.0, -1.0])).is_none());
+        assert!(surface(&map([3, 1, 1], vec![2.0, 0.0, -1.0]), 0.5).is_none());
     }
 
     #[test]
     fn a_map_that_is_occupied_to_its_border_is_closed() {
-        let mesh = surface(&map([2, 2, 2], vec![3.0; 8])).unwrap();
+        let mesh = surface(&map([2, 2, 2], vec![3.0; 8]), 0.5).unwrap();
         assert!(mesh.is_watertight() && mesh.signed_volume() > 0.0);
     }
 }
