@@ -175,7 +175,13 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
     assert_eq!((&explored["readings"], &explored["right"]), (&5.into(), &().into()));
     let session = explored["session"].as_str().unwrap();
     answer(&format!("explore --replay mug.json --session {session} --json"));
-    answer("explore --replay mug.json --json");
+    let replayed = answer("explore --replay mug.json --json");
+    assert_ne!(replayed["session"], explored["session"]);
+    for what in ["readings", "answer", "probability"] {
+        assert_eq!(replayed[what], explored[what], "{what}");
+    }
+    assert!(explored["probability"].as_f64().unwrap() > 1.0 / 3.0, "{explored}");
+    assert_eq!(replayed["planner"], serde_json::Value::Null);
     let listed = answer("sessions list --json");
     let counts: Vec<_> =
         listed["items"].as_array().unwrap().iter().map(|item| &item["n_readings"]).collect();
