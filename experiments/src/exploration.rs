@@ -172,7 +172,7 @@ mod tests {
             assert!(mean_of(&explored) > 0.15, "{summary:?}");
             // Where there was something there is more, but it is of the same place.
             let of =
-                |figure: &str| ["l0_1", "l0_9"].map(|l| summary[&format!("{side}_{l}_{figure}")]);
+                |figure: &str| ["l0_1", "l0_5"].map(|l| summary[&format!("{side}_{l}_{figure}")]);
             let ([global, local], [wide, narrow]) = (of("steps_per_reading"), of("covered_at_20"));
             assert!(global > 2.0 * local && wide > narrow, "{summary:?}");
         }
