@@ -45,7 +45,7 @@ pub(super) struct RunArgs {
     #[arg(long, default_value_t = 80.0, value_parser = millimetres)]
     size_mm: f64,
     /// Explorations an object, of 100 readings each.
-    #[arg(long, default_value_t = 5, value_parser = count)]
+    #[arg(long, default_value_t = 3, value_parser = count)]
     runs: usize,
     /// Trials an object, shared by its explorations.
     #[arg(long, default_value_t = 100, value_parser = count)]
