@@ -50,7 +50,7 @@ pub struct ExplorationTrials {
 }
 
 impl Default for ExplorationTrials {
-    /// The dissertation's readings; and its three explorations an object.
+    /// The dissertation's readings, and its three explorations an object.
     fn default() -> Self {
         Self { objects: ObjectTrials::default(), runs: 3 }
     }
