@@ -36,6 +36,8 @@ pub mod patch_pair;
 
 pub mod filter;
 
+pub mod surface;
+
 pub mod model;
 
 pub mod belief;
@@ -43,6 +45,8 @@ pub mod belief;
 pub mod train;
 
 pub mod recognise;
+
+pub mod hybrid;
 
 pub mod geometric;
 

@@ -5,6 +5,7 @@
 
 pub mod appearance;
 pub mod geometry;
+pub mod surface;
 
 use std::sync::Arc;
 

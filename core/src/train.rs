@@ -9,6 +9,7 @@
 pub mod appearance;
 mod force;
 pub mod geometry;
+pub mod surface;
 
 use glam::DVec3;
 use thiserror::Error;
@@ -255,7 +256,7 @@ fn check_shapes(readings: &[&Reading], rows: usize, cols: usize) -> Result<(), T
 }
 
 /// Up to `n` of the features, drawn without replacement, in their order.
-fn subsample(features: &[Vec<f64>], n: usize, stream: &mut Stream) -> Vec<Vec<f64>> {
+fn subsample<T: Clone>(features: &[T], n: usize, stream: &mut Stream) -> Vec<T> {
     let mut left = n.min(features.len());
     let mut chosen = Vec::with_capacity(left);
     for (index, feature) in features.iter().enumerate() {

@@ -41,10 +41,12 @@ const CORE_ORDER: &[&str] = &[
     "patch",
     "patch_pair",
     "filter",
+    "surface",
     "model",
     "belief",
     "train",
     "recognise",
+    "hybrid",
     "geometric",
     "appearance",
 ];

@@ -1,0 +1,375 @@
+//! The hybrid recogniser: hypotheses are proposed, verified by every touch, and refined.
+//!
+//! Beyond the dissertation (sections 5.6.3–5.6.6 and 6.1 name the idea). A pair of touches
+//! proposes poses of every object that is not out of the question (`propose`), each touch
+//! scores each surviving hypothesis (`score`), the best are refined (`refine`) and what is one
+//! pose is merged (`hypothesis`). The cost of a touch grows with the hypotheses, not with the
+//! touches before it. Objects are worked on side by side; the number of threads does not
+//! change a bit.
+
+mod hypothesis;
+pub mod options;
+mod propose;
+mod refine;
+mod score;
+mod sighting;
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+pub use options::HybridOptions;
+
+use crate::belief::answer::{Answer, PoseMode};
+use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
+use crate::model::ObjectIdx;
+use crate::model::surface::SurfaceModel;
+use crate::pose::Pose;
+use crate::reading::Reading;
+use crate::recognise::{RecogniseError, log_prior};
+use crate::sensor::SensorDescription;
+use crate::surface::SurfaceMap;
+use crate::surface::touch::observe_touch;
+use hypothesis::{Hypothesis, merge};
+use propose::propose;
+use score::{Kernel, Turned};
+use sighting::Sighting;
+
+/// Fewer objects are worked on one after the other: sharing them out would take longer.
+const OBJECTS_PER_THREAD: usize = 16;
+
+/// The share of the pairs of touches whose geometry says nothing.
+const PAIR_OUTLIERS: f32 = 0.03;
+
+/// Of the stored pairs whose cells a query visits, what their geometry weighs in the mean.
+const VISITED_WEIGHT: f32 = 0.03;
+
+/// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
+/// mapped touches instead of between them.
+const WORSE_MAX: f32 = 3.0;
+
+/// A belief over the identity and pose of one object, from the readings so far.
+#[derive(Clone, Debug)]
+pub struct HybridBelief {
+    model: Arc<SurfaceModel>,
+    options: HybridOptions,
+    kernel: Kernel,
+    log_prior: Vec<f64>,
+    /// The first touch: poses are relative to it, since single precision ends somewhere.
+    anchor: DVec3,
+    touches: Vec<Sighting>,
+    objects: Vec<ObjectState>,
+    n_readings: usize,
+}
+
+/// What is believed of one object.
+#[derive(Clone, Debug, Default)]
+struct ObjectState {
+    /// Best first.
+    hypotheses: Vec<Hypothesis>,
+    /// ln of the evidence of the touches for the object, before the prior.
+    log_evidence: f64,
+    /// What the first pair of touches said.
+    pair: PairEvidence,
+}
+
+/// What a pair of touches says of an object without asking for a pose.
+#[derive(Clone, Copy, Debug, Default)]
+struct PairEvidence {
+    geometry: f32,
+    evidence: f32,
+    looks: f32,
+}
+
+impl HybridBelief {
+    /// The belief before any reading. `prior` weighs the objects; `None` is even.
+    ///
+    /// # Errors
+    /// [`RecogniseError::Prior`] when the weights do not fit the catalogue.
+    pub fn new(
+        model: Arc<SurfaceModel>,
+        options: HybridOptions,
+        prior: Option<&[f64]>,
+    ) -> Result<Self, RecogniseError> {
+        let n_objects = model.maps.len();
+        Ok(Self {
+            log_prior: log_prior(prior, n_objects)?,
+            objects: vec![ObjectState::default(); n_objects],
+            kernel: Kernel::new(&options),
+            anchor: DVec3::ZERO,
+            touches: Vec::new(),
+            n_readings: 0,
+            model,
+            options,
+        })
+    }
+
+    /// Takes a reading into account. A press that touched nothing counts as a reading.
+    pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        self.n_readings += 1;
+        let Some(touch) = observe_touch(reading, sensor, &self.model.space) else {
+            return;
+        };
+        if self.touches.is_empty() {
+            self.anchor = touch.position;
+        }
+        let softness = self.options.scale.appearance;
+        let density = self.model.space.density_anywhere(&touch.feature, softness);
+        let sighting = Sighting::new(&touch, self.anchor, density, softness);
+        self.touches.push(sighting.weighed(&self.touches));
+        match self.touches.len() {
+            1 => self.compare_looks(),
+            2 => {
+                self.propose(&[0], f64::INFINITY);
+                self.compare_pairs();
+            }
+            _ => {
+                self.verify();
+                self.propose_in_doubt();
+                self.refine();
+                self.weigh();
+            }
+        }
+        self.bound();
+    }
+
+    /// After one touch only its appearance tells objects apart.
+    fn compare_looks(&mut self) {
+        let touch = &self.touches[0];
+        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
+            let sum: f32 = map.patches().iter().map(|patch| touch.appearance(&patch.feature)).sum();
+            state.log_evidence = f64::from((sum / map.patches().len() as f32).ln());
+        });
+    }
+
+    /// After two touches the density of stored pairs like theirs does, better than any pose.
+    fn compare_pairs(&mut self) {
+        let n_objects = self.objects.len().max(1) as f32;
+        let sum: f32 = self.objects.iter().map(|state| state.pair.geometry).sum();
+        let usual = VISITED_WEIGHT * sum / n_objects;
+        for state in &mut self.objects {
+            let pair = &state.pair;
+            let fits = if usual > 0.0 { pair.evidence / usual } else { 0.0 };
+            let total = (1.0 - PAIR_OUTLIERS) * fits + PAIR_OUTLIERS * pair.looks;
+            state.log_evidence = f64::from(total.max(f32::MIN_POSITIVE).ln());
+        }
+    }
+
+    /// The newest touch scores every hypothesis.
+    fn verify(&mut self) {
+        let (kernel, options) = (self.kernel, self.options);
+        let Some(touch) = self.touches.last() else { return };
+        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
+            for hypothesis in &mut state.hypotheses {
+                let pose = Turned::new(hypothesis.rotation, hypothesis.translation);
+                hypothesis.score += kernel.score(map, &pose, touch);
+            }
+            merge(&mut state.hypotheses, &options);
+        });
+        self.weigh();
+    }
+
+    /// Proposes poses unless one object is certain and explains the touches well.
+    fn propose_in_doubt(&mut self) {
+        let n = self.touches.len();
+        let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
+        let best = best.fold(f32::NEG_INFINITY, f32::max);
+        let counted: f32 = self.touches.iter().map(|touch| touch.weight).sum();
+        let poor = best < self.options.poor * counted;
+        if !poor && n > 3 && self.share_of_best_pose() >= self.options.certain {
+            return;
+        }
+        let budget = &self.options.budget;
+        let partners = self.partners(if poor { budget.partners_if_poor } else { budget.partners });
+        let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
+        self.propose(&partners, reach);
+    }
+
+    /// The probability of the likeliest object in its likeliest pose.
+    fn share_of_best_pose(&self) -> f64 {
+        let shares = self.probabilities().into_iter().zip(&self.objects).map(|(p, state)| {
+            let best = state.hypotheses.first().map_or(f64::NEG_INFINITY, |h| h.score.into());
+            p * (best - state.log_evidence).exp()
+        });
+        shares.fold(0.0, f64::max)
+    }
+
+    /// The newest touch and each partner propose poses of the objects that are at most
+    /// `reach` (ln) less likely than the best.
+    fn propose(&mut self, partners: &[usize], reach: f64) {
+        let (kernel, options) = (self.kernel, self.options);
+        let touches = self.touches.as_slice();
+        let [earlier @ .., newest] = touches else { return };
+        let bar = if touches.len() > 2 { self.bar(reach) } else { f64::NEG_INFINITY };
+        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
+            if state.log_evidence < bar {
+                return;
+            }
+            for partner in partners {
+                let pair = [newest, &earlier[*partner]];
+                let Some(proposed) = propose(map, pair, &options) else { continue };
+                state.pair = PairEvidence {
+                    geometry: proposed.geometry,
+                    evidence: proposed.evidence,
+                    looks: proposed.looks[0] * proposed.looks[1],
+                };
+                let best = state.hypotheses.first().map_or(f32::NEG_INFINITY, |h| h.score);
+                let mut bar = best - options.drop_within;
+                for proposal in &proposed.proposals {
+                    let pose = Turned::new(proposal.rotation, proposal.translation);
+                    let Some(score) = kernel.score_all(map, &pose, touches, bar) else { continue };
+                    bar = bar.max(score - options.drop_within);
+                    state.hypotheses.push(Hypothesis {
+                        rotation: proposal.rotation,
+                        translation: proposal.translation,
+                        score,
+                    });
+                }
+            }
+            merge(&mut state.hypotheses, &options);
+        });
+    }
+
+    /// The least log-evidence of an object that still gets new poses.
+    fn bar(&self, reach: f64) -> f64 {
+        let mut logs: Vec<f64> = self.objects.iter().map(|state| state.log_evidence).collect();
+        logs.sort_unstable_by(|a, b| b.total_cmp(a));
+        let best = logs.first().copied().unwrap_or(f64::NEG_INFINITY);
+        let budget = logs.get(self.options.budget.objects.saturating_sub(1)).copied();
+        budget.unwrap_or(f64::NEG_INFINITY).max(best - reach)
+    }
+
+    /// The `n` earlier touches whose pair with the newest fixes a pose best: a long way off,
+    /// and with a normal that is not along the way.
+    fn partners(&self, n: usize) -> Vec<usize> {
+        let [earlier @ .., newest] = self.touches.as_slice() else { return Vec::new() };
+        let rate = |(index, touch): (usize, &Sighting)| {
+            let offset = newest.position - touch.position;
+            let distance = offset.length();
+            let axis = offset / distance.max(1e-6);
+            let across = |normal: glam::Vec3| normal.cross(axis).length();
+            let fixed = across(newest.normal).max(across(touch.normal));
+            (distance.min(0.05) * (0.1 + fixed), index)
+        };
+        let mut rated: Vec<(f32, usize)> = earlier.iter().enumerate().map(rate).collect();
+        rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        rated.into_iter().take(n).map(|(_, index)| index).collect()
+    }
+
+    /// Refines the best hypotheses of all objects, at most three each.
+    fn refine(&mut self) {
+        let mut best: Vec<(f32, usize, usize)> = Vec::new();
+        for (object, state) in self.objects.iter().enumerate() {
+            let first = state.hypotheses.iter().take(3).enumerate();
+            best.extend(first.map(|(index, hypothesis)| (hypothesis.score, object, index)));
+        }
+        best.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+        let top = best.first().map_or(0.0, |best| best.0);
+        best.retain(|found| found.0 > top - self.options.drop_between);
+        best.truncate(self.options.budget.refined);
+        for (_, object, index) in best {
+            let map = &self.model.maps[object];
+            let known = &mut self.objects[object].hypotheses[index];
+            let mut tried = *known;
+            refine::refine(&mut tried, map, &self.touches, &self.kernel, &self.options);
+            let pose = Turned::new(tried.rotation, tried.translation);
+            let bar = known.score - WORSE_MAX;
+            if let Some(score) = self.kernel.score_all(map, &pose, &self.touches, bar)
+                && score >= bar
+            {
+                *known = Hypothesis { score, ..tried };
+            }
+        }
+        for state in &mut self.objects {
+            merge(&mut state.hypotheses, &self.options);
+        }
+    }
+
+    /// Sums up what the hypotheses of each object say, and that all touches fit nowhere.
+    fn weigh(&mut self) {
+        let counted: f32 = self.touches.iter().map(|touch| touch.weight).sum();
+        let floor = f64::from(self.kernel.floor() * counted);
+        for state in &mut self.objects {
+            let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
+            state.log_evidence = log_sum_exp(scores.chain([floor]));
+        }
+    }
+
+    /// Keeps the hypotheses of all objects together within the budget.
+    fn bound(&mut self) {
+        let total: usize = self.objects.iter().map(|state| state.hypotheses.len()).sum();
+        if total <= self.options.budget.total {
+            return;
+        }
+        let all = self.objects.iter().flat_map(|state| &state.hypotheses);
+        let mut scores: Vec<f32> = all.map(|hypothesis| hypothesis.score).collect();
+        scores.sort_unstable_by(|a, b| b.total_cmp(a));
+        let bar = scores[self.options.budget.total];
+        for state in &mut self.objects {
+            state.hypotheses.retain(|hypothesis| hypothesis.score > bar);
+        }
+    }
+
+    fn probabilities(&self) -> Vec<f64> {
+        let both = self.objects.iter().zip(&self.log_prior);
+        let logs: Vec<f64> = both.map(|(state, prior)| state.log_evidence + prior).collect();
+        normalize(&logs)
+    }
+
+    /// The belief as an answer with at most `n_modes` poses.
+    #[must_use]
+    pub fn answer(&self, n_modes: usize) -> Answer {
+        let probabilities = self.probabilities();
+        let mut poses: Vec<(f64, usize, &Hypothesis)> = Vec::new();
+        for (object, state) in self.objects.iter().enumerate() {
+            let total = log_sum_exp(state.hypotheses.iter().map(|h| f64::from(h.score)));
+            let share = |h: &Hypothesis| probabilities[object] * (f64::from(h.score) - total).exp();
+            poses.extend(state.hypotheses.iter().take(n_modes).map(|h| (share(h), object, h)));
+        }
+        poses.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        poses.truncate(n_modes);
+        let mode = |(weight, object, hypothesis): (f64, usize, &Hypothesis)| {
+            let map = &self.model.maps[object];
+            let mut refined = *hypothesis;
+            if self.touches.len() > 2 {
+                refine::refine(&mut refined, map, &self.touches, &self.kernel, &self.options);
+            }
+            let (kernel, options) = (&self.kernel, &self.options);
+            PoseMode {
+                object: ObjectIdx(object as u32),
+                session_from_object: self.session_from_object(&refined),
+                covariance: refine::covariance(&refined, map, &self.touches, kernel, options),
+                weight,
+            }
+        };
+        let modes = poses.into_iter().map(mode).collect();
+        let entropy_bits = entropy_bits(&probabilities);
+        Answer { probabilities, modes, entropy_bits, n_readings: self.n_readings }
+    }
+
+    fn session_from_object(&self, hypothesis: &Hypothesis) -> Pose {
+        let rotation = DQuat::from_array(hypothesis.rotation.to_array().map(f64::from));
+        Pose::from_parts(rotation, self.anchor + hypothesis.translation.as_dvec3())
+    }
+
+    /// How many readings were added.
+    #[must_use]
+    pub fn n_readings(&self) -> usize {
+        self.n_readings
+    }
+}
+
+/// Works on every object, many of them side by side.
+fn for_each_object(
+    objects: &mut [ObjectState],
+    maps: &[Arc<SurfaceMap>],
+    work: impl Fn(&mut ObjectState, &SurfaceMap) + Send + Sync,
+) {
+    if objects.len() < 2 * OBJECTS_PER_THREAD {
+        objects.iter_mut().zip(maps).for_each(|(state, map)| work(state, map));
+    } else {
+        let both = objects.par_iter_mut().zip(maps).with_min_len(OBJECTS_PER_THREAD);
+        both.for_each(|(state, map)| work(state, map));
+    }
+}

@@ -1,0 +1,125 @@
+//! How the hybrid recogniser works: its deviations, tolerances and budgets.
+
+use crate::surface::pair_table::PairTolerance;
+use crate::units::MM;
+
+/// Deviations of a touch from the touches of a map that explain it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchScale {
+    /// Along the normal of the mapped touch, metres.
+    pub across: f32,
+    /// Along the surface, metres.
+    pub along: f32,
+    /// Of the observed normal, rad; the mapped touch's own scatter comes on top.
+    pub normal: f32,
+    /// The concentration of the stretch's double angle for two contacts of elongation 1.
+    pub direction: f32,
+    /// The share of touches that fit nowhere.
+    pub outliers: f32,
+    /// The volume in which a touch may lie that fits nowhere, cubic metres.
+    pub workspace: f32,
+    /// Variance of the appearance of two touches of one place, in units of the training's.
+    pub appearance: f32,
+}
+
+/// How refinement weighs what it lays onto the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefinementScale {
+    /// Deviation of a touch from the surface, metres: less than that of
+    /// [`TouchScale::across`], which also has to bear poses that are not refined yet.
+    pub across: f32,
+    /// Touches of the map this far along the surface still say how high it is, metres.
+    pub smoothing: f32,
+    /// Normals are trusted less than their scatter, by this factor.
+    pub normal_factor: f32,
+}
+
+/// How many hypotheses there may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Budget {
+    /// Poses that one pair may propose for an object.
+    pub proposals_per_object: usize,
+    /// Earlier touches that a new one is paired with.
+    pub partners: usize,
+    /// The same while no hypothesis explains the touches well.
+    pub partners_if_poor: usize,
+    /// Objects that a pair proposes poses for after the second touch, likeliest first.
+    pub objects: usize,
+    /// Hypotheses that an object keeps.
+    pub per_object: usize,
+    /// Hypotheses that all objects keep together.
+    pub total: usize,
+    /// Hypotheses that are refined after a touch.
+    pub refined: usize,
+}
+
+/// How the recogniser works.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HybridOptions {
+    /// How touches deviate from a map.
+    pub scale: TouchScale,
+    /// How poses are refined.
+    pub refinement: RefinementScale,
+    /// How far a stored pair may be from an observed one.
+    pub pairs: PairTolerance,
+    /// Deviation of a pair's distance, metres, and of its cosines.
+    pub pair_deviation: PairTolerance,
+    /// Stored pairs whose two appearances together are less likely than this, relative to
+    /// touches anywhere, propose nothing.
+    pub appearance_min: f32,
+    /// The bounds.
+    pub budget: Budget,
+    /// Nearer poses of an object are one hypothesis: metres.
+    pub merge_distance: f32,
+    /// Nearer poses of an object are one hypothesis: rad.
+    pub merge_angle: f32,
+    /// A hypothesis this much (ln) below the best of its object is dropped.
+    pub drop_within: f32,
+    /// An object this much (ln) less likely than the best gets no new poses.
+    pub drop_between: f32,
+    /// With one pose at least so probable, and explaining the touches well, nothing is proposed.
+    pub certain: f64,
+    /// A touch that the best hypothesis explains worse than this (ln, in the mean over the
+    /// touches) makes it a poor explanation.
+    pub poor: f32,
+}
+
+impl Default for HybridOptions {
+    fn default() -> Self {
+        let mm = MM as f32;
+        Self {
+            scale: TouchScale {
+                across: 0.7 * mm,
+                along: 4.0 * mm,
+                normal: 0.12,
+                direction: 4.0,
+                outliers: 0.01,
+                workspace: 0.064,
+                appearance: 0.6,
+            },
+            refinement: RefinementScale {
+                across: 0.3 * mm,
+                smoothing: 2.0 * mm,
+                normal_factor: 1.5,
+            },
+            pairs: PairTolerance { distance: 2.5 * mm, cosine: 0.22 },
+            pair_deviation: PairTolerance { distance: 1.0 * mm, cosine: 0.1 },
+            appearance_min: 0.1,
+            budget: Budget {
+                proposals_per_object: 60,
+                partners: 2,
+                partners_if_poor: 3,
+                objects: 300,
+                per_object: 60,
+                total: 4_000,
+                refined: 24,
+            },
+            merge_distance: 3.0 * mm,
+            merge_angle: 0.12,
+            drop_within: 12.0,
+            drop_between: 25.0,
+            certain: 0.99,
+            poor: 6.0,
+        }
+    }
+}

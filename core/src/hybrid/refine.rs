@@ -1,0 +1,143 @@
+//! Refinement: the pose laid continuously onto the map by its touches.
+//!
+//! Gauss–Newton on the distance of each touch from the surface between the mapped touches
+//! near it, softly on its place along the surface, and on its normal; touches that fit nowhere
+//! lose their weight (Geman and McClure, 1987). The covariance is the inverse of the Hessian.
+
+use glam::{Quat, Vec3};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
+
+use super::hypothesis::Hypothesis;
+use super::options::HybridOptions;
+use super::score::{Kernel, Turned};
+use super::sighting::Sighting;
+use crate::surface::SurfaceMap;
+
+/// The most passes of Gauss–Newton.
+const PASSES_MAX: usize = 5;
+
+/// As if the start were known so well: metres, rad.
+const START_DEVIATION: (f64, f64) = (0.01, 0.35);
+
+/// Before any touch says more, a pose is known so well: metres, rad.
+const PRIOR_DEVIATION: (f64, f64) = (0.02, 0.5);
+
+/// No pose is known better than the map's own sampling: metres, rad.
+const FLOOR_DEVIATION: (f64, f64) = (0.000_2, 0.01);
+
+/// A residual of so many deviations has lost three quarters of its weight.
+const OUTLIER: f32 = 3.0;
+
+/// The normal equations of a pose.
+struct System {
+    hessian: Matrix6<f64>,
+    gradient: Vector6<f64>,
+}
+
+/// Lays a hypothesis onto the map; its score is to be computed anew.
+pub(super) fn refine(
+    hypothesis: &mut Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Sighting],
+    kernel: &Kernel,
+    options: &HybridOptions,
+) {
+    let start = diagonal(START_DEVIATION, -2);
+    for _pass in 0..PASSES_MAX {
+        let system = linearise(hypothesis, map, touches, kernel, options);
+        let Some(factor) = (system.hessian + start).cholesky() else {
+            return;
+        };
+        let change = factor.solve(&system.gradient);
+        let moved = Vec3::new(change[0] as f32, change[1] as f32, change[2] as f32);
+        let turned = Vec3::new(change[3] as f32, change[4] as f32, change[5] as f32);
+        hypothesis.rotation = (Quat::from_scaled_axis(turned) * hypothesis.rotation).normalize();
+        hypothesis.translation += moved;
+        if moved.length() < 2e-5 && turned.length() < 1e-3 {
+            break;
+        }
+    }
+}
+
+/// The covariance of a pose: x, y, z (m), then rotation about the session's axes (rad).
+pub(super) fn covariance(
+    hypothesis: &Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Sighting],
+    kernel: &Kernel,
+    options: &HybridOptions,
+) -> Matrix6<f64> {
+    let system = linearise(hypothesis, map, touches, kernel, options);
+    let informed = system.hessian + diagonal(PRIOR_DEVIATION, -2);
+    let unknown = || diagonal(PRIOR_DEVIATION, 2);
+    let found = informed.cholesky().map_or_else(unknown, |factor| factor.inverse());
+    found + diagonal(FLOOR_DEVIATION, 2)
+}
+
+fn diagonal((position, rotation): (f64, f64), power: i32) -> Matrix6<f64> {
+    let (p, r) = (position.powi(power), rotation.powi(power));
+    Matrix6::from_diagonal(&Vector6::new(p, p, p, r, r, r))
+}
+
+/// The normal equations at a pose; x, y, z (m), then rotation (rad) about the session's axes
+/// through the object's origin.
+fn linearise(
+    hypothesis: &Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Sighting],
+    kernel: &Kernel,
+    options: &HybridOptions,
+) -> System {
+    let mut system = System { hessian: Matrix6::zeros(), gradient: Vector6::zeros() };
+    let pose = Turned::new(hypothesis.rotation, hypothesis.translation);
+    let session_from_object = pose.object_from_session.transpose();
+    let along = options.scale.along.powi(-2);
+    let across = options.refinement.across.powi(-2);
+    for touch in touches {
+        let Some(place) = kernel.place(map, &pose, touch) else { continue };
+        let outward = session_from_object * place.normal;
+        let off = session_from_object * place.offset;
+        // The surface at the touch moves by m + ω × arm; it is to move by `off`.
+        let moves = moves(touch.position - hypothesis.translation);
+        let trust = trust(off.dot(outward).powi(2) * across);
+        let n = column(outward);
+        let information = (n * n.transpose() * f64::from(across - along)
+            + Matrix3::identity() * f64::from(along))
+            * f64::from(trust);
+        let weighted = moves.transpose() * information;
+        system.hessian += weighted * moves;
+        system.gradient += weighted * column(off);
+        let deviation =
+            options.refinement.normal_factor * (place.normal_deviation + options.scale.normal);
+        turn_normal(&mut system, outward, touch.normal - outward, deviation);
+    }
+    system
+}
+
+/// Adds that the surface's normal is to turn by `bent`: a turn ω moves it by ω × outward.
+fn turn_normal(system: &mut System, outward: Vec3, bent: Vec3, deviation: f32) {
+    let information = deviation.powi(-2);
+    let weight = f64::from(trust(bent.length_squared() * information) * information);
+    let n = column(outward);
+    let mut gradient = system.gradient.fixed_rows_mut::<3>(3);
+    gradient += column(outward.cross(bent)) * weight;
+    let mut hessian = system.hessian.fixed_view_mut::<3, 3>(3, 3);
+    hessian += (Matrix3::identity() - n * n.transpose()) * weight;
+}
+
+/// The weight that is left to a residual of so many squared deviations.
+fn trust(square: f32) -> f32 {
+    (1.0 + square / (OUTLIER * OUTLIER)).powi(-2)
+}
+
+fn moves(arm: Vec3) -> Matrix3x6<f64> {
+    let mut moves = Matrix3x6::zeros();
+    moves.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
+    // ω × arm = −[arm]ₓ ω.
+    moves.fixed_view_mut::<3, 3>(0, 3).copy_from(&-column(arm).cross_matrix());
+    moves
+}
+
+fn column(v: Vec3) -> Vector3<f64> {
+    Vector3::new(v.x.into(), v.y.into(), v.z.into())
+}

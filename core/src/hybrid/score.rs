@@ -1,0 +1,196 @@
+//! How well a pose explains a touch: the density of the touch under an object's map, relative
+//! to "anywhere in the workspace, any way round, any appearance".
+//!
+//! A touch near the surface is explained by the mapped touches near it: a Gaussian across and
+//! along the surface, von Mises–Fisher in the normal, von Mises in the double angle of the
+//! stretch, times the ratio of the appearance. Touches that fit nowhere keep the share of
+//! outliers, so that nothing ever dies. Results are ln.
+
+use glam::{Mat3, Quat, Vec3};
+
+use super::options::{HybridOptions, RefinementScale};
+use super::sighting::Sighting;
+use crate::surface::{SurfaceMap, SurfacePatch};
+
+/// No touch is explained better than this (ln): the bound of early termination.
+const SCORE_MAX: f32 = 14.0;
+
+/// Patches that face this far away (cosine) say nothing of the height of the surface.
+const FACING_MIN: f32 = 0.3;
+
+/// The kernel of a touch about the touches of a map, prepared.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernel {
+    across: f32,
+    along: f32,
+    normal_variance: f32,
+    direction: f32,
+    outliers: f32,
+    /// Workspace volume times the spatial Gaussian's peak, times 1 − outliers.
+    peak: f32,
+    refinement: RefinementScale,
+}
+
+/// A pose ready for look-ups, relative to the session's anchor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turned {
+    pub(super) object_from_session: Mat3,
+    pub(super) translation: Vec3,
+}
+
+impl Turned {
+    pub(super) fn new(rotation: Quat, translation: Vec3) -> Self {
+        Self { object_from_session: Mat3::from_quat(rotation.conjugate()), translation }
+    }
+
+    /// A touch in the object frame.
+    fn contact(&self, touch: &Sighting) -> Contact {
+        Contact {
+            point: self.object_from_session * (touch.position - self.translation),
+            normal: self.object_from_session * touch.normal,
+            direction: self.object_from_session * touch.direction,
+        }
+    }
+}
+
+/// A touch in the object frame.
+struct Contact {
+    point: Vec3,
+    normal: Vec3,
+    direction: Vec3,
+}
+
+/// Where on a map a touch is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// From the surface to the touch, object frame, metres.
+    pub(super) offset: Vec3,
+    /// The surface's normal there.
+    pub(super) normal: Vec3,
+    /// How far normals scatter there, rad.
+    pub(super) normal_deviation: f32,
+}
+
+impl Kernel {
+    pub(super) fn new(options: &HybridOptions) -> Self {
+        let scale = &options.scale;
+        let peak = std::f32::consts::TAU.powf(-1.5) / (scale.across * scale.along.powi(2));
+        Self {
+            across: scale.across.powi(-2),
+            along: scale.along.powi(-2),
+            normal_variance: scale.normal.powi(2),
+            direction: scale.direction,
+            outliers: scale.outliers,
+            peak: (1.0 - scale.outliers) * scale.workspace * peak,
+            refinement: options.refinement,
+        }
+    }
+
+    /// The score of a touch that fits nowhere.
+    pub(super) fn floor(&self) -> f32 {
+        self.outliers.ln()
+    }
+
+    /// The score of one touch under a pose.
+    #[inline]
+    pub(super) fn score(&self, map: &SurfaceMap, pose: &Turned, touch: &Sighting) -> f32 {
+        let contact = pose.contact(touch);
+        let patches = map.patches();
+        let mut sum = 0.0;
+        for index in map.voxels().near(contact.point) {
+            let patch = &patches[usize::from(index)];
+            let log = self.log_kernel(self.across, patch, &contact, touch);
+            sum += log.exp() * touch.appearance(&patch.feature);
+        }
+        touch.weight * (self.peak * sum / patches.len() as f32 + self.outliers).ln()
+    }
+
+    /// The score of all touches, newest first; given up (`None`) once it cannot reach `bar`.
+    #[inline]
+    pub(super) fn score_all(
+        &self,
+        map: &SurfaceMap,
+        pose: &Turned,
+        touches: &[Sighting],
+        bar: f32,
+    ) -> Option<f32> {
+        let mut sum = 0.0;
+        for (left, touch) in touches.iter().enumerate().rev() {
+            sum += self.score(map, pose, touch);
+            if sum + left as f32 * SCORE_MAX < bar {
+                return None;
+            }
+        }
+        Some(sum)
+    }
+
+    /// Where on the map a touch is: the mean of the mapped touches that may explain it, laid
+    /// onto the surface between them. `None` away from the surface.
+    pub(super) fn place(&self, map: &SurfaceMap, pose: &Turned, touch: &Sighting) -> Option<Place> {
+        let contact = pose.contact(touch);
+        let (mut offset, mut normal, mut deviation, mut total) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
+        let (mut height, mut heights) = (0.0, 0.0);
+        for index in map.voxels().near(contact.point) {
+            let patch = &map.patches()[usize::from(index)];
+            // As wide across as along: what matters is which patches, not how high.
+            let log = self.log_kernel(self.along, patch, &contact, touch);
+            let weight = log.exp() * touch.appearance(&patch.feature) + 1e-12;
+            let off = contact.point - patch.position;
+            normal += weight * patch.normal;
+            offset += weight * off;
+            deviation += weight * patch.normal_deviation;
+            total += weight;
+            // The height above each patch's own plane, not above the mean of their positions.
+            let agreement = patch.normal.dot(contact.normal);
+            if agreement >= FACING_MIN {
+                let above = off.dot(patch.normal);
+                let along = off.length_squared() - above * above;
+                let smoothing = self.refinement.smoothing.powi(2);
+                let weight = (-along / smoothing).exp() * agreement + 1e-6;
+                height += weight * above;
+                heights += weight;
+            }
+        }
+        if total <= 0.0 || heights <= 0.0 {
+            return None;
+        }
+        let normal = normal.normalize_or_zero();
+        let offset = offset / total;
+        let offset = offset + normal * (height / heights - offset.dot(normal));
+        Some(Place { offset, normal, normal_deviation: deviation / total })
+    }
+
+    #[inline]
+    fn log_kernel(
+        &self,
+        across: f32,
+        patch: &SurfacePatch,
+        contact: &Contact,
+        touch: &Sighting,
+    ) -> f32 {
+        let off = contact.point - patch.position;
+        let height = off.dot(patch.normal);
+        let square = height * height;
+        let spatial = square * across + (off.length_squared() - square) * self.along;
+        // Von Mises–Fisher relative to an even distribution of normals: 2κ exp κ(cos − 1).
+        let kappa = (patch.normal_deviation.powi(2) + self.normal_variance).recip();
+        let facing = kappa * (patch.normal.dot(contact.normal) - 1.0);
+        let stretch = self.direction * patch.elongation * touch.elongation;
+        let cosine = contact.direction.dot(patch.direction);
+        facing - 0.5 * spatial + (2.0 * kappa).ln() + log_aligned(stretch, cosine)
+    }
+}
+
+/// ln of von Mises in the double angle between two directions without sign, relative to an
+/// even distribution; `cosine` is that of the angle itself.
+#[inline]
+pub(super) fn log_aligned(concentration: f32, cosine: f32) -> f32 {
+    concentration * (2.0 * cosine * cosine - 1.0) - log_bessel(concentration)
+}
+
+/// ln I₀(κ): exact for κ → 0, and to 0.08 for κ → ∞.
+#[inline]
+fn log_bessel(kappa: f32) -> f32 {
+    let square = 1.0 + kappa * kappa;
+    square.sqrt() - 1.0 - 0.25 * square.ln()
+}

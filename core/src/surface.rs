@@ -1,0 +1,18 @@
+//! The surface of an object as touches know it: what the hybrid recogniser looks things up in.
+//!
+//! A [`SurfaceMap`] holds thinned touches ([`SurfacePatch`]), a grid of voxels that finds the
+//! touches near a point, and a table of touch pairs by their geometry (`pair_table`). What a
+//! touch looks like is a point of a catalogue-wide [`AppearanceSpace`].
+//! Frames: the object's. Lengths in metres, single precision: 80 mm are known to 10 nm.
+//! Beyond the dissertation; sections 5.6.3–5.6.6 name the idea.
+
+pub mod appearance;
+pub mod map;
+pub mod pair_table;
+pub mod thinning;
+pub mod touch;
+pub mod voxels;
+
+pub use appearance::AppearanceSpace;
+pub use map::{SurfaceMap, SurfacePatch};
+pub use touch::Touch;

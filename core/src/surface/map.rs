@@ -1,0 +1,121 @@
+//! The surface of one object: thinned touches with all that looks them up.
+
+use glam::{DVec3, Vec3};
+
+use super::appearance::StoredFeature;
+use super::pair_table::PairTable;
+use super::voxels::Voxels;
+
+/// A touched place of an object's surface, in the object frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePatch {
+    /// Position, metres.
+    pub position: Vec3,
+    /// Outward normal, norm 1.
+    pub normal: Vec3,
+    /// Along which contacts are stretched here, norm 1, without sign.
+    pub direction: Vec3,
+    /// How much they are stretched, 0 to 1.
+    pub elongation: f32,
+    /// How far normals of touches here scatter, rad.
+    pub normal_deviation: f32,
+    /// What it looks like, in the catalogue's [`super::AppearanceSpace`].
+    pub feature: StoredFeature,
+}
+
+/// How a map is laid out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceLayout {
+    /// Edge of a voxel, metres.
+    pub voxel: f32,
+    /// How far from a voxel its touches may lie, metres.
+    pub reach: f32,
+    /// Pairs are tabled among the first so many touches.
+    pub pair_patches_max: usize,
+    /// Shorter pairs are not tabled, metres.
+    pub pair_distance_min: f32,
+    /// Width of the pairs' distance bins, metres.
+    pub pair_distance_edge: f32,
+}
+
+impl Default for SurfaceLayout {
+    fn default() -> Self {
+        Self {
+            voxel: 0.003,
+            reach: 0.007,
+            pair_patches_max: 700,
+            pair_distance_min: 0.004,
+            pair_distance_edge: 0.002,
+        }
+    }
+}
+
+/// The surface of one object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceMap {
+    origin_in_training: DVec3,
+    patches: Vec<SurfacePatch>,
+    layout: SurfaceLayout,
+    voxels: Voxels,
+    pairs: PairTable,
+}
+
+impl SurfaceMap {
+    /// A map of patches (most wanted first, at most 65,535), in the object frame whose origin
+    /// lies at `origin_in_training` (m) of the training frame.
+    #[must_use]
+    pub fn new(
+        origin_in_training: DVec3,
+        patches: Vec<SurfacePatch>,
+        layout: SurfaceLayout,
+    ) -> Self {
+        let positions: Vec<Vec3> = patches.iter().map(|patch| patch.position).collect();
+        let places: Vec<(Vec3, Vec3)> = patches
+            .iter()
+            .take(layout.pair_patches_max)
+            .map(|patch| (patch.position, patch.normal))
+            .collect();
+        let voxels = Voxels::build(&positions, layout.voxel, layout.reach);
+        let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
+        Self { origin_in_training, patches, layout, voxels, pairs }
+    }
+
+    /// Where the object frame's origin lies in the training frame, metres.
+    #[must_use]
+    pub fn origin_in_training(&self) -> DVec3 {
+        self.origin_in_training
+    }
+
+    /// The touches, most wanted first.
+    #[must_use]
+    pub fn patches(&self) -> &[SurfacePatch] {
+        &self.patches
+    }
+
+    /// How the map is laid out.
+    #[must_use]
+    pub fn layout(&self) -> SurfaceLayout {
+        self.layout
+    }
+
+    /// Which touches are near a point.
+    #[must_use]
+    pub fn voxels(&self) -> &Voxels {
+        &self.voxels
+    }
+
+    /// The pairs of touches.
+    #[must_use]
+    pub fn pairs(&self) -> &PairTable {
+        &self.pairs
+    }
+
+    /// Bytes in memory.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>()
+            + size_of_val(self.patches.as_slice())
+            + self.voxels.bytes()
+            + self.pairs.bytes()
+    }
+}
