@@ -97,6 +97,13 @@ impl PressSimulator {
         Self { mesh, surface, bvh, sensor, row_major_sensor, imaging, config }
     }
 
+    /// The same object and sensor with another noise.
+    #[must_use]
+    pub fn with_noise(self, noise_level: NoiseLevel) -> Self {
+        let config = PressConfig { noise_level, ..self.config };
+        Self { config, ..self }
+    }
+
     /// The object, in metres, wound outward where that is known.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
@@ -168,6 +175,13 @@ impl PressSimulator {
     #[must_use]
     pub fn is_clear_between(&self, from_in_object: DVec3, to_in_object: DVec3) -> bool {
         !self.bvh.hits_segment(from_in_object, to_in_object)
+    }
+
+    /// Whether the object's surface is nearer than `radius` (metres) to the straight way
+    /// between two points (metres).
+    #[must_use]
+    pub fn is_near_segment(&self, from_in_object: DVec3, to_in_object: DVec3, radius: f64) -> bool {
+        self.bvh.is_near_segment(from_in_object, to_in_object, radius)
     }
 }
 
