@@ -193,6 +193,17 @@ impl PressSimulator {
         self.press_at(&self.heights(object_from_sensor, 0.0), 0.0)
     }
 
+    /// What is felt in free air.
+    #[must_use]
+    pub fn free_press(&self) -> Press {
+        let none = vec![0.0; self.sensor.grid().n_taxels()];
+        let load = match self.config.physics {
+            Physics::PointSpread => Load::Displacements(none),
+            Physics::ElasticCovering(_) => Load::Pressures(none),
+        };
+        Press { max_penetration: f64::NEG_INFINITY, load }
+    }
+
     /// What the sensor reports of a press: pascal, row-major in the sensor frame's order,
     /// noise drawn from `stream`.
     #[must_use]
