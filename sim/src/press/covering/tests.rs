@@ -158,3 +158,22 @@ fn readings_come_in_the_coverings_own_steps_and_are_clipped_at_saturation() {
         assert!((steps - steps.round()).abs() < 1e-9, "{pressure}");
     }
 }
+
+#[test]
+fn the_tolerance_leaves_less_than_a_converters_step() {
+    let sensor = SensorDescription::digitacts_6x6();
+    let knight = crate::shapes::example("chess_knight").unwrap();
+    for config in [CoveringConfig::half_space(&sensor), CoveringConfig::bonded_layer(&sensor)] {
+        let image = |tolerance| {
+            let config = CoveringConfig { tolerance, ..config };
+            let simulator = simulator(knight.clone(), sensor.clone(), config);
+            let (_, high) = simulator.mesh().bounds();
+            pressures(&simulator, looking_down(high.z - 1.5 * MM))
+        };
+        let exact = image(1e-8);
+        assert!(exact.iter().copied().fold(0.0, f64::max) > 1e3);
+        for (found, exact) in image(config.tolerance).iter().zip(&exact) {
+            assert!((found - exact).abs() < config.quantisation, "{found} for {exact}");
+        }
+    }
+}
