@@ -176,6 +176,36 @@ mod tests {
         assert!(first.iter().all(|reading| reading.robot.as_deref() == Some("explorer-7")));
     }
 
+    fn explored(plan: &Plan) -> Exploration {
+        plan.explore(&mut |_| ControlFlow::Continue(())).unwrap()
+    }
+
+    #[test]
+    fn strategy_links_noise_and_moves_of_the_object_are_those_of_the_plan() {
+        let rested = explored(&plan(7));
+        let place = rested.touches[0].session_from_object;
+        assert!(rested.touches.iter().all(|touch| touch.session_from_object == place));
+        assert_eq!(rested.touches[0].configuration.angles().len(), 2 * 8);
+
+        let global = explored(&Plan { local: 0.0, ..plan(7) }).statistics;
+        assert_eq!(global.local_iterations, 0);
+        let local = explored(&Plan { local: 1.0, ..plan(7) }).statistics;
+        assert!(local.local_iterations > 0 && local.local_iterations < local.iterations);
+
+        let longer = explored(&Plan { links: 12, readings: 1, ..plan(7) });
+        assert_eq!(longer.touches[0].configuration.angles().len(), 2 * 12);
+
+        let moved = explored(&Plan { perturb: true, ..plan(7) });
+        let (before, after) = (&moved.touches[0], &moved.touches[1]);
+        assert_eq!(before.session_from_object, place, "it lies where it lay until it is touched");
+        assert_ne!(before.session_from_object, after.session_from_object);
+
+        let noisy = explored(&Plan { noise: 0.2, ..plan(7) });
+        assert_ne!(noisy.touches[0].reading.image(), rested.touches[0].reading.image());
+        let few = explored(&Plan { iterations: 2, ..plan(7) });
+        assert_eq!((few.statistics.iterations, few.touches.len()), (2, 0));
+    }
+
     #[test]
     fn the_object_lies_in_the_middle_of_the_workspace_wherever_its_frame_is() {
         let shifted = plan(7).mesh.translated(DVec3::splat(5.0));

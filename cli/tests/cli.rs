@@ -171,17 +171,24 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
         assert_eq!(output.status.code(), Some(0), "{arguments}: {}", stderr(&output));
         serde_json::from_slice(&output.stdout).unwrap()
     };
-    let explored = answer("explore --mesh meshes/mug.stl --readings 5 --out mug.json --json");
+    let mug = "explore --mesh meshes/mug.stl --readings 5 --json";
+    let explored = answer(&format!("{mug} --method appearance --out mug.json"));
     assert_eq!((&explored["readings"], &explored["right"]), (&5.into(), &().into()));
     let session = explored["session"].as_str().unwrap();
     answer(&format!("explore --replay mug.json --session {session} --json"));
-    answer("explore --replay mug.json --json");
+    let replayed = answer("explore --replay mug.json --method appearance --json");
+    assert_ne!(replayed["session"], explored["session"]);
+    for what in ["readings", "answer", "probability"] {
+        assert_eq!(replayed[what], explored[what], "{what}");
+    }
+    assert!(explored["probability"].as_f64().unwrap() > 1.0 / 3.0, "{explored}");
+    assert_eq!(replayed["planner"], serde_json::Value::Null);
     let listed = answer("sessions list --json");
     let counts: Vec<_> =
         listed["items"].as_array().unwrap().iter().map(|item| &item["n_readings"]).collect();
     // The touches before; a file that is sent twice counts once.
     assert_eq!(counts, [10, 5, 5]);
-    let again = answer("explore --mesh meshes/mug.stl --readings 5 --offline --out 2.json --json");
+    let again = answer(&format!("{mug} --offline --out 2.json"));
     assert_eq!(again["session"], serde_json::Value::Null);
     let file = |name: &str| std::fs::read(at.join(name)).unwrap();
     assert_eq!(file("mug.json"), file("2.json"));

@@ -50,9 +50,9 @@ pub struct ExplorationTrials {
 }
 
 impl Default for ExplorationTrials {
-    /// The dissertation's readings; ten explorations an object where it has three.
+    /// The dissertation's readings, and its three explorations an object.
     fn default() -> Self {
-        Self { objects: ObjectTrials::default(), runs: 10 }
+        Self { objects: ObjectTrials::default(), runs: 3 }
     }
 }
 

@@ -93,6 +93,8 @@ pub struct Contact {
     pub pressures: Vec<f64>,
     /// How often Press and Orient took turns.
     pub rounds: usize,
+    /// Moves of Press and turns of Orient that were commanded.
+    pub commands: usize,
 }
 
 /// How a touch ended.
@@ -151,6 +153,7 @@ fn settle(
     let mut object_from_sensor = first_contact;
     let mut travel_left = config.travel_max;
     let mut orient_was_idle = false;
+    let mut commands = 0;
     for round in 1..=config.rounds_max {
         let Some(pressed) = press(simulator, object_from_sensor, config, travel_left, stream)
         else {
@@ -158,6 +161,7 @@ fn settle(
         };
         object_from_sensor = advanced(object_from_sensor, pressed.travel);
         travel_left -= pressed.travelled;
+        commands += pressed.moves;
         if object_from_sensor.distance_to(&first_contact) > config.walk_max {
             return Outcome::NoConvergence;
         }
@@ -178,10 +182,12 @@ fn settle(
                 pressures: pressed.pressures,
                 press: pressed.press,
                 rounds: round,
+                commands,
             });
         }
         orient_was_idle = command.is_none();
         if let Some(rotation) = command {
+            commands += 1;
             let turned = object_from_sensor.rotation * rotation;
             object_from_sensor = Pose::from_parts(turned, object_from_sensor.translation);
             if !carry(object_from_sensor) {
@@ -247,6 +253,8 @@ struct Pressed {
     travel: f64,
     /// The sum of their lengths, metres.
     travelled: f64,
+    /// How many they were.
+    moves: usize,
     press: Press,
     pressures: Vec<f64>,
 }
@@ -275,7 +283,7 @@ fn press(
     let mut heights = simulator.heights(object_from_sensor, PRESS_REACH);
     let (mut travel, mut travelled) = (0.0, 0.0);
     let mut slope = Slope::default();
-    for _ in 0..PRESS_STEPS_MAX {
+    for moves in 0..PRESS_STEPS_MAX {
         redraw_if_beyond(simulator, object_from_sensor, &mut heights, travel);
         if !heights.lowest().is_finite() {
             return None;
@@ -291,7 +299,7 @@ fn press(
         let at_limit = room <= depth_tolerance || near_saturation;
         let idle = !too_strong && (!too_weak || at_limit) && room >= -depth_tolerance;
         if idle {
-            return Some(Pressed { travel, travelled, press, pressures });
+            return Some(Pressed { travel, travelled, moves, press, pressures });
         }
         let displacement = displacement_of(mean);
         let wanted = (target - displacement) / slope.after(travel, displacement);

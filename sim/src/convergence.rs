@@ -66,6 +66,8 @@ pub struct Convergence {
     pub touching: usize,
     /// The mean number of turns of Press and Orient of those that converged.
     pub rounds_mean: f64,
+    /// The mean number of commands of Press and Orient of those that converged.
+    pub commands_mean: f64,
     /// The median angle between where a sensor looks at rest with and without noise, radians.
     pub angle_median: f64,
     /// The median distance between where it is with and without noise, metres.
@@ -122,7 +124,7 @@ pub fn convergence(
     let noisy = Trial::new(simulator, noise_level, config);
     let quiet = Trial::new(simulator, NoiseLevel::NONE, config);
     let (mut attempts, mut rounds, mut angles, mut distances) = (0, 0, Vec::new(), Vec::new());
-    let (mut converged, mut touching) = (0, 0);
+    let (mut converged, mut touching, mut commands) = (0, 0, 0);
     let mut next = 0;
     while converged < config.successes && attempts < config.attempts_max && next < u64::MAX / 2 {
         let batch: Vec<_> = (next..next + BATCH)
@@ -139,6 +141,7 @@ pub fn convergence(
             let Outcome::Converged(contact) = outcome else { continue };
             converged += 1;
             rounds += contact.rounds;
+            commands += contact.commands;
             touching += usize::from(contact.press.max_penetration > 0.0);
             if let Some(Outcome::Converged(reference)) = without {
                 let (here, there) = (contact.object_from_sensor, reference.object_from_sensor);
@@ -157,6 +160,7 @@ pub fn convergence(
         converged,
         touching,
         rounds_mean: rounds as f64 / converged.max(1) as f64,
+        commands_mean: commands as f64 / converged.max(1) as f64,
         angle_median: median(angles),
         distance_median: median(distances),
     })

@@ -100,6 +100,8 @@ fn a_sensor_that_is_carried_is_told_every_pose_and_stops_when_it_cannot_follow()
     let contact = converged(outcome);
     // First contact, then a press a round and a turn in every round but the last.
     assert_eq!(poses.len(), 2 * contact.rounds);
+    // Every turn of Orient, and at least the first press, took a command.
+    assert!(contact.commands >= contact.rounds, "{contact:?}");
     assert_eq!(poses.last(), Some(&contact.object_from_sensor));
     assert_eq!(touch_within(2), (Outcome::Unreachable, poses[..3].to_vec()));
 }

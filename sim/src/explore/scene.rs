@@ -184,3 +184,108 @@ impl<'a> Scene<'a> {
         0.5 * grid.pitch * ((grid.rows * grid.rows + grid.cols * grid.cols) as f64).sqrt()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_core::sensor::SensorDescription;
+    use palpate_core::units::DEG;
+
+    use super::*;
+    use crate::arm::ArmConfig;
+    use crate::mesh::tests_support::sphere;
+
+    /// 0.2 m upright at the origin, three links of 0.1 m along x, the sensor 0.05 m on.
+    fn arm() -> Arm {
+        let config = ArmConfig {
+            foot: DVec3::ZERO,
+            first_link_length: 0.2,
+            link_length: 0.1,
+            sensor_mount: 0.05,
+            ..ArmConfig::around(0.1, 4)
+        };
+        Arm::new(config).unwrap()
+    }
+
+    /// A ball of 60 mm across with its middle at the origin of its frame.
+    fn ball() -> PressSimulator {
+        PressSimulator::new(sphere(30.0 * MM, 60), SensorDescription::digitacts_6x6())
+    }
+
+    /// The scene with the ball's middle at `middle` (metres) within walls `half_width` away.
+    fn scene<'a>(
+        arm: &'a Arm,
+        simulator: &'a PressSimulator,
+        middle: DVec3,
+        half_width: f64,
+    ) -> Scene<'a> {
+        let session_from_object = Pose::from_parts(glam::DQuat::IDENTITY, middle);
+        Scene::new(arm, simulator, session_from_object, Bounds::cube(half_width))
+    }
+
+    /// Turned about z at the shoulder, the hand turned about z at the wrist; degrees.
+    fn swung(arm: &Arm, shoulder: f64, wrist: f64) -> Configuration {
+        let angles = [0.0, shoulder * DEG, 0.0, 0.0, 0.0, 0.0, 0.0, wrist * DEG];
+        arm.configuration(&angles).unwrap()
+    }
+
+    const FAR: DVec3 = DVec3::new(0.0, 0.0, 5.0);
+
+    #[test]
+    fn walls_and_the_arm_itself_block_a_motion() {
+        let (arm, simulator) = (arm(), ball());
+        let (from, to) = (arm.initial(), swung(&arm, 40.0, 0.0));
+        let free = scene(&arm, &simulator, FAR, 1.0);
+        assert_eq!(free.motion(&from, &to), Motion::Arrived);
+        assert!(free.is_free(&from, &to) && free.can_follow(&from, &to));
+        // The sensor gets as far as 0.35 m · sin 40° = 0.225 m; at x it begins at 0.35 m.
+        let low = Bounds { high: DVec3::new(1.0, 0.2, 1.0), ..Bounds::cube(1.0) };
+        let walled = Scene { room: low, ..free.clone() };
+        assert_eq!(walled.motion(&from, &to), Motion::Blocked);
+        assert!(!walled.can_follow(&from, &to));
+        assert!(!scene(&arm, &simulator, FAR, 0.3).is_free(&from, &from));
+        // Corners of 110° bring the third link back through the upright one.
+        let folded = [0.0, 0.0, 110.0, 0.0, 110.0, 0.0, 0.0, 0.0].map(f64::to_radians);
+        let folded = arm.configuration(&folded).unwrap();
+        assert_eq!(free.motion(&from, &folded), Motion::Blocked);
+        assert!(!free.can_follow(&from, &folded));
+    }
+
+    #[test]
+    fn an_object_in_the_way_of_a_link_or_of_the_housing_blocks_a_motion() {
+        let (arm, simulator) = (arm(), ball());
+        let (from, to) = (arm.initial(), swung(&arm, 40.0, 0.0));
+        // 0.19 m from the shoulder at 39°: between the first and the second 0.1 m of links.
+        let by_link = scene(&arm, &simulator, DVec3::new(0.15, 0.12, 0.2), 1.0);
+        assert_eq!(by_link.motion(&from, &to), Motion::Blocked);
+        assert!(!by_link.can_follow(&from, &to));
+        // Beside the housing where the swing ends, its middle 5 mm behind the sensor's face.
+        let pose = arm.forward(&to).session_from_sensor;
+        let left = DVec3::new(0.0, 33.0 * MM, -5.0 * MM);
+        let beside = [left, left * DVec3::new(1.0, -1.0, 1.0)].map(|at| pose * at);
+        let beside = beside.into_iter().max_by(|a, b| a.y.total_cmp(&b.y)).unwrap();
+        let by_housing = scene(&arm, &simulator, beside, 1.0);
+        assert!(by_housing.is_free(&from, &from));
+        assert_eq!(by_housing.motion(&from, &to), Motion::Blocked);
+    }
+
+    #[test]
+    fn an_object_in_the_covering_is_sensed_before_it_is_deep_in_it() {
+        let (arm, simulator) = (arm(), ball());
+        let thickness = simulator.sensor().parameters().covering_thickness;
+        // The hand points along the swing; at 20° the ball is 1 mm deep in the covering.
+        let (from, at, to) = (swung(&arm, 0.0, 90.0), swung(&arm, 20.0, 90.0), 25.0);
+        let to = swung(&arm, to, 90.0);
+        let middle = arm.forward(&at).session_from_sensor * DVec3::new(0.0, 0.0, 29.0 * MM);
+        let scene = scene(&arm, &simulator, middle, 1.0);
+        let Motion::Sensed { free, touching } = scene.motion(&from, &to) else {
+            panic!("nothing was sensed")
+        };
+        let lowest =
+            |at: &Configuration| simulator.heights(scene.object_from_sensor(at), 0.0).lowest();
+        assert!(lowest(&free) >= 0.0, "{}", lowest(&free));
+        assert!((-0.41 * thickness..0.0).contains(&lowest(&touching)), "{}", lowest(&touching));
+        assert!(!scene.is_free(&from, &touching));
+        // The controllers may press on: that is what the covering is for.
+        assert!(scene.can_follow(&from, &at));
+    }
+}

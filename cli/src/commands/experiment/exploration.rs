@@ -27,7 +27,7 @@ pub(super) enum ExplorationExperiment {
         #[arg(long, default_value = "dragon", value_name = "NAME")]
         object: String,
         /// How many seeds, from --seed on.
-        #[arg(long, default_value_t = 10, value_parser = count)]
+        #[arg(long, default_value_t = 3, value_parser = count)]
         seeds: usize,
         /// Touches that must converge at each level of noise and seed.
         #[arg(long, default_value_t = 100, value_parser = count)]
@@ -45,7 +45,7 @@ pub(super) struct RunArgs {
     #[arg(long, default_value_t = 80.0, value_parser = millimetres)]
     size_mm: f64,
     /// Explorations an object, of 100 readings each.
-    #[arg(long, default_value_t = 10, value_parser = count)]
+    #[arg(long, default_value_t = 3, value_parser = count)]
     runs: usize,
     /// Trials an object, shared by its explorations.
     #[arg(long, default_value_t = 100, value_parser = count)]
