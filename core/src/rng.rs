@@ -35,6 +35,8 @@ pub enum Purpose {
     Exploration = 11,
     /// How an object moves when it is touched.
     Perturbation = 12,
+    /// Gains of a simulated sensor's taxels.
+    TaxelGains = 20,
 }
 
 /// A reproducible stream of random numbers.

@@ -3,9 +3,10 @@
 //! Source: section 4.2.2, figure 4.3 and algorithm 1, with the corrections in
 //! `docs/equations.md`: Press also stops on the raw depth, and every way is bounded. Poses
 //! are `object_from_sensor`; the sensor moves along its own z and turns about its origin.
-//! Not here: re-centring, choosing where to touch (`sampler`).
+//! Not here: choosing where to touch (`sampler`).
 
 mod orient;
+mod recenter;
 
 use palpate_core::pose::Pose;
 use palpate_core::rng::Stream;
@@ -15,6 +16,10 @@ use palpate_core::units::{DEG, MM};
 use crate::noise::NoiseLevel;
 use crate::press::{HeightMap, Press, PressSimulator};
 pub use orient::turn_to_surface;
+pub use recenter::{
+    Landing, Miss, Recenter, RecenterConfig, contact_offset, touch_recentered,
+    touch_recentered_carried,
+};
 
 /// When Press and Orient count as both idle; without noise the two are one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,12 +135,21 @@ pub fn touch_carried(
     stream: &mut Stream,
     carry: &mut dyn FnMut(Pose) -> bool,
 ) -> Outcome {
-    let Some(first_contact) = approach(simulator, object_from_sensor, config, stream) else {
-        return Outcome::Missed;
-    };
-    if !carry(first_contact) {
-        return Outcome::Unreachable;
+    match approach(simulator, object_from_sensor, config, stream) {
+        Approached::Felt(felt) if !carry(felt.object_from_sensor) => Outcome::Unreachable,
+        Approached::Felt(felt) => settle(simulator, felt.object_from_sensor, config, stream, carry),
+        Approached::Ended { .. } => Outcome::Missed,
     }
+}
+
+/// Press and Orient by turns from the first contact.
+fn settle(
+    simulator: &PressSimulator,
+    first_contact: Pose,
+    config: &ContactConfig,
+    stream: &mut Stream,
+    carry: &mut dyn FnMut(Pose) -> bool,
+) -> Outcome {
     let mut object_from_sensor = first_contact;
     let mut travel_left = config.travel_max;
     let mut orient_was_idle = false;
@@ -189,30 +203,48 @@ pub(crate) fn advanced(object_from_sensor: Pose, travel: f64) -> Pose {
     object_from_sensor * Pose::from_parts(glam::DQuat::IDENTITY, glam::DVec3::Z * travel)
 }
 
+/// How a guarded move ended.
+enum Approached {
+    /// A taxel is above the contact threshold.
+    Felt(FirstContact),
+    /// Nothing was felt as far as the sensor went, metres along +z.
+    Ended { travel: f64 },
+}
+
+/// Where something is felt first.
+struct FirstContact {
+    object_from_sensor: Pose,
+    /// What the sensor reports there, pascal, row-major in the sensor frame's order.
+    pressures: Vec<f64>,
+}
+
 /// Approach: a guarded move until a taxel is above the contact threshold.
 ///
 /// The move through free air is taken at once; a sensor that begins inside the object backs
-/// out first. `None` when nothing is felt before the raw depth's limit.
+/// out first. It ends without contact where nothing is ahead, or at the raw depth's limit.
 fn approach(
     simulator: &PressSimulator,
     object_from_sensor: Pose,
     config: &ContactConfig,
     stream: &mut Stream,
-) -> Option<Pose> {
+) -> Approached {
     let heights = simulator.heights(object_from_sensor, config.approach_max);
     let lowest = heights.lowest();
     if !lowest.is_finite() {
-        return None;
+        return Approached::Ended { travel: config.approach_max };
     }
     let n_steps = 20;
     let step = config.penetration_max / f64::from(n_steps);
-    (1..=n_steps).find_map(|count| {
+    for count in 1..=n_steps {
         let travel = lowest + step * f64::from(count);
         let press = simulator.press_at(&heights, travel);
         let pressures = simulator.pressures(&press, stream);
-        let felt = pressures.iter().any(|pressure| *pressure > config.contact_threshold);
-        felt.then(|| advanced(object_from_sensor, travel))
-    })
+        if pressures.iter().any(|pressure| *pressure > config.contact_threshold) {
+            let object_from_sensor = advanced(object_from_sensor, travel);
+            return Approached::Felt(FirstContact { object_from_sensor, pressures });
+        }
+    }
+    Approached::Ended { travel: lowest + config.penetration_max }
 }
 
 /// Where Press came to rest.

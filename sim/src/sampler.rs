@@ -5,6 +5,7 @@
 //! to parts of the object that have had few, since area alone leaves out necks and shafts.
 //! Each attempt has its own stream, so the readings do not depend on the number of threads.
 
+pub mod rays;
 pub(crate) mod surface;
 
 use std::ops::ControlFlow;
