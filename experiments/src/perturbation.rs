@@ -93,7 +93,14 @@ fn sva_catalogue(
     let map = |set| map_object(set, &vocabulary, &config, origin).map(Arc::new);
     let objects = sets.par_iter().map(map).collect::<Result<Vec<_>, _>>()?;
     let association = config.association;
-    Ok(Catalogue { vocabulary, association, objects, geometry: None, appearance: None })
+    Ok(Catalogue {
+        vocabulary,
+        association,
+        objects,
+        geometry: None,
+        appearance: None,
+        surface: None,
+    })
 }
 
 /// The share of the explorations that `sva` names rightly after each of the counts.
