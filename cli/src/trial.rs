@@ -171,6 +171,7 @@ mod tests {
             revision: 1,
             n_readings: 1,
             objects: [(names[0], 0.9), (names[1], 0.1)].map(probability).to_vec(),
+            unknown: 0.0,
             entropy_bits: 0.47,
             poses: vec![PoseHypothesis {
                 object: id,

@@ -51,6 +51,7 @@ fn one_more_reading(criterion: &mut Criterion) {
         objects,
         geometry: None,
         appearance: None,
+        surface: None,
     });
 
     let unseen = touches(3, 20, 2);

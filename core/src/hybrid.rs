@@ -35,7 +35,7 @@ use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
 use hypothesis::{Hypothesis, merge};
-use propose::{partners, propose};
+use propose::{Proposal, partners, propose};
 use score::{Kernel, Turned};
 use sighting::Sighting;
 
@@ -47,10 +47,6 @@ const PAIR_OUTLIERS: f32 = 0.03;
 
 /// Of the stored pairs whose cells a query visits, what their geometry weighs in the mean.
 const VISITED_WEIGHT: f32 = 0.03;
-
-/// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
-/// mapped touches instead of between them.
-const WORSE_MAX: f32 = 3.0;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
@@ -120,9 +116,8 @@ impl HybridBelief {
         if self.touches.is_empty() {
             self.anchor = touch.position;
         }
-        let softness = self.options.scale.appearance;
-        let density = self.model.space.density_anywhere(&touch.feature, softness);
-        let sighting = Sighting::new(&touch, self.anchor, density, softness);
+        let (space, scale) = (&self.model.space, &self.options.scale);
+        let sighting = Sighting::new(&touch, self.anchor, space, scale);
         self.touches.push(sighting.weighed(&self.touches));
         match self.touches.len() {
             1 => self.compare_looks(),
@@ -213,7 +208,13 @@ impl HybridBelief {
         let (kernel, options) = (self.kernel, self.options);
         let touches = self.touches.as_slice();
         let [earlier @ .., newest] = touches else { return };
-        let bar = if touches.len() > 2 { self.bar(reach) } else { f64::NEG_INFINITY };
+        let (bar, refining) = match touches.len() {
+            0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
+            _ => (
+                self.bar(reach, options.budget.objects),
+                self.bar(f64::from(options.drop_between), options.budget.refined_objects),
+            ),
+        };
         for_each_object(&mut self.objects, &self.model.maps, |state, map| {
             if state.log_evidence < bar {
                 return;
@@ -226,30 +227,34 @@ impl HybridBelief {
                     evidence: proposed.evidence,
                     looks: proposed.looks[0] * proposed.looks[1],
                 };
-                let best = state.hypotheses.first().map_or(f32::NEG_INFINITY, |h| h.score);
-                let mut bar = best - options.drop_within;
-                for proposal in &proposed.proposals {
-                    let pose = Turned::new(proposal.rotation, proposal.translation);
+                let mut new = Vec::with_capacity(proposed.proposals.len());
+                let mut bar = f32::NEG_INFINITY;
+                for Proposal { rotation, translation } in proposed.proposals {
+                    let pose = Turned::new(rotation, translation);
                     let Some(score) = kernel.score_all(map, &pose, touches, bar) else { continue };
                     bar = bar.max(score - options.drop_within);
-                    state.hypotheses.push(Hypothesis {
-                        rotation: proposal.rotation,
-                        translation: proposal.translation,
-                        score,
-                    });
+                    new.push(Hypothesis { rotation, translation, score });
                 }
+                if touches.len() > 2 && state.log_evidence >= refining {
+                    merge(&mut new, &options);
+                    new.truncate(options.budget.refined_proposals);
+                    for hypothesis in &mut new {
+                        refine::settle(hypothesis, map, touches, &kernel, &options);
+                    }
+                }
+                state.hypotheses.extend(new);
             }
             merge(&mut state.hypotheses, &options);
         });
     }
 
-    /// The least log-evidence of an object that still gets new poses.
-    fn bar(&self, reach: f64) -> f64 {
+    /// The least log-evidence of the `n` likeliest objects, at most `reach` below the best.
+    fn bar(&self, reach: f64, n: usize) -> f64 {
         let mut logs: Vec<f64> = self.objects.iter().map(|state| state.log_evidence).collect();
         logs.sort_unstable_by(|a, b| b.total_cmp(a));
         let best = logs.first().copied().unwrap_or(f64::NEG_INFINITY);
-        let budget = logs.get(self.options.budget.objects.saturating_sub(1)).copied();
-        budget.unwrap_or(f64::NEG_INFINITY).max(best - reach)
+        let last = logs.get(n.saturating_sub(1)).copied();
+        last.unwrap_or(f64::NEG_INFINITY).max(best - reach)
     }
 
     /// Refines the best hypotheses of all objects, at most three each.
@@ -265,16 +270,8 @@ impl HybridBelief {
         best.truncate(self.options.budget.refined);
         for (_, object, index) in best {
             let map = &self.model.maps[object];
-            let known = &mut self.objects[object].hypotheses[index];
-            let mut tried = *known;
-            refine::refine(&mut tried, map, &self.touches, &self.kernel, &self.options);
-            let pose = Turned::new(tried.rotation, tried.translation);
-            let bar = known.score - WORSE_MAX;
-            if let Some(score) = self.kernel.score_all(map, &pose, &self.touches, bar)
-                && score >= bar
-            {
-                *known = Hypothesis { score, ..tried };
-            }
+            let hypothesis = &mut self.objects[object].hypotheses[index];
+            refine::settle(hypothesis, map, &self.touches, &self.kernel, &self.options);
         }
         for state in &mut self.objects {
             merge(&mut state.hypotheses, &self.options);

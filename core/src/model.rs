@@ -18,6 +18,7 @@ use crate::patch_pair::{DistanceBins, PairIndex};
 use crate::vocabulary::{AssociationRule, Vocabulary};
 use appearance::AppearanceModel;
 use geometry::GeometricModel;
+use surface::SurfaceModel;
 
 /// An object of a catalogue, by its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -151,4 +152,6 @@ pub struct Catalogue {
     pub geometry: Option<Arc<GeometricModel>>,
     /// What chapter 4 knows of the same objects, when it was trained.
     pub appearance: Option<Arc<AppearanceModel>>,
+    /// The surfaces of the same objects, for the hybrid recogniser, when they were trained.
+    pub surface: Option<Arc<SurfaceModel>>,
 }

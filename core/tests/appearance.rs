@@ -86,6 +86,7 @@ fn catalogue(appearance: AppearanceModel) -> Catalogue {
         objects: Vec::new(),
         geometry: None,
         appearance: Some(Arc::new(appearance)),
+        surface: None,
     }
 }
 

@@ -66,6 +66,7 @@ fn train() -> Arc<Catalogue> {
         objects,
         geometry: None,
         appearance: None,
+        surface: None,
     })
 }
 

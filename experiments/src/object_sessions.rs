@@ -118,6 +118,7 @@ pub fn train_sva(
         objects: objects?,
         geometry: None,
         appearance: None,
+        surface: None,
     };
     Ok(Recogniser::Sva { catalogue: Arc::new(catalogue), options })
 }

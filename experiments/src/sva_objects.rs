@@ -181,6 +181,7 @@ fn train_method(
         objects: maps?,
         geometry: None,
         appearance: None,
+        surface: None,
     };
     let train_seconds = started.elapsed().as_secs_f64();
     Ok(Method { name, catalogue: Arc::new(catalogue), options, train_seconds })

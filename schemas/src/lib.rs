@@ -54,7 +54,7 @@ pub use session::{
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,
     DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,
-    ObjectReport, SetCurrent, StartTraining, TrainingReport,
+    ObjectReport, SetCurrent, StartTraining, SurfaceReport, TrainingReport,
 };
 
 /// The `openapi.json` that belongs to these types.

@@ -21,7 +21,7 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
     pub version: Option<u32>,
-    /// How to recognise; `sva` when not given.
+    /// How to recognise; `hybrid` when not given, `sva` if the version has no surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<Method>,
     /// The frame in which all sensor poses of the session are given, such as `base_link`. A
@@ -29,7 +29,8 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_length = 256, example = "base_link")]
     pub frame_id: Option<String>,
-    /// What is known before the first touch. Objects that are not named share the rest evenly.
+    /// What is known before the first touch, if the object is one of the catalogue's. Objects
+    /// that are not named share the rest evenly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 10_000)]
     pub prior: Option<Vec<PriorEntry>>,
@@ -75,8 +76,12 @@ pub struct PriorEntry {
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Spatially varying appearance with the corrections of `docs/equations.md`.
+    /// Hypotheses that pairs of touches propose, that every touch verifies and that are
+    /// refined; also says when the object is none of the catalogue's. Needs a version that was
+    /// trained with surfaces, as all are unless asked not to, and takes readings of any sensor.
     #[default]
+    Hybrid,
+    /// Spatially varying appearance with the corrections of `docs/equations.md`.
     Sva,
     /// Spatially varying appearance as the dissertation prints it, for its figures.
     SvaLiteral,
@@ -222,9 +227,16 @@ pub struct Belief {
     pub revision: u32,
     /// How many readings it rests on.
     pub n_readings: u32,
-    /// The objects, likeliest first; probabilities sum to 1 when all are listed.
+    /// The objects, likeliest first; with `unknown` their probabilities sum to 1 when all are
+    /// listed.
     pub objects: Vec<ObjectProbability>,
-    /// Uncertainty about the identity in bits: 0 is certain, log2(n) knows nothing of n objects.
+    /// How probable it is that the object is none of the catalogue's, 0 to 1; 0 with methods
+    /// other than `hybrid`, which take it for one of them.
+    #[serde(default)]
+    #[schema(minimum = 0.0, maximum = 1.0)]
+    pub unknown: f64,
+    /// Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
+    /// knows nothing of n objects.
     pub entropy_bits: f64,
     /// Pose hypotheses, likeliest first. A symmetric object has several: do not average them.
     /// Empty with the methods `appearance…`, which know nothing of poses.

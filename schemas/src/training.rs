@@ -90,6 +90,9 @@ pub struct TrainingReport {
     pub n_classes: u32,
     /// Memory of the pair index, in bytes.
     pub index_bytes: u64,
+    /// Memory of all surfaces, in bytes; 0 without surfaces.
+    #[serde(default)]
+    pub surface_bytes: u64,
     /// How long the training took, in seconds.
     pub seconds: f64,
     /// The seed of all its random choices.
@@ -114,12 +117,26 @@ pub struct ObjectReport {
     pub index_bytes: u64,
     /// Where the origin of the object's frame is in its mesh (or in the frame of its training
     /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
-    /// Zeros without pair maps.
+    /// Zeros without pair maps and surfaces.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub origin_in_mesh: [f64; 3],
+    /// Its surface; null when none was learnt.
+    #[serde(default)]
+    pub surface: Option<SurfaceReport>,
     /// What was learnt of its geometry; null when nothing was asked for.
     #[serde(default)]
     pub geometry: Option<GeometryReport>,
+}
+
+/// The surface of an object, as the method `hybrid` knows it.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct SurfaceReport {
+    /// How many touches it keeps.
+    pub n_patches: u32,
+    /// How many pairs of them propose poses.
+    pub n_pairs: u32,
+    /// Its memory, in bytes.
+    pub bytes: u64,
 }
 
 /// The trained map of one object, a page of its patches at a time.
@@ -209,14 +226,18 @@ pub struct StartTraining {
     /// What to learn for the methods `appearance…`; nothing when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub appearance: Option<AppearanceTraining>,
+    /// Whether to learn the surfaces that `hybrid` needs; when not given, as `pair_maps`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surfaces: Option<bool>,
     /// Whether to learn the maps of pairs of touches that `sva` needs; true when not given.
-    /// False suits readings without poses: only `appearance` is learnt then.
+    /// False suits readings without poses, of which only `appearance` is learnt, and large
+    /// catalogues for `hybrid` alone, with `surfaces`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pair_maps: Option<bool>,
     /// A version of the same catalogue to add to: its vocabularies and what it knows of its
     /// objects are kept bit by bit, only `objects` (those it does not know, when not given)
     /// are trained. How they are trained is the version's matter: `n_classes`, `descriptor`,
-    /// `distance_range`, `geometry`, `appearance` and `pair_maps` must not be given.
+    /// `distance_range`, `geometry`, `appearance`, `surfaces` and `pair_maps` must not be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
     pub extend: Option<u32>,
@@ -345,6 +366,9 @@ pub enum JobStage {
     Vocabulary,
     /// Building the objects' maps; steps are objects.
     Mapping,
+    /// Learning the objects' surfaces, then how far they can be believed; steps are objects
+    /// and one for the latter.
+    Surface,
     /// Learning maps of contact and pressure; steps are objects.
     Geometry,
     /// Learning classes of appearance, then the objects' histograms; steps are the candidates

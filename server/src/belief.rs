@@ -12,6 +12,7 @@ use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals,
     PrintedFilter,
 };
+use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::ObjectIdx;
 use palpate_core::model::appearance::AppearanceSource;
 use palpate_core::reading::Reading;
@@ -29,6 +30,7 @@ use crate::wire::session::{Options, is_appearance, name, options};
 
 /// A belief, by method.
 pub(crate) enum SessionBelief {
+    Hybrid(HybridBelief),
     Sva(SvaBelief),
     Geometric(GeometricBelief),
     Appearance(AppearanceBelief),
@@ -66,6 +68,11 @@ impl SessionBelief {
         let catalogue = Arc::clone(&model.core);
         let options = options(session);
         let filter = match options.method {
+            Method::Hybrid => {
+                let surfaces = Arc::clone(model.surfaces()?);
+                let options = HybridOptions::default();
+                return Ok(Self::Hybrid(HybridBelief::new(surfaces, options, prior)?));
+            }
             Method::Sva => {
                 return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::default(), prior)?));
             }
@@ -107,8 +114,14 @@ impl SessionBelief {
                 Some(feature) => Ok(belief.add_feature(feature)?),
                 None => Ok(belief.add(reading, sensor)?),
             },
-            Self::Sva(_) | Self::Geometric(_) if stored.session_from_sensor.is_none() => {
+            Self::Hybrid(_) | Self::Sva(_) | Self::Geometric(_)
+                if stored.session_from_sensor.is_none() =>
+            {
                 Err(BeliefError::PoseMissing)
+            }
+            Self::Hybrid(belief) => {
+                belief.add(reading, sensor);
+                Ok(())
             }
             Self::Sva(belief) => Ok(belief.add(reading, sensor)?),
             Self::Geometric(belief) => Ok(belief.add(reading, sensor)?),
@@ -118,6 +131,7 @@ impl SessionBelief {
     /// The belief as an answer with at most `n_modes` poses.
     pub(crate) fn answer(&self, n_modes: usize) -> Answer {
         match self {
+            Self::Hybrid(belief) => belief.answer(n_modes),
             Self::Sva(belief) => belief.answer(n_modes),
             Self::Geometric(belief) => belief.answer(n_modes),
             Self::Appearance(belief) => belief.answer(),
@@ -128,7 +142,7 @@ impl SessionBelief {
     /// keeps none or the object is impossible.
     pub(crate) fn marginals(&self, object: Option<ObjectIdx>) -> Option<ObjectMarginals> {
         let belief = match self {
-            Self::Sva(_) | Self::Appearance(_) => return None,
+            Self::Hybrid(_) | Self::Sva(_) | Self::Appearance(_) => return None,
             Self::Geometric(belief) => belief,
         };
         let answer = belief.answer(0);
@@ -173,7 +187,7 @@ fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'sta
         return Some(("pose", detail));
     }
     match options.method {
-        Method::Appearance | Method::AppearanceLiteral => None,
+        Method::Hybrid | Method::Appearance | Method::AppearanceLiteral => None,
         Method::Sva | Method::SvaLiteral => {
             let (vocabulary, image) = (&model.core.vocabulary, reading.image());
             let error = shape_error([vocabulary.rows, vocabulary.cols], reading);

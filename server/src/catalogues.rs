@@ -13,6 +13,7 @@ use dashmap::DashMap;
 use palpate_core::geometric::PreparedGeometry;
 use palpate_core::model::appearance::AppearanceModel;
 use palpate_core::model::geometry::GeometricModel;
+use palpate_core::model::surface::SurfaceModel;
 use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
@@ -59,6 +60,14 @@ impl Model {
     /// What the version knows of its objects' appearance.
     pub(crate) fn appearance(&self) -> Result<&Arc<AppearanceModel>, Refusal> {
         self.core.appearance.as_ref().ok_or_else(|| Refusal::NoAppearance {
+            catalogue: self.name.clone(),
+            version: self.version,
+        })
+    }
+
+    /// The surfaces of its objects.
+    pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, Refusal> {
+        self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurfaces {
             catalogue: self.name.clone(),
             version: self.version,
         })

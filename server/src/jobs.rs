@@ -306,6 +306,7 @@ impl Jobs {
             n_classes: convert::count(trained.model.vocabulary.n_classes()),
             index_bytes: trained.objects.iter().map(|object| object.index_bytes).sum(),
             objects: trained.objects,
+            surface_bytes: trained.model.surface.as_ref().map_or(0, |model| model.bytes() as u64),
             seconds: started.elapsed().as_secs_f64(),
             seed: training.seed.unwrap_or_default(),
             appearance: appearance_summary(&trained.model, &objects, &blocks),

@@ -113,6 +113,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::NoGeometry { .. }
         | Refusal::NoAppearance { .. }
         | Refusal::NoPairMaps { .. }
+        | Refusal::NoSurfaces { .. }
         | Refusal::NoMarginals { .. }
         | Refusal::ReadingsFull { .. }
         | Refusal::JobFinished { .. }

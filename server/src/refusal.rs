@@ -57,6 +57,11 @@ pub(crate) enum Refusal {
     ReadingConflict { pointer: String, robot: String, seq: u64 },
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]
     ReadingsFull { what: &'static str, found: u64, more: usize, max: usize },
+    #[error(
+        "version {version} of catalogue {catalogue:?} was trained without surfaces: train it \
+         again, or use the method `sva`"
+    )]
+    NoSurfaces { catalogue: String, version: u32 },
     #[error("job {job} is {state:?} already")]
     JobFinished { job: Uuid, state: JobState },
     #[error("object {object:?} is being trained by job {job}: cancel the job first")]

@@ -9,6 +9,7 @@ mod base;
 mod failure;
 mod geometry;
 mod material;
+mod surface;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -45,6 +46,8 @@ pub(crate) struct Plan {
     pub(crate) appearance: Option<AppearancePlan>,
     /// Whether maps of pairs of touches are learnt.
     pub(crate) pair_maps: bool,
+    /// Whether surfaces are learnt.
+    pub(crate) surfaces: bool,
     /// The version that is extended: its vocabularies and its other objects stay.
     pub(crate) base: Option<Base>,
 }
@@ -79,6 +82,8 @@ pub(crate) fn train(
         Some(config) => Some(geometry::learn(config, &materials, &maps, progress)?),
         None => None,
     };
+    let surface =
+        if plan.surfaces { Some(surface::learn(plan, &materials, &maps, progress)?) } else { None };
     let appearance = match &plan.appearance {
         Some(settings) => Some(appearance::learn(plan, settings, &materials, progress)?),
         None => None,
@@ -87,6 +92,12 @@ pub(crate) fn train(
         materials.iter().enumerate().map(|(n, material)| report(material, maps.get(n))).collect();
     for (object, map) in objects.iter_mut().zip(geometry.iter().flat_map(|model| &model.maps)) {
         object.geometry = Some(wire_geometry::report(map));
+    }
+    if let Some(learnt) = &surface {
+        for (object, map) in objects.iter_mut().zip(&learnt.new) {
+            object.origin_in_mesh = map.origin_in_training().to_array();
+            object.surface = Some(surface::report(map));
+        }
     }
     let maps: Vec<Arc<ObjectMap>> = maps.into_iter().map(Arc::new).collect();
     let (objects, maps) = match &plan.base {
@@ -104,6 +115,7 @@ pub(crate) fn train(
         objects: maps,
         geometry: geometry.map(Arc::new),
         appearance: appearance.map(Arc::new),
+        surface: surface.map(|learnt| learnt.model),
     };
     Ok(Trained { model, objects })
 }
@@ -159,6 +171,7 @@ fn report(material: &Material, map: Option<&ObjectMap>) -> ObjectReport {
         n_patches: map.map_or(0, |map| count(map.patches().len())),
         index_bytes: map.map_or(0, |map| map.index().bytes() as u64),
         origin_in_mesh: map.map_or([0.0; 3], |map| map.origin_in_training().to_array()),
+        surface: None,
         geometry: None,
     }
 }

@@ -1,5 +1,5 @@
 //! Trained models ↔ blocks: one for the vocabulary, one for each object's map, and where
-//! geometry or appearance were trained the blocks of `geometry` and `appearance`.
+//! geometry, appearance or surfaces were trained the blocks of `geometry`, `appearance`, `surface`.
 //!
 //! Blocks are raw little-endian arrays behind a short header, drawn in `docs/formats.md`.
 //! That a block is whole is checked before it comes here (envelope and hash); here it is
@@ -9,6 +9,7 @@
 mod appearance;
 mod geometry;
 mod reader;
+mod surface;
 mod writer;
 
 use std::sync::Arc;
@@ -28,6 +29,7 @@ use uuid::Uuid;
 use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
 pub use appearance::{APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, appearance_block_name};
 pub use geometry::{GEOMETRY_BLOCK, geometry_block_name};
+pub use surface::{SURFACE_BLOCK, surface_block_name};
 
 /// The name of the vocabulary's block.
 pub const VOCABULARY_BLOCK: &str = "vocabulary";
@@ -107,6 +109,9 @@ pub enum CodecError {
     /// Parts of an appearance vocabulary, or of an object's appearance, that do not fit.
     #[error("the parts of the appearance model do not fit together")]
     Appearance,
+    /// The parts of a surface, or of what all surfaces share, do not fit.
+    #[error("the parts of the surfaces do not fit together")]
+    Surface,
     /// A report of other objects than the model's.
     #[error("report of {found} objects, expected the model's {expected}")]
     Report {
@@ -137,12 +142,15 @@ pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<
     let geometry = model.geometry.iter().flat_map(|model| geometry::to_blocks(model, objects));
     let appearance =
         model.appearance.iter().flat_map(|model| appearance::to_blocks(model, objects));
-    std::iter::once(vocabulary).chain(maps).chain(geometry).chain(appearance).collect()
+    let surface = model.surface.iter().flat_map(|model| surface::to_blocks(model, objects));
+    let shared = std::iter::once(vocabulary);
+    shared.chain(maps).chain(geometry).chain(appearance).chain(surface).collect()
 }
 
 /// The model of a version's blocks. `objects` are the ids of its objects, in its order;
 /// other blocks are left alone. Without the block [`GEOMETRY_BLOCK`] the model has no
-/// geometry, without [`APPEARANCE_BLOCK`] no appearance; without a map of any object it has
+/// geometry, without [`APPEARANCE_BLOCK`] no appearance, without [`SURFACE_BLOCK`] no
+/// surfaces; without a map of any object it has
 /// no maps.
 ///
 /// # Errors
@@ -180,7 +188,12 @@ pub fn model_from_blocks(
         appearance::from_blocks(shared, report, objects.iter().map(block))
     });
     let appearance = appearance.transpose()?.map(Arc::new);
-    Ok(Catalogue { vocabulary, association, objects: maps, geometry, appearance })
+    let surface = find(SURFACE_BLOCK).map(|shared| {
+        let block = |object: &Uuid| block(surface_block_name(*object));
+        surface::from_blocks(shared, objects.iter().map(block))
+    });
+    let surface = surface.transpose()?.map(Arc::new);
+    Ok(Catalogue { vocabulary, association, objects: maps, geometry, appearance, surface })
 }
 
 /// The block of a model's vocabulary and association rule.

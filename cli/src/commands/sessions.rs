@@ -110,9 +110,16 @@ async fn watch(session: Uuid, context: &Context) -> anyhow::Result<()> {
     }
 }
 
+/// What an object is called that the catalogue does not know.
+const NONE_OF_THESE: &str = "none of these";
+
 fn one_line(belief: &Belief) -> String {
     let best = belief.objects.first();
-    let (name, probability) = best.map_or(("–", 0.0), |best| (&best.name, best.probability));
+    let (name, probability) = match best {
+        Some(best) if best.probability >= belief.unknown => (best.name.as_str(), best.probability),
+        _ if belief.unknown > 0.0 => (NONE_OF_THESE, belief.unknown),
+        _ => ("–", 0.0),
+    };
     format!(
         "{:4} readings  {name:<16} {} {:5.1} %  {:.2} bits",
         belief.n_readings,
@@ -126,10 +133,16 @@ fn one_line(belief: &Belief) -> String {
 fn belief_words(belief: &Belief) -> String {
     let objects = output::table(
         ["object", "probability", ""],
-        belief.objects.iter().take(10).map(|object| {
-            let percent = format!("{:.1} %", object.probability * 100.0);
-            [object.name.clone(), percent, output::bar(object.probability)]
-        }),
+        belief
+            .objects
+            .iter()
+            .take(10)
+            .map(|object| (object.name.as_str(), object.probability))
+            .chain((belief.unknown > 0.0).then_some((NONE_OF_THESE, belief.unknown)))
+            .map(|(name, probability)| {
+                let percent = format!("{:.1} %", probability * 100.0);
+                [name.to_owned(), percent, output::bar(probability)]
+            }),
     );
     let poses = output::table(
         ["pose of", "share", "position (m)", "orientation x y z w"],

@@ -46,7 +46,7 @@ pub(crate) struct TouchArgs {
     /// The catalogue to recognise with.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// How to recognise [default: sva]. The methods `geometric…` need a version trained with
+    /// How to recognise [default: hybrid]. The methods `geometric…` need a version trained with
     /// `--geometry`: planar, and the robot presses straight down within 8 mm of where a camera
     /// saw the object; or solid, and it touches from all sides, and the camera is right to
     /// within 8 mm and 0.2 rad. The methods `appearance…` need one trained with
@@ -61,6 +61,8 @@ pub(crate) struct TouchArgs {
 /// How to recognise.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum TouchMethod {
+    /// Proposed, verified and refined hypotheses.
+    Hybrid,
     /// Spatially varying appearance.
     Sva,
     /// Spatially varying appearance as printed.
@@ -80,6 +82,7 @@ enum TouchMethod {
 impl TouchMethod {
     fn wire(self) -> Method {
         match self {
+            Self::Hybrid => Method::Hybrid,
             Self::Sva => Method::Sva,
             Self::SvaLiteral => Method::SvaLiteral,
             Self::Geometric => Method::Geometric,

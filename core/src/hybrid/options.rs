@@ -18,8 +18,11 @@ pub struct TouchScale {
     pub outliers: f32,
     /// The volume in which a touch may lie that fits nowhere, cubic metres.
     pub workspace: f32,
-    /// Variance of the appearance of two touches of one place, in units of the training's.
+    /// Variance of the appearance of two touches of one place, in units of the training's, for
+    /// telling where a touch may be.
     pub appearance: f32,
+    /// The same for judging a pose: larger, since among many poses some look alike by chance.
+    pub appearance_of_pose: f32,
 }
 
 /// How refinement weighs what it lays onto the map.
@@ -51,6 +54,10 @@ pub struct Budget {
     pub total: usize,
     /// Hypotheses that are refined after a touch.
     pub refined: usize,
+    /// The likeliest objects, whose proposals are refined before they are judged.
+    pub refined_objects: usize,
+    /// Proposals of a pair that are refined for each of them.
+    pub refined_proposals: usize,
 }
 
 /// How the recogniser works.
@@ -97,7 +104,8 @@ impl Default for HybridOptions {
                 direction: 4.0,
                 outliers: 0.01,
                 workspace: 0.064,
-                appearance: 0.6,
+                appearance: 1.0,
+                appearance_of_pose: 4.0,
             },
             refinement: RefinementScale {
                 across: 0.3 * mm,
@@ -115,6 +123,8 @@ impl Default for HybridOptions {
                 per_object: 60,
                 total: 4_000,
                 refined: 24,
+                refined_objects: 4,
+                refined_proposals: 8,
             },
             merge_distance: 3.0 * mm,
             merge_angle: 0.12,

@@ -101,7 +101,7 @@ impl Kernel {
         for index in map.voxels().near(contact.point) {
             let patch = &patches[usize::from(index)];
             let log = self.log_kernel(self.across, patch, &contact, touch);
-            sum += log.exp() * touch.appearance(&patch.feature);
+            sum += log.exp() * touch.appearance_of_pose(&patch.feature);
         }
         touch.weight * (self.peak * sum / patches.len() as f32 + self.outliers).ln()
     }
@@ -135,7 +135,7 @@ impl Kernel {
             let patch = &map.patches()[usize::from(index)];
             // As wide across as along: what matters is which patches, not how high.
             let log = self.log_kernel(self.along, patch, &contact, touch);
-            let weight = log.exp() * touch.appearance(&patch.feature) + 1e-12;
+            let weight = log.exp() * touch.appearance_of_pose(&patch.feature) + 1e-12;
             let off = contact.point - patch.position;
             normal += weight * patch.normal;
             offset += weight * off;

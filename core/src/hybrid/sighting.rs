@@ -2,8 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::surface::Touch;
+use super::options::TouchScale;
 use crate::surface::appearance::{Feature, StoredFeature, ratio};
+use crate::surface::{AppearanceSpace, Touch};
 
 /// Touches of one place agree: nearer ones than this (m) are no independent evidence.
 const SAME_PLACE: f32 = 0.003;
@@ -24,14 +25,31 @@ pub(super) struct Sighting {
     /// How much its evidence counts: 1 for a new place, less where it was touched before.
     pub(super) weight: f32,
     feature: Feature,
-    /// How dense touches anywhere are at the feature.
-    density: f32,
+    /// For finding where a touch may be: as sharp as touches of one place are alike.
+    sharp: Looks,
+    /// For judging poses: what is alike by chance must not outweigh where things are.
+    soft: Looks,
+}
+
+/// How features are compared, and how dense touches anywhere are at this one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Looks {
     softness: f32,
+    density: f32,
 }
 
 impl Sighting {
-    /// A touch; `density` is how dense touches anywhere are at its feature.
-    pub(super) fn new(touch: &Touch, anchor: DVec3, density: f32, softness: f32) -> Self {
+    /// A touch as seen from `anchor`.
+    pub(super) fn new(
+        touch: &Touch,
+        anchor: DVec3,
+        space: &AppearanceSpace,
+        scale: &TouchScale,
+    ) -> Self {
+        let looks = |softness| Looks {
+            softness,
+            density: space.density_anywhere(&touch.feature, softness),
+        };
         Self {
             position: (touch.position - anchor).as_vec3(),
             normal: touch.normal.as_vec3(),
@@ -39,8 +57,8 @@ impl Sighting {
             elongation: touch.elongation as f32,
             weight: 1.0,
             feature: touch.feature,
-            density,
-            softness,
+            sharp: looks(scale.appearance),
+            soft: looks(scale.appearance_of_pose),
         }
     }
 
@@ -58,14 +76,20 @@ impl Sighting {
     /// How much likelier the touch looks as it does where `other` was felt than anywhere.
     #[inline]
     pub(super) fn appearance(&self, other: &StoredFeature) -> f32 {
-        ratio(&self.feature, other, self.softness, self.density)
+        ratio(&self.feature, other, self.sharp.softness, self.sharp.density)
+    }
+
+    /// The same for judging a pose, less trusting.
+    #[inline]
+    pub(super) fn appearance_of_pose(&self, other: &StoredFeature) -> f32 {
+        ratio(&self.feature, other, self.soft.softness, self.soft.density)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hybrid::test_support::{places, seen, some_pose};
+    use crate::hybrid::test_support::{places, seen, sighting, some_pose};
     use crate::pose::Pose;
 
     #[test]
@@ -90,13 +114,11 @@ mod tests {
         let pose = some_pose(1);
         let far = Pose::from_parts(pose.rotation, pose.translation + DVec3::splat(1_000.0));
         for place in places(20, 1) {
-            let sighting = |pose: &Pose, anchor: DVec3| {
+            let position = |pose: &Pose| {
                 let position = *pose * place.position;
-                let touch = Touch { position, ..place.clone() };
-                Sighting::new(&touch, anchor, 1.0, 1.0).position
+                sighting(&Touch { position, ..place.clone() }, pose.translation).position
             };
-            let near = sighting(&pose, pose.translation);
-            let away = sighting(&far, far.translation);
+            let (near, away) = (position(&pose), position(&far));
             assert!(near.distance(away) < 1e-8, "{near} {away}");
         }
     }

@@ -1,16 +1,29 @@
 //! What the tests of the hybrid recogniser share: an ellipsoid's surface, and touches of it.
 
+use std::sync::LazyLock;
+
 use glam::{DQuat, DVec3, Vec3};
 
+use super::options::HybridOptions;
 use super::sighting::Sighting;
 use crate::pose::Pose;
 use crate::rng::{Purpose, Stream};
-use crate::surface::appearance::N_AXES;
+use crate::sensor::SensorDescription;
+use crate::surface::appearance::{N_AXES, raw_dimension};
 use crate::surface::map::SurfaceLayout;
-use crate::surface::{SurfaceMap, SurfacePatch, Touch};
+use crate::surface::{AppearanceSpace, SurfaceMap, SurfacePatch, Touch};
+use crate::vocabulary::discriminant::Discriminant;
 
 /// Half axes of the ellipsoid, metres.
 const HALF_AXES: DVec3 = DVec3::new(0.040, 0.030, 0.020);
+
+/// Where all touches look alike: the density of the tests' touches is 1.
+static SPACE: LazyLock<AppearanceSpace> = LazyLock::new(|| {
+    let grid = *SensorDescription::digitacts_6x6().grid();
+    let n = raw_dimension(&grid);
+    let projection = Discriminant { mean: vec![0.0; n], axes: vec![vec![0.0; n]] };
+    AppearanceSpace::new(grid, projection, vec![[0; N_AXES]])
+});
 
 /// A place of the ellipsoid in the object frame that looks like everywhere else.
 pub(super) fn on_ellipsoid(stream: &mut Stream) -> Touch {
@@ -54,7 +67,12 @@ pub(super) fn seen(place: &Touch, session_from_object: &Pose) -> Sighting {
         direction: session_from_object.turn(place.direction),
         ..place.clone()
     };
-    Sighting::new(&touch, DVec3::ZERO, 1.0, 1.0)
+    sighting(&touch, DVec3::ZERO)
+}
+
+/// A touch as seen from `anchor`.
+pub(super) fn sighting(touch: &Touch, anchor: DVec3) -> Sighting {
+    Sighting::new(touch, anchor, &SPACE, &HybridOptions::default().scale)
 }
 
 /// A pose like that of an object in a session: turned by anything, half a metre away.

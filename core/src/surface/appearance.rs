@@ -136,6 +136,12 @@ pub fn raw_descriptor(grid: &TaxelGrid) -> PolarFourier {
     PolarFourier::new(grid.rows, grid.cols, PolarFourierForm::Interleaved)
 }
 
+/// How many values a raw feature of images on a grid has.
+#[must_use]
+pub fn raw_dimension(grid: &TaxelGrid) -> usize {
+    raw_descriptor(grid).dimension() + 1
+}
+
 /// The raw feature of an image: its magnitudes and its peak, in units of 10 kPa.
 #[must_use]
 pub fn raw_feature(descriptor: &PolarFourier, image: &TactileImage) -> Vec<f64> {

@@ -6,6 +6,9 @@ use super::appearance::StoredFeature;
 use super::pair_table::PairTable;
 use super::voxels::Voxels;
 
+/// The most touches of a map: a pair names them by two bytes.
+pub const PATCHES_MAX: usize = u16::MAX as usize;
+
 /// A touched place of an object's surface, in the object frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePatch {
@@ -61,7 +64,7 @@ pub struct SurfaceMap {
 }
 
 impl SurfaceMap {
-    /// A map of patches (most wanted first, at most 65,535), in the object frame whose origin
+    /// A map of patches (most wanted first, at most [`PATCHES_MAX`]), in the object frame whose origin
     /// lies at `origin_in_training` (m) of the training frame.
     #[must_use]
     pub fn new(

@@ -15,7 +15,7 @@ use crate::rng::{Purpose, Stream};
 use crate::surface::appearance::{
     AppearanceSpace, N_AXES, StoredFeature, project, raw_descriptor, raw_feature, stored,
 };
-use crate::surface::map::{SurfaceLayout, SurfaceMap, SurfacePatch};
+use crate::surface::map::{PATCHES_MAX, SurfaceLayout, SurfaceMap, SurfacePatch};
 use crate::surface::thinning::farthest_first;
 use crate::surface::touch::{Touch, observe_touch};
 use crate::units::MM;
@@ -29,6 +29,9 @@ const SAME_FACING: f64 = 0.85;
 
 /// The space is learnt from at most so many pairs of touches of one place.
 const PLACES_MAX: usize = 6_000;
+
+/// Fewer pairs of touches of one place do not say how such touches differ.
+const PLACES_MIN: usize = 40;
 
 /// So many features say how touches anywhere look.
 const ANYWHERE: usize = 2_000;
@@ -73,11 +76,7 @@ pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpac
         .par_iter()
         .map(|readings| readings.iter().map(|r| raw_feature(&descriptor, r.image())).collect())
         .collect();
-    let mut pairs: Vec<Vec<Vec<f64>>> = Vec::new();
-    for (readings, features) in touched.iter().zip(&features) {
-        let of_place = |[a, b]: [usize; 2]| vec![features[a].clone(), features[b].clone()];
-        pairs.extend(same_places(readings).into_iter().map(of_place));
-    }
+    let pairs = pairs_of_places(&touched, &features);
     let mut stream = Stream::new(seed, Purpose::Clustering, 1);
     let pairs = super::subsample(&pairs, PLACES_MAX, &mut stream);
     let mut projection = find_discriminants(&pairs, N_AXES, 0.02)
@@ -90,18 +89,38 @@ pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpac
     Ok(AppearanceSpace::new(grid, projection, anywhere))
 }
 
-/// Pairs of readings that touched one place: each reading with its nearest neighbour.
-fn same_places(readings: &[&Reading]) -> Vec<[usize; 2]> {
+/// Raw features of touches that are of one place. Where touches are few a place is larger:
+/// until there are enough pairs, at last whatever way they face.
+fn pairs_of_places(touched: &[Vec<&Reading>], features: &[Vec<Vec<f64>>]) -> Vec<Vec<Vec<f64>>> {
+    let facings = [SAME_FACING, SAME_FACING, SAME_FACING, SAME_FACING, -1.0];
+    let mut pairs = Vec::new();
+    for (doubling, facing) in facings.into_iter().enumerate() {
+        let reach = SAME_PLACE * f64::from(1u32 << (2 * doubling));
+        pairs.clear();
+        for (readings, features) in touched.iter().zip(features) {
+            let of_place = |[a, b]: [usize; 2]| vec![features[a].clone(), features[b].clone()];
+            pairs.extend(same_places(readings, reach, facing).into_iter().map(of_place));
+        }
+        if pairs.len() >= PLACES_MIN {
+            break;
+        }
+    }
+    pairs
+}
+
+/// Pairs of readings that touched one place: each reading with its nearest neighbour within
+/// `reach` (m) that faces the same way, to a cosine of `facing`.
+fn same_places(readings: &[&Reading], reach: f64, facing: f64) -> Vec<[usize; 2]> {
     let place = |reading: &&Reading| {
         let pose = reading.session_from_sensor();
         (pose.translation, pose.turn(DVec3::NEG_Z))
     };
     let places: Vec<(DVec3, DVec3)> = readings.iter().map(place).collect();
     let nearest = |(index, (position, normal)): (usize, &(DVec3, DVec3))| {
-        let mut best = (SAME_PLACE * SAME_PLACE, None);
-        for (other, (place, facing)) in places.iter().enumerate() {
+        let mut best = (reach * reach, None);
+        for (other, (place, outward)) in places.iter().enumerate() {
             let distance = position.distance_squared(*place);
-            if other != index && distance < best.0 && normal.dot(*facing) > SAME_FACING {
+            if other != index && distance < best.0 && normal.dot(*outward) > facing {
                 best = (distance, Some(other));
             }
         }
@@ -131,7 +150,7 @@ pub fn map_surface(
     let origin = origin_in_training.unwrap_or_else(centroid);
     let places: Vec<(Vec3, Vec3)> =
         touches.iter().map(|t| ((t.position - origin).as_vec3(), t.normal.as_vec3())).collect();
-    let kept = farthest_first(&places, config.patches_max.min(usize::from(u16::MAX)));
+    let kept = farthest_first(&places, config.patches_max.min(PATCHES_MAX));
     let patch = |index: usize| SurfacePatch {
         position: places[index].0,
         normal: places[index].1,
@@ -200,7 +219,20 @@ mod tests {
         ];
         let readings: Vec<&Reading> = readings.iter().collect();
         // The third is nearer to the first but faces away; the fourth is 3.5 mm off.
-        assert_eq!(same_places(&readings), [[0, 1], [1, 0]]);
+        assert_eq!(same_places(&readings, SAME_PLACE, SAME_FACING), [[0, 1], [1, 0]]);
+    }
+
+    #[test]
+    fn where_touches_are_few_a_place_is_larger() {
+        // 4 mm apart: no two within 3 mm, 49 pairs and more within 12 mm.
+        let row: Vec<Reading> =
+            (0..50).map(|n| press([4.0 * f64::from(n), 0.0, 0.0], DVec3::Z, 5e3)).collect();
+        let row: Vec<&Reading> = row.iter().collect();
+        let features: Vec<Vec<f64>> = (0..50).map(|n| vec![f64::from(n)]).collect();
+        let pairs = pairs_of_places(&[row], &[features]);
+        assert_eq!(pairs.len(), 50);
+        // Each with its nearest neighbour.
+        assert!(pairs.iter().all(|pair| (pair[0][0] - pair[1][0]).abs() < 1.5), "{pairs:?}");
     }
 
     #[test]
@@ -243,7 +275,7 @@ mod tests {
         assert_eq!(learn_space(&[set(&nothing)], 1), Err(TrainError::NothingTouched));
         let apart = [press([0.0; 3], DVec3::Z, 5e3), press([9.0; 3], DVec3::Z, 5e3)];
         let few = MapError::TooFew { found: 0, expected: 2 };
-        assert_eq!(learn_space(&[set(&apart)], 1), Err(TrainError::Map(few)));
+        assert_eq!(learn_space(&[set(&apart[..1])], 1), Err(TrainError::Map(few)));
         let few = MapError::TooFew { found: 2, expected: 10 };
         let config = SurfaceConfig::default();
         let error = map_surface(&set(&apart), &space(), &config, None).unwrap_err();

@@ -79,6 +79,7 @@ impl Jobs {
             geometry: training.geometry.as_ref().map(convert::geometry::config),
             appearance,
             pair_maps: training.pair_maps.unwrap_or(true),
+            surfaces: training.surfaces.unwrap_or(false),
             base,
         })
     }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::sensor::TaxelGrid;
+use palpate_core::sensor::{SensorDescription, TaxelGrid};
 use palpate_core::train::TrainingSet;
 use palpate_schemas::JobStage;
 use palpate_sim::mesh::Mesh;
@@ -43,6 +43,11 @@ impl Material {
     /// The taxels of the sensor.
     pub(super) fn grid(&self) -> &TaxelGrid {
         self.sensor.description.grid()
+    }
+
+    /// The readings and their sensor, apart.
+    pub(super) fn parts(&self) -> (&[Reading], &SensorDescription) {
+        (&self.readings, &self.sensor.description)
     }
 
     /// The readings that maps of contact are learnt from.
@@ -88,7 +93,7 @@ fn own_readings(
     let mut sensor: Option<Arc<Sensor>> = None;
     for entry in &entries {
         let Event::Reading(stored) = &entry.event else { continue };
-        if plan.pair_maps && stored.session_from_sensor.is_none() {
+        if (plan.pair_maps || plan.surfaces) && stored.session_from_sensor.is_none() {
             return Err(TrainingFailure::NoPoses { object: name() });
         }
         let used = match &sensor {

@@ -72,7 +72,11 @@ pub(crate) fn options(session: &Session) -> Options {
 /// Whether a method needs maps of contact, and a prior over poses.
 pub(crate) fn is_geometric(method: Method) -> bool {
     match method {
-        Method::Sva | Method::SvaLiteral | Method::Appearance | Method::AppearanceLiteral => false,
+        Method::Hybrid
+        | Method::Sva
+        | Method::SvaLiteral
+        | Method::Appearance
+        | Method::AppearanceLiteral => false,
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => true,
     }
 }
@@ -81,7 +85,8 @@ pub(crate) fn is_geometric(method: Method) -> bool {
 pub(crate) fn is_appearance(method: Method) -> bool {
     match method {
         Method::Appearance | Method::AppearanceLiteral => true,
-        Method::Sva
+        Method::Hybrid
+        | Method::Sva
         | Method::SvaLiteral
         | Method::Geometric
         | Method::GeometricHistogram
@@ -92,6 +97,7 @@ pub(crate) fn is_appearance(method: Method) -> bool {
 /// A method as the store names it.
 fn stored_method(method: Method) -> StoredMethod {
     match method {
+        Method::Hybrid => StoredMethod::Hybrid,
         Method::Sva | Method::SvaLiteral => StoredMethod::Sva,
         Method::Appearance | Method::AppearanceLiteral => StoredMethod::Appearance,
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
@@ -139,10 +145,15 @@ pub(crate) fn new_session(
     })
 }
 
+/// How a new session recognises that does not say how.
+fn default_method(model: &Model) -> Method {
+    if model.core.surface.is_some() { Method::Hybrid } else { Method::Sva }
+}
+
 /// The options of a new session with every default filled in. What another method would use
 /// is a mistake.
 fn checked_options(request: &wire::CreateSession, model: &Model) -> Result<Options, Refusal> {
-    let method = request.method.unwrap_or_default();
+    let method = request.method.unwrap_or_else(|| default_method(model));
     let only = |field: &str, methods: &str| {
         let detail = format!("came with the method {}, expected with {methods}", name(method));
         Refusal::field(field, detail)
@@ -162,6 +173,7 @@ fn checked_options(request: &wire::CreateSession, model: &Model) -> Result<Optio
     }
     let mut options = Options { method, ..Options::default() };
     match method {
+        Method::Hybrid => return model.surfaces().map(|_| options),
         Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),
         Method::Appearance | Method::AppearanceLiteral => {
             return model.appearance().map(|_| options);
@@ -191,6 +203,7 @@ fn bins(n: [u32; 3]) -> Result<[u32; 3], Refusal> {
 /// A method's name on the wire.
 pub(crate) fn name(method: Method) -> &'static str {
     match method {
+        Method::Hybrid => "`hybrid`",
         Method::Sva => "`sva`",
         Method::SvaLiteral => "`sva_literal`",
         Method::Geometric => "`geometric`",
@@ -263,6 +276,7 @@ pub(crate) fn belief(
         revision: count(revision),
         n_readings: count(answer.n_readings),
         objects,
+        unknown: answer.unknown,
         entropy_bits: answer.entropy_bits,
         poses,
     };

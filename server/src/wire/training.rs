@@ -145,6 +145,7 @@ pub(crate) fn stage_name(stage: JobStage) -> &'static str {
         JobStage::Sampling => "sampling",
         JobStage::Vocabulary => "vocabulary",
         JobStage::Mapping => "mapping",
+        JobStage::Surface => "surface",
         JobStage::Geometry => "geometry",
         JobStage::Appearance => "appearance",
         JobStage::Storing => "storing",
@@ -156,6 +157,7 @@ fn stage(name: &str) -> Option<JobStage> {
         JobStage::Sampling,
         JobStage::Vocabulary,
         JobStage::Mapping,
+        JobStage::Surface,
         JobStage::Geometry,
         JobStage::Appearance,
         JobStage::Storing,
@@ -202,17 +204,23 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
         distance_range: request.distance_range,
         geometry: request.geometry.map(super::geometry::training).transpose()?,
         appearance: request.appearance.as_ref().map(super::appearance::training).transpose()?,
+        surfaces: Some(surfaces(request)),
         pair_maps: Some(pair_maps(request)?),
         extend: None,
         activate: Some(request.activate.unwrap_or(true)),
     })
 }
 
+/// Whether surfaces are to be learnt: like pair maps they need poses.
+fn surfaces(request: &StartTraining) -> bool {
+    request.surfaces.or(request.pair_maps).unwrap_or(true)
+}
+
 /// Whether pair maps are to be learnt; without them there must be something else.
 fn pair_maps(request: &StartTraining) -> Result<bool, Refusal> {
     let wanted = request.pair_maps.unwrap_or(true);
-    if !wanted && request.appearance.is_none() {
-        let detail = "came false without `appearance`: nothing would be learnt";
+    if !wanted && request.appearance.is_none() && !surfaces(request) {
+        let detail = "came false without `appearance` or `surfaces`: nothing would be learnt";
         return Err(Refusal::field("/pair_maps", detail));
     }
     if !wanted && request.geometry.is_some() {
@@ -235,6 +243,7 @@ pub(crate) fn extension(
         ("/distance_range", request.distance_range.is_some()),
         ("/geometry", request.geometry.is_some()),
         ("/appearance", request.appearance.is_some()),
+        ("/surfaces", request.surfaces.is_some()),
         ("/pair_maps", request.pair_maps.is_some()),
     ];
     if let Some((field, _)) = given.iter().find(|(_, came)| *came) {
@@ -253,6 +262,8 @@ pub(crate) fn extension(
         descriptor: base.descriptor,
         distance_range: base.distance_range,
         appearance: base.appearance.clone(),
+        // Versions of before there were surfaces do not say that they have none.
+        surfaces: Some(base.surfaces.unwrap_or(false)),
         pair_maps: base.pair_maps,
         ..request.clone()
     };

@@ -39,6 +39,7 @@ fn model() -> Catalogue {
         objects: vec![Arc::new(map(30, 1)), Arc::new(map(12, 2))],
         geometry: None,
         appearance: None,
+        surface: None,
     }
 }
 
@@ -75,6 +76,16 @@ fn a_model_with_appearance_comes_back_with_and_without_maps() {
         let missing = model_from_blocks(&blocks[..last], &OBJECTS).unwrap_err();
         assert_eq!(missing, CodecError::Missing { name: appearance_block_name(OBJECTS[1]) });
     }
+}
+
+#[test]
+fn a_model_with_surfaces_comes_back_and_needs_the_surface_of_every_object() {
+    let surface = Some(Arc::new(surface::tests::model()));
+    let model = Catalogue { surface, ..model() };
+    let blocks = model_to_blocks(&model, &OBJECTS);
+    assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
+    let missing = model_from_blocks(&blocks[..5], &OBJECTS).unwrap_err();
+    assert_eq!(missing, CodecError::Missing { name: surface_block_name(OBJECTS[1]) });
 }
 
 #[test]

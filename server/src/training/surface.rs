@@ -1,0 +1,140 @@
+//! The part of a training that learns the objects' surfaces, and how far they can be believed.
+//!
+//! A tenth of an object's readings has no part in its surface: on them the calibration is
+//! learnt. A training that extends a version uses its appearance space and its calibration.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use palpate_core::hybrid::HybridOptions;
+use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
+use palpate_core::model::ObjectMap;
+use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
+use palpate_core::reading::Reading;
+use palpate_core::surface::{AppearanceSpace, SurfaceMap};
+use palpate_core::train::TrainingSet;
+use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
+use palpate_schemas::{JobStage, SurfaceReport};
+use rayon::prelude::*;
+
+use super::base::extended;
+use super::material::Material;
+use super::{Plan, Progress, TrainingFailure, step};
+use crate::wire::count;
+
+/// One reading in so many is held back.
+const HELD_BACK: usize = 10;
+/// From objects with fewer readings none is held back: their surfaces need them all.
+const READINGS_MIN: usize = 100;
+
+/// What was learnt.
+pub(super) struct Learnt {
+    /// The surfaces of all objects of the new version.
+    pub(super) model: Arc<SurfaceModel>,
+    /// Those that were learnt now, in the plan's order.
+    pub(super) new: Vec<Arc<SurfaceMap>>,
+}
+
+/// An object's readings: those that its surface is learnt from, and the others.
+struct Split {
+    kept: Vec<Reading>,
+    held_back: Vec<Reading>,
+}
+
+/// Learns the surfaces of all objects, in the frames of their pair `maps` where there are any.
+pub(super) fn learn(
+    plan: &Plan,
+    materials: &[Material],
+    maps: &[ObjectMap],
+    progress: &Progress<'_>,
+) -> Result<Learnt, TrainingFailure> {
+    let total = materials.len() + 1;
+    step(progress, JobStage::Surface, 0, total)?;
+    let config = SurfaceConfig::default();
+    let splits: Vec<Split> = materials.iter().map(split).collect();
+    let sets: Vec<TrainingSet<'_>> = splits
+        .iter()
+        .zip(materials)
+        .map(|(split, material)| TrainingSet { readings: &split.kept, ..material.set() })
+        .collect();
+    let base = plan.base.as_ref().map(|base| base.model.surfaces()).transpose()?;
+    let space = match base {
+        Some(known) => known.space.clone(),
+        None => learn_space(&sets, plan.seed)?,
+    };
+    let new = map_all(materials, &sets, maps, &space, &config, progress)?;
+    let model = match (&plan.base, base) {
+        (Some(base), Some(known)) => {
+            let places = base.places(&plan.objects);
+            let maps = extended(&known.maps, &places, new.clone());
+            Arc::new(SurfaceModel { space, calibration: known.calibration, maps })
+        }
+        _ => calibrated(plan, materials, &splits, space, new.clone()),
+    };
+    step(progress, JobStage::Surface, total, total)?;
+    Ok(Learnt { model, new })
+}
+
+fn split(material: &Material) -> Split {
+    let (readings, _) = material.parts();
+    let is_held_back =
+        |index: usize| readings.len() >= READINGS_MIN && index % HELD_BACK == HELD_BACK - 1;
+    let (mut kept, mut held_back) = (Vec::new(), Vec::new());
+    for (index, reading) in readings.iter().enumerate() {
+        let side = if is_held_back(index) { &mut held_back } else { &mut kept };
+        side.push(reading.clone());
+    }
+    Split { kept, held_back }
+}
+
+fn map_all(
+    materials: &[Material],
+    sets: &[TrainingSet<'_>],
+    maps: &[ObjectMap],
+    space: &AppearanceSpace,
+    config: &SurfaceConfig,
+    progress: &Progress<'_>,
+) -> Result<Vec<Arc<SurfaceMap>>, TrainingFailure> {
+    let done = AtomicUsize::new(0);
+    let map_one = |(index, (material, set)): (usize, (&Material, &TrainingSet<'_>))| {
+        // All that is known of an object is in one frame.
+        let origin = maps.get(index).map(ObjectMap::origin_in_training).or(material.origin);
+        let map = map_surface(set, space, config, origin).map_err(|source| {
+            TrainingFailure::Mapping { object: material.object.name.clone(), source }
+        })?;
+        let now = done.fetch_add(1, Ordering::Relaxed) + 1;
+        step(progress, JobStage::Surface, now, materials.len() + 1)?;
+        Ok(Arc::new(map))
+    };
+    materials.par_iter().zip(sets).enumerate().map(map_one).collect()
+}
+
+fn calibrated(
+    plan: &Plan,
+    materials: &[Material],
+    splits: &[Split],
+    space: AppearanceSpace,
+    maps: Vec<Arc<SurfaceMap>>,
+) -> Arc<SurfaceModel> {
+    let calibration = EvidenceCalibration::default();
+    let model = Arc::new(SurfaceModel { space, calibration, maps });
+    let held_back: Vec<HeldBack<'_>> = splits
+        .iter()
+        .zip(materials)
+        .map(|(split, material)| HeldBack {
+            readings: &split.held_back,
+            sensor: material.parts().1,
+        })
+        .collect();
+    let calibration = calibrate(&model, &held_back, HybridOptions::default(), plan.seed);
+    Arc::new(SurfaceModel { calibration, ..(*model).clone() })
+}
+
+/// What is reported of a surface.
+pub(super) fn report(map: &SurfaceMap) -> SurfaceReport {
+    SurfaceReport {
+        n_patches: count(map.patches().len()),
+        n_pairs: count(map.pairs().len()),
+        bytes: map.bytes() as u64,
+    }
+}

@@ -1,0 +1,246 @@
+//! Trained surfaces ↔ blocks: one shared by all objects, one for each object's touches.
+//!
+//! The shared block holds the appearance space and the calibration of evidence. What looks
+//! touches up (voxels, pairs) is built anew from the touches when a block is read: it follows
+//! from them, and is ten times as large. Metres, object frames; drawn in `docs/formats.md`.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use palpate_core::model::surface::{EvidenceCalibration, EvidenceStage, SurfaceModel};
+use palpate_core::sensor::TaxelGrid;
+use palpate_core::surface::appearance::{N_AXES, StoredFeature, raw_dimension};
+use palpate_core::surface::map::{PATCHES_MAX, SurfaceLayout};
+use palpate_core::surface::{AppearanceSpace, SurfaceMap, SurfacePatch};
+use palpate_core::vocabulary::discriminant::Discriminant;
+use rayon::prelude::*;
+use uuid::Uuid;
+
+use super::reader::Reader;
+use super::writer::{put_counts, put_floats, put_singles};
+use super::{CodecError, FORM, count};
+
+/// The name of the block with the appearance space and the calibration.
+pub const SURFACE_BLOCK: &str = "surface";
+/// The most features that say how touches anywhere look.
+const ANYWHERE_MAX: u32 = 1 << 16;
+/// Numbers of a patch beside its feature.
+const PATCH_SINGLES: usize = 11;
+/// Numbers of a layout beside the patches that are paired.
+const LAYOUT_SINGLES: usize = 4;
+
+/// The name of the block with an object's surface.
+#[must_use]
+pub fn surface_block_name(object: Uuid) -> String {
+    format!("{SURFACE_BLOCK}/{object}")
+}
+
+/// The blocks of a catalogue's surfaces. `objects` are the ids of its objects, in its order.
+pub(super) fn to_blocks(model: &SurfaceModel, objects: &[Uuid]) -> Vec<(String, Vec<u8>)> {
+    let shared = (SURFACE_BLOCK.to_owned(), shared_to_block(model));
+    let maps = objects
+        .iter()
+        .zip(&model.maps)
+        .map(|(object, map)| (surface_block_name(*object), map_to_block(map)));
+    std::iter::once(shared).chain(maps).collect()
+}
+
+/// The surfaces of a shared block and the objects' blocks, in the catalogue's order.
+pub(super) fn from_blocks<'block>(
+    shared: &[u8],
+    maps: impl Iterator<Item = Result<&'block [u8], CodecError>>,
+) -> Result<SurfaceModel, CodecError> {
+    let (space, calibration) = shared_from_block(shared)?;
+    let blocks: Vec<&[u8]> = maps.collect::<Result<_, _>>()?;
+    let maps = blocks.par_iter().map(|block| map_from_block(block).map(Arc::new));
+    Ok(SurfaceModel { space, calibration, maps: maps.collect::<Result<_, _>>()? })
+}
+
+fn shared_to_block(model: &SurfaceModel) -> Vec<u8> {
+    let (space, grid) = (&model.space, model.space.grid());
+    let Discriminant { mean, axes } = space.projection();
+    let mut block = Vec::new();
+    let counts = [grid.rows, grid.cols, mean.len(), axes.len(), space.anywhere().len()].map(count);
+    put_counts(&mut block, &[FORM]);
+    put_counts(&mut block, &counts);
+    put_floats(&mut block, &[grid.pitch, grid.taxel_width]);
+    for stage in &model.calibration.stages {
+        put_floats(&mut block, &[stage.temperature, stage.unknown, stage.unknown_per_touch]);
+    }
+    put_floats(&mut block, mean);
+    axes.iter().for_each(|axis| put_floats(&mut block, axis));
+    block.extend(space.anywhere().iter().flatten().flat_map(|value| value.to_le_bytes()));
+    block
+}
+
+fn shared_from_block(block: &[u8]) -> Result<(AppearanceSpace, EvidenceCalibration), CodecError> {
+    let mut reader = Reader::new(block)?;
+    let rows = reader.count("rows", 1, 1024)?;
+    let cols = reader.count("cols", 1, 1024)?;
+    let n_values = reader.count("values of a feature", 1, 1 << 20)?;
+    let n_axes = reader.count("axes", 1, N_AXES as u32)?;
+    let n_anywhere = reader.count("features anywhere", 1, ANYWHERE_MAX)?;
+    let sizes = reader.floats("pitch and width", 2)?;
+    let grid = TaxelGrid { rows, cols, pitch: sizes[0], taxel_width: sizes[1] };
+    let stages = reader.floats("calibration", 9)?;
+    let stage = |n: usize| EvidenceStage {
+        temperature: stages[3 * n],
+        unknown: stages[3 * n + 1],
+        unknown_per_touch: stages[3 * n + 2],
+    };
+    let calibration = EvidenceCalibration { stages: [stage(0), stage(1), stage(2)] };
+    let mean = reader.floats("mean", n_values)?;
+    let axes = (0..n_axes).map(|_| reader.floats("axes", n_values)).collect::<Result<_, _>>()?;
+    let anywhere = features(&mut reader, n_anywhere)?;
+    reader.end()?;
+    let is_usable = grid.pitch > 0.0
+        && grid.taxel_width > 0.0
+        && calibration.stages.iter().all(|stage| stage.temperature > 0.0)
+        && n_values == raw_dimension(&grid);
+    if !is_usable {
+        return Err(CodecError::Surface);
+    }
+    Ok((AppearanceSpace::new(grid, Discriminant { mean, axes }, anywhere), calibration))
+}
+
+fn map_to_block(map: &SurfaceMap) -> Vec<u8> {
+    let (layout, patches) = (map.layout(), map.patches());
+    let mut block = Vec::with_capacity(64 + patches.len() * (4 * PATCH_SINGLES + N_AXES));
+    put_counts(&mut block, &[FORM, count(patches.len()), count(layout.pair_patches_max)]);
+    put_floats(&mut block, &map.origin_in_training().to_array());
+    let SurfaceLayout { voxel, reach, pair_distance_min, pair_distance_edge, .. } = layout;
+    put_singles(&mut block, &[voxel, reach, pair_distance_min, pair_distance_edge]);
+    for patch in patches {
+        for vector in [patch.position, patch.normal, patch.direction] {
+            put_singles(&mut block, &vector.to_array());
+        }
+        put_singles(&mut block, &[patch.elongation, patch.normal_deviation]);
+    }
+    block.extend(patches.iter().flat_map(|patch| patch.feature).flat_map(i8::to_le_bytes));
+    block
+}
+
+fn map_from_block(block: &[u8]) -> Result<SurfaceMap, CodecError> {
+    let mut reader = Reader::new(block)?;
+    let n_patches = reader.count("patches", 1, PATCHES_MAX as u32)?;
+    let pair_patches_max = reader.count("paired patches", 0, PATCHES_MAX as u32)?;
+    let origin = reader.floats("origin", 3)?;
+    let [voxel, reach, pair_distance_min, pair_distance_edge] =
+        reader.singles(LAYOUT_SINGLES)?.try_into().map_err(|_| CodecError::Surface)?;
+    let singles = reader.singles(n_patches * PATCH_SINGLES)?;
+    if let Some(found) = singles.iter().find(|value| !value.is_finite()) {
+        return Err(CodecError::Finite { field: "patches", found: f64::from(*found) });
+    }
+    let features = features(&mut reader, n_patches)?;
+    reader.end()?;
+    let lengths = [voxel, reach, pair_distance_edge];
+    let usable = lengths.iter().all(|length| (1e-5..=1.0).contains(length));
+    if !usable || !(0.0..=1.0).contains(&pair_distance_min) {
+        return Err(CodecError::Surface);
+    }
+    let patch = |(numbers, feature): (&[f32; PATCH_SINGLES], StoredFeature)| {
+        let [x, y, z, nx, ny, nz, dx, dy, dz, elongation, normal_deviation] = *numbers;
+        SurfacePatch {
+            position: Vec3::new(x, y, z),
+            normal: Vec3::new(nx, ny, nz),
+            direction: Vec3::new(dx, dy, dz),
+            elongation,
+            normal_deviation,
+            feature,
+        }
+    };
+    let numbers = singles.as_chunks::<PATCH_SINGLES>().0;
+    let patches = numbers.iter().zip(features).map(patch).collect();
+    let layout =
+        SurfaceLayout { voxel, reach, pair_patches_max, pair_distance_min, pair_distance_edge };
+    Ok(SurfaceMap::new([origin[0], origin[1], origin[2]].into(), patches, layout))
+}
+
+fn features(reader: &mut Reader<'_>, n: usize) -> Result<Vec<StoredFeature>, CodecError> {
+    let bytes = reader.take(n, N_AXES)?.as_chunks::<N_AXES>().0;
+    Ok(bytes.iter().map(|feature| feature.map(|byte| i8::from_le_bytes([byte]))).collect())
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use palpate_core::rng::{Purpose, Stream};
+
+    use super::*;
+
+    /// Surfaces of two objects.
+    pub(in crate::model_codec) fn model() -> SurfaceModel {
+        let grid = TaxelGrid { rows: 6, cols: 7, pitch: 0.002, taxel_width: 0.0018 };
+        let n_values = raw_dimension(&grid);
+        let axis = |n: usize| (0..n_values).map(|value| (value * n) as f64 / 9.0).collect();
+        let projection =
+            Discriminant { mean: vec![0.5; n_values], axes: (1..=3).map(axis).collect() };
+        let anywhere = vec![[1, -2, 3, 0, 0, 0, 127, -128], [0; N_AXES]];
+        let mut calibration = EvidenceCalibration::default();
+        calibration.stages[2].temperature = 1.75;
+        SurfaceModel {
+            space: AppearanceSpace::new(grid, projection, anywhere),
+            calibration,
+            maps: vec![Arc::new(map(40, 1)), Arc::new(map(15, 2))],
+        }
+    }
+
+    fn map(n: usize, seed: u64) -> SurfaceMap {
+        let mut stream = Stream::new(seed, Purpose::Shape, 0);
+        let patch = |index: usize| {
+            let normal = stream.direction();
+            SurfacePatch {
+                position: (0.04 * normal).as_vec3(),
+                normal: normal.as_vec3(),
+                direction: normal.any_orthonormal_vector().as_vec3(),
+                elongation: 0.25,
+                normal_deviation: 0.125,
+                feature: [index as i8; N_AXES],
+            }
+        };
+        let layout = SurfaceLayout { pair_patches_max: 20, ..SurfaceLayout::default() };
+        SurfaceMap::new([0.1, 0.2, 0.3].into(), (0..n).map(patch).collect(), layout)
+    }
+
+    #[test]
+    fn surfaces_come_back_bit_by_bit_with_what_looks_them_up() {
+        let objects = [Uuid::from_u128(1), Uuid::from_u128(2)];
+        let blocks = to_blocks(&model(), &objects);
+        let names: Vec<&str> = blocks.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(
+            names,
+            ["surface", &surface_block_name(objects[0]), &surface_block_name(objects[1])]
+        );
+        let maps = blocks[1..].iter().map(|(_, block)| Ok(block.as_slice()));
+        assert_eq!(from_blocks(&blocks[0].1, maps), Ok(model()));
+    }
+
+    #[test]
+    fn a_cut_or_longer_block_is_refused() {
+        let (shared, surface) = (shared_to_block(&model()), map_to_block(&map(12, 3)));
+        for length in 0..shared.len() {
+            assert!(shared_from_block(&shared[..length]).is_err());
+        }
+        for length in 0..surface.len() {
+            assert!(map_from_block(&surface[..length]).is_err());
+        }
+        assert!(shared_from_block(&[shared, vec![0]].concat()).is_err());
+        assert!(map_from_block(&[surface, vec![0]].concat()).is_err());
+    }
+
+    #[test]
+    fn numbers_that_make_no_surface_are_refused() {
+        let block = map_to_block(&map(12, 3));
+        let with = |at: usize, bytes: &[u8]| {
+            let mut block = block.clone();
+            block[at..at + bytes.len()].copy_from_slice(bytes);
+            map_from_block(&block).unwrap_err()
+        };
+        // Behind three counts and the origin: the layout, then the first patch.
+        assert_eq!(with(36, &0f32.to_le_bytes()), CodecError::Surface);
+        let nan = with(52, &f32::NAN.to_le_bytes());
+        assert!(matches!(nan, CodecError::Finite { field: "patches", .. }));
+        let mut other = model();
+        other.calibration.stages[1].temperature = 0.0;
+        assert_eq!(shared_from_block(&shared_to_block(&other)), Err(CodecError::Surface));
+    }
+}
