@@ -3,8 +3,8 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, jobs::JobsArgs,
-    letters::LettersArgs, maps::MapsArgs, objects::ObjectsArgs, report::ReportArgs,
+    analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
+    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, objects::ObjectsArgs, report::ReportArgs,
     sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
     train::TrainArgs,
 };
@@ -73,6 +73,8 @@ pub(crate) enum Command {
     Maps(MapsArgs),
     /// Let a simulated robot touch a mesh and see whether it is recognised.
     Touch(TouchArgs),
+    /// Let a simulated arm explore an object that it knows nothing of.
+    Explore(ExploreArgs),
     /// Sessions: objects being touched, and what is known of them.
     Sessions(SessionsArgs),
     /// Rerun the tables and figures of docs/results.md.
@@ -114,6 +116,14 @@ mod tests {
             "palpate sensors add finger --preset digitacts-6x6",
             "palpate train --readings-per-object 500 --seed 3 --sensor digitacts-6x6 mug cup",
             "palpate touch --object mug --mesh mug.stl --readings 15 --seed 7",
+            "palpate explore --object mug --readings 40 --out mug.json",
+            "palpate explore --mesh part.stl --readings 100 --offline --out part.json",
+            "palpate explore --replay mug.json --session 0198a0d0-0000-7000-8000-000000000000",
+            "palpate explore --object mug --local 1 --links 6 --perturb --noise 0.4",
+            "palpate explore --object mug --perturb --method appearance --readings 40",
+            "palpate experiment controllers --object mug --seeds 2 --successes 20",
+            "palpate experiment exploration --meshes DIR --size-mm 80 --runs 3 --trials 30",
+            "palpate experiment perturbation --runs 3 --no-record",
             "palpate touch --object A --mesh A.stl --method geometric --sensor digitacts-6x6-thin",
             "palpate train --geometry planar --cell-mm 0.5 A E I O U",
             "palpate train --geometry solid",
@@ -151,6 +161,13 @@ mod tests {
             "palpate letters press A --out a.json --readings 193",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
+            "palpate explore",
+            "palpate explore --object mug --offline",
+            "palpate explore --object mug --method geometric",
+            "palpate explore --object mug --offline --out mug.json --method sva",
+            "palpate explore --object mug --local 1.5",
+            "palpate explore --object mug --links 2",
+            "palpate explore --object mug --replay mug.json",
             "palpate sensors calibrate finger",
             "palpate analyses covering --thickness-mm 1 --spread-mm 2",
             "palpate experiment sva-objects --size-mm 0.08",

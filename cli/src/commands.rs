@@ -4,6 +4,7 @@ pub(crate) mod analyses;
 pub(crate) mod calibrate;
 pub(crate) mod demo;
 pub(crate) mod experiment;
+pub(crate) mod explore;
 pub(crate) mod jobs;
 pub(crate) mod letters;
 pub(crate) mod maps;
@@ -46,6 +47,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Report(args) => report::run(args, &context()?).await,
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
+        Command::Explore(args) => explore::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
         Command::Experiment(args) => experiment::run(args, output).await,
         Command::Openapi => openapi::run(),

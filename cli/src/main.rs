@@ -8,8 +8,10 @@
 mod args;
 mod commands;
 mod exit;
+mod explorer;
 mod output;
 mod progress;
+mod readings_file;
 mod robot;
 mod trial;
 

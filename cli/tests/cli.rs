@@ -62,7 +62,9 @@ impl Drop for Server {
 #[test]
 fn wrong_usage_exits_with_two() {
     let folder = TempDir::new().unwrap();
-    for arguments in ["", "objects", "touch --mesh mug.stl", "demo --json", "demo --trials 0"] {
+    for arguments in
+        ["", "objects", "touch --mesh mug.stl", "demo --json", "demo --trials 0", "explore"]
+    {
         let output = run(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments}: {}", stderr(&output));
     }
@@ -131,6 +133,8 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     // the origin: a mistake of frames or units would be off by far more than its own 80 mm.
     assert!(answer["position_error_mm"].as_f64().unwrap() < 60.0, "{answer}");
 
+    explored_readings_can_be_sent_again(at, |arguments| ask(&server, arguments));
+
     let report = ask(&server, "report --svg report.svg");
     assert_eq!(report.status.code(), Some(0), "{}", stderr(&report));
     assert!(stdout(&report).contains("how alike the objects are"), "{}", stdout(&report));
@@ -151,13 +155,48 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     let sessions: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
     assert_eq!(
         sessions["items"].as_array().unwrap().len(),
-        3,
-        "the first two survived the restart"
+        6,
+        "those of before survived the restart"
     );
 
     let second = palpate("serve --listen 127.0.0.1:0").arg("--data").arg(&data).output().unwrap();
     assert_eq!(second.status.code(), Some(1));
     assert!(stderr(&second).contains("in use by another process"), "{}", stderr(&second));
+}
+
+/// Explores into a new session and a file, and sends the file into that session and another.
+fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) {
+    let answer = |arguments: &str| -> serde_json::Value {
+        let output = ask(arguments);
+        assert_eq!(output.status.code(), Some(0), "{arguments}: {}", stderr(&output));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let mug = "explore --mesh meshes/mug.stl --readings 5 --json";
+    let explored = answer(&format!("{mug} --method appearance --out mug.json"));
+    assert_eq!((&explored["readings"], &explored["right"]), (&5.into(), &().into()));
+    let session = explored["session"].as_str().unwrap();
+    answer(&format!("explore --replay mug.json --session {session} --json"));
+    let replayed = answer("explore --replay mug.json --method appearance --json");
+    assert_ne!(replayed["session"], explored["session"]);
+    for what in ["readings", "answer", "probability"] {
+        assert_eq!(replayed[what], explored[what], "{what}");
+    }
+    assert!(explored["probability"].as_f64().unwrap() > 1.0 / 3.0, "{explored}");
+    assert_eq!(replayed["planner"], serde_json::Value::Null);
+    let listed = answer("sessions list --json");
+    let counts: Vec<_> =
+        listed["items"].as_array().unwrap().iter().map(|item| &item["n_readings"]).collect();
+    // The touches before; a file that is sent twice counts once.
+    assert_eq!(counts, [10, 5, 5]);
+    let again = answer(&format!("{mug} --offline --out 2.json"));
+    assert_eq!(again["session"], serde_json::Value::Null);
+    let file = |name: &str| std::fs::read(at.join(name)).unwrap();
+    assert_eq!(file("mug.json"), file("2.json"));
+    // An object that moves, by a method that does not ask where the sensor was.
+    let moving = "explore --mesh meshes/mug.stl --readings 12 --perturb --method appearance --json";
+    let moved = answer(moving);
+    assert_eq!(moved["readings"], 12);
+    assert!(moved["probability"].as_f64().unwrap() > 1.0 / 3.0, "{moved}");
 }
 
 #[test]

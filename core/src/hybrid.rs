@@ -48,6 +48,10 @@ const PAIR_OUTLIERS: f32 = 0.03;
 /// Of the stored pairs whose cells a query visits, what their geometry weighs in the mean.
 const VISITED_WEIGHT: f32 = 0.03;
 
+/// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
+/// mapped touches instead of between them.
+const WORSE_MAX: f32 = 3.0;
+
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
 pub struct HybridBelief {
@@ -239,7 +243,7 @@ impl HybridBelief {
                     merge(&mut new, &options);
                     new.truncate(options.budget.refined_proposals);
                     for hypothesis in &mut new {
-                        refine::settle(hypothesis, map, touches, &kernel, &options);
+                        settle(hypothesis, map, touches, &kernel, &options);
                     }
                 }
                 state.hypotheses.extend(new);
@@ -271,7 +275,7 @@ impl HybridBelief {
         for (_, object, index) in best {
             let map = &self.model.maps[object];
             let hypothesis = &mut self.objects[object].hypotheses[index];
-            refine::settle(hypothesis, map, &self.touches, &self.kernel, &self.options);
+            settle(hypothesis, map, &self.touches, &self.kernel, &self.options);
         }
         for state in &mut self.objects {
             merge(&mut state.hypotheses, &self.options);
@@ -368,6 +372,25 @@ impl HybridBelief {
     #[must_use]
     pub fn n_readings(&self) -> usize {
         self.n_readings
+    }
+}
+
+/// Refines a hypothesis and scores it anew; one that becomes clearly worse stays as it was.
+fn settle(
+    hypothesis: &mut Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Sighting],
+    kernel: &Kernel,
+    options: &HybridOptions,
+) {
+    let mut tried = *hypothesis;
+    refine::refine(&mut tried, map, touches, kernel, options);
+    let pose = Turned::new(tried.rotation, tried.translation);
+    let bar = hypothesis.score - WORSE_MAX;
+    if let Some(score) = kernel.score_all(map, &pose, touches, bar)
+        && score >= bar
+    {
+        *hypothesis = Hypothesis { score, ..tried };
     }
 }
 

@@ -31,6 +31,12 @@ pub enum Purpose {
     Particles = 8,
     /// Gains of the letter rig's taxels.
     RigGains = 10,
+    /// Where a blind arm goes next, and what it feels there.
+    Exploration = 11,
+    /// How an object moves when it is touched.
+    Perturbation = 12,
+    /// Gains of a simulated sensor's taxels.
+    TaxelGains = 20,
 }
 
 /// A reproducible stream of random numbers.

@@ -95,8 +95,33 @@ pub fn touch_in_noise(
 ) -> anyhow::Result<Vec<Reading>> {
     let press = PressConfig { noise_level, ..PressConfig::for_sensor(sensor) };
     let simulator = PressSimulator::with_config(object.mesh.clone(), sensor.clone(), press);
-    let config = SamplerConfig::for_simulator(&simulator);
+    sampled(object, &simulator, n, seed, &SamplerConfig::for_simulator(&simulator))
+}
+
+/// The same without added noise, from starts that are tilted by up to `tilt_max` radians.
+///
+/// # Errors
+/// When the sampler gives up: the object cannot be touched often enough.
+pub fn touch_tilted(
+    object: &TestObject,
+    sensor: &SensorDescription,
+    tilt_max: f64,
+    n: usize,
+    seed: u64,
+) -> anyhow::Result<Vec<Reading>> {
+    let simulator = PressSimulator::new(object.mesh.clone(), sensor.clone());
+    let config = SamplerConfig { tilt_max, ..SamplerConfig::for_simulator(&simulator) };
+    sampled(object, &simulator, n, seed, &config)
+}
+
+fn sampled(
+    object: &TestObject,
+    simulator: &PressSimulator,
+    n: usize,
+    seed: u64,
+    config: &SamplerConfig,
+) -> anyhow::Result<Vec<Reading>> {
     let mut go_on = |_done: usize, _total: usize| ControlFlow::Continue(());
-    sample(&simulator, SensorId(0), n, seed, &config, &mut go_on)
+    sample(simulator, SensorId(0), n, seed, config, &mut go_on)
         .with_context(|| format!("cannot touch {} {n} times", object.name))
 }

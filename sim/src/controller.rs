@@ -3,9 +3,10 @@
 //! Source: section 4.2.2, figure 4.3 and algorithm 1, with the corrections in
 //! `docs/equations.md`: Press also stops on the raw depth, and every way is bounded. Poses
 //! are `object_from_sensor`; the sensor moves along its own z and turns about its origin.
-//! Not here: re-centring, choosing where to touch (`sampler`).
+//! Not here: choosing where to touch (`sampler`).
 
 mod orient;
+mod recenter;
 
 use palpate_core::pose::Pose;
 use palpate_core::rng::Stream;
@@ -15,6 +16,20 @@ use palpate_core::units::{DEG, MM};
 use crate::noise::NoiseLevel;
 use crate::press::{HeightMap, Press, PressSimulator};
 pub use orient::turn_to_surface;
+pub use recenter::{
+    Landing, Miss, Recenter, RecenterConfig, contact_offset, touch_recentered,
+    touch_recentered_carried,
+};
+
+/// When Press and Orient count as both idle; without noise the two are one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Idle {
+    /// Orient has no command on the reading at which Press came to rest.
+    OneReading,
+    /// Each looks at a reading of its own, and one after the other has no command. As printed;
+    /// under noise a touch takes longer and may never end.
+    Consecutive,
+}
 
 /// When the controllers command, and when they give up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +54,8 @@ pub struct ContactConfig {
     pub rounds_max: usize,
     /// How far the sensor may get from its first contact, metres.
     pub walk_max: f64,
+    /// What ends the turns.
+    pub idle: Idle,
 }
 
 impl ContactConfig {
@@ -60,6 +77,7 @@ impl ContactConfig {
             orient_tolerance: 2.0 * DEG,
             rounds_max: 30,
             walk_max: 20.0 * MM,
+            idle: Idle::OneReading,
         }
     }
 }
@@ -75,6 +93,8 @@ pub struct Contact {
     pub pressures: Vec<f64>,
     /// How often Press and Orient took turns.
     pub rounds: usize,
+    /// Moves of Press and turns of Orient that were commanded.
+    pub commands: usize,
 }
 
 /// How a touch ended.
@@ -86,9 +106,13 @@ pub enum Outcome {
     Missed,
     /// A bound was reached before the controllers came to rest, or the contact was lost.
     NoConvergence,
+    /// What carries the sensor could not follow a command.
+    Unreachable,
 }
 
 /// Touches the object from `object_from_sensor` along the sensor's +z; noise from `stream`.
+///
+/// The sensor goes wherever it is commanded, as if nothing carried it.
 #[must_use]
 pub fn touch(
     simulator: &PressSimulator,
@@ -96,11 +120,40 @@ pub fn touch(
     config: &ContactConfig,
     stream: &mut Stream,
 ) -> Outcome {
-    let Some(first_contact) = approach(simulator, object_from_sensor, config, stream) else {
-        return Outcome::Missed;
-    };
+    touch_carried(simulator, object_from_sensor, config, stream, &mut |_| true)
+}
+
+/// Touches like [`touch`] with a sensor that something carries.
+///
+/// `carry` hears every commanded `object_from_sensor` and answers whether the sensor got
+/// there; the first command that is not followed ends the touch.
+#[must_use]
+pub fn touch_carried(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    config: &ContactConfig,
+    stream: &mut Stream,
+    carry: &mut dyn FnMut(Pose) -> bool,
+) -> Outcome {
+    match approach(simulator, object_from_sensor, config, stream) {
+        Approached::Felt(felt) if !carry(felt.object_from_sensor) => Outcome::Unreachable,
+        Approached::Felt(felt) => settle(simulator, felt.object_from_sensor, config, stream, carry),
+        Approached::Ended { .. } => Outcome::Missed,
+    }
+}
+
+/// Press and Orient by turns from the first contact.
+fn settle(
+    simulator: &PressSimulator,
+    first_contact: Pose,
+    config: &ContactConfig,
+    stream: &mut Stream,
+    carry: &mut dyn FnMut(Pose) -> bool,
+) -> Outcome {
     let mut object_from_sensor = first_contact;
     let mut travel_left = config.travel_max;
+    let mut orient_was_idle = false;
+    let mut commands = 0;
     for round in 1..=config.rounds_max {
         let Some(pressed) = press(simulator, object_from_sensor, config, travel_left, stream)
         else {
@@ -108,21 +161,37 @@ pub fn touch(
         };
         object_from_sensor = advanced(object_from_sensor, pressed.travel);
         travel_left -= pressed.travelled;
+        commands += pressed.moves;
         if object_from_sensor.distance_to(&first_contact) > config.walk_max {
             return Outcome::NoConvergence;
         }
-        match orient::command(simulator.sensor(), &pressed.pressures, config) {
-            Some(rotation) => {
-                let turned = object_from_sensor.rotation * rotation;
-                object_from_sensor = Pose::from_parts(turned, object_from_sensor.translation);
+        if !carry(object_from_sensor) {
+            return Outcome::Unreachable;
+        }
+        let (felt, press_was_idle) = match config.idle {
+            Idle::OneReading => (pressed.pressures.clone(), true),
+            Idle::Consecutive => {
+                (simulator.pressures(&pressed.press, stream), pressed.travelled <= 0.0)
             }
-            None => {
-                return Outcome::Converged(Contact {
-                    object_from_sensor,
-                    pressures: pressed.pressures,
-                    press: pressed.press,
-                    rounds: round,
-                });
+        };
+        let command = orient::command(simulator.sensor(), &felt, config);
+        let at_rest = press_was_idle && (orient_was_idle || command.is_none());
+        if at_rest {
+            return Outcome::Converged(Contact {
+                object_from_sensor,
+                pressures: pressed.pressures,
+                press: pressed.press,
+                rounds: round,
+                commands,
+            });
+        }
+        orient_was_idle = command.is_none();
+        if let Some(rotation) = command {
+            commands += 1;
+            let turned = object_from_sensor.rotation * rotation;
+            object_from_sensor = Pose::from_parts(turned, object_from_sensor.translation);
+            if !carry(object_from_sensor) {
+                return Outcome::Unreachable;
             }
         }
     }
@@ -130,34 +199,52 @@ pub fn touch(
 }
 
 /// A pose moved along its own z, metres.
-fn advanced(object_from_sensor: Pose, travel: f64) -> Pose {
+pub(crate) fn advanced(object_from_sensor: Pose, travel: f64) -> Pose {
     object_from_sensor * Pose::from_parts(glam::DQuat::IDENTITY, glam::DVec3::Z * travel)
+}
+
+/// How a guarded move ended.
+enum Approached {
+    /// A taxel is above the contact threshold.
+    Felt(FirstContact),
+    /// Nothing was felt as far as the sensor went, metres along +z.
+    Ended { travel: f64 },
+}
+
+/// Where something is felt first.
+struct FirstContact {
+    object_from_sensor: Pose,
+    /// What the sensor reports there, pascal, row-major in the sensor frame's order.
+    pressures: Vec<f64>,
 }
 
 /// Approach: a guarded move until a taxel is above the contact threshold.
 ///
 /// The move through free air is taken at once; a sensor that begins inside the object backs
-/// out first. `None` when nothing is felt before the raw depth's limit.
+/// out first. It ends without contact where nothing is ahead, or at the raw depth's limit.
 fn approach(
     simulator: &PressSimulator,
     object_from_sensor: Pose,
     config: &ContactConfig,
     stream: &mut Stream,
-) -> Option<Pose> {
+) -> Approached {
     let heights = simulator.heights(object_from_sensor, config.approach_max);
     let lowest = heights.lowest();
     if !lowest.is_finite() {
-        return None;
+        return Approached::Ended { travel: config.approach_max };
     }
     let n_steps = 20;
     let step = config.penetration_max / f64::from(n_steps);
-    (1..=n_steps).find_map(|count| {
+    for count in 1..=n_steps {
         let travel = lowest + step * f64::from(count);
         let press = simulator.press_at(&heights, travel);
         let pressures = simulator.pressures(&press, stream);
-        let felt = pressures.iter().any(|pressure| *pressure > config.contact_threshold);
-        felt.then(|| advanced(object_from_sensor, travel))
-    })
+        if pressures.iter().any(|pressure| *pressure > config.contact_threshold) {
+            let object_from_sensor = advanced(object_from_sensor, travel);
+            return Approached::Felt(FirstContact { object_from_sensor, pressures });
+        }
+    }
+    Approached::Ended { travel: lowest + config.penetration_max }
 }
 
 /// Where Press came to rest.
@@ -166,6 +253,8 @@ struct Pressed {
     travel: f64,
     /// The sum of their lengths, metres.
     travelled: f64,
+    /// How many they were.
+    moves: usize,
     press: Press,
     pressures: Vec<f64>,
 }
@@ -194,7 +283,7 @@ fn press(
     let mut heights = simulator.heights(object_from_sensor, PRESS_REACH);
     let (mut travel, mut travelled) = (0.0, 0.0);
     let mut slope = Slope::default();
-    for _ in 0..PRESS_STEPS_MAX {
+    for moves in 0..PRESS_STEPS_MAX {
         redraw_if_beyond(simulator, object_from_sensor, &mut heights, travel);
         if !heights.lowest().is_finite() {
             return None;
@@ -210,7 +299,7 @@ fn press(
         let at_limit = room <= depth_tolerance || near_saturation;
         let idle = !too_strong && (!too_weak || at_limit) && room >= -depth_tolerance;
         if idle {
-            return Some(Pressed { travel, travelled, press, pressures });
+            return Some(Pressed { travel, travelled, moves, press, pressures });
         }
         let displacement = displacement_of(mean);
         let wanted = (target - displacement) / slope.after(travel, displacement);
@@ -257,108 +346,4 @@ impl Slope {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::f64::consts::PI;
-
-    use glam::{DQuat, DVec3};
-    use palpate_core::rng::Purpose;
-
-    use super::*;
-    use crate::mesh::Mesh;
-    use crate::mesh::tests_support::{cuboid, sphere, tube};
-
-    fn setup(mesh: Mesh) -> (PressSimulator, ContactConfig, Stream) {
-        let sensor = SensorDescription::digitacts_6x6();
-        let config = ContactConfig::for_sensor(&sensor, NoiseLevel::NONE);
-        (PressSimulator::new(mesh, sensor), config, Stream::new(1, Purpose::SensorNoise, 0))
-    }
-
-    /// Looks down on the origin from `height`, tilted about the sensor's x.
-    fn above(height: f64, tilt: f64) -> Pose {
-        let rotation = DQuat::from_rotation_x(PI) * DQuat::from_rotation_x(tilt);
-        Pose::from_parts(rotation, DVec3::new(0.0, 0.0, height))
-    }
-
-    fn converged(outcome: Outcome) -> Contact {
-        match outcome {
-            Outcome::Converged(contact) => contact,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    #[test]
-    fn a_tilted_sensor_comes_to_rest_flat_on_a_plate_at_the_target_pressure() {
-        for tilt in [-20.0 * DEG, -8.0 * DEG, 0.0, 12.0 * DEG, 25.0 * DEG] {
-            let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
-            let (simulator, config, mut stream) = setup(plate);
-            let contact =
-                converged(touch(&simulator, above(12.0 * MM, tilt), &config, &mut stream));
-            let facing = contact.object_from_sensor.turn(DVec3::Z);
-            let angle = facing.angle_between(-DVec3::Z);
-            assert!(angle < 3.0 * DEG, "from {tilt}: {angle} rad");
-            let mean = contact.pressures.iter().sum::<f64>() / 36.0;
-            assert!((mean - config.target_pressure).abs() <= config.pressure_tolerance);
-        }
-    }
-
-    #[test]
-    fn a_thin_rod_stops_on_the_raw_depth_not_on_the_pressure() {
-        // A rod of 2 mm diameter: blurred, it never gives a quarter of the range on average.
-        let rod = tube(40, |ring| (1.0 * MM, (f64::from(ring) - 19.5) * 2.0 * MM));
-        let (simulator, config, mut stream) = setup(rod);
-        let rotation = DQuat::from_rotation_arc(DVec3::Z, -DVec3::X);
-        let start = Pose::from_parts(rotation, DVec3::new(5.0 * MM, 0.0, 0.0));
-        let contact = converged(touch(&simulator, start, &config, &mut stream));
-        let thickness = simulator.sensor().parameters().covering_thickness;
-        assert!((contact.press.max_penetration / thickness - 0.9).abs() < 0.021);
-        let mean = contact.pressures.iter().sum::<f64>() / 36.0;
-        assert!(mean < config.target_pressure && mean > 0.0);
-    }
-
-    #[test]
-    fn a_touch_beside_the_object_misses() {
-        let (simulator, config, mut stream) = setup(sphere(10.0 * MM, 24));
-        let beside = Pose::from_parts(above(0.0, 0.0).rotation, DVec3::new(0.05, 0.0, 0.02));
-        assert_eq!(touch(&simulator, beside, &config, &mut stream), Outcome::Missed);
-        let far = above(10.0 * MM + config.approach_max + 1.0 * MM, 0.0);
-        assert_eq!(touch(&simulator, far, &config, &mut stream), Outcome::Missed);
-    }
-
-    #[test]
-    fn a_sensor_that_starts_inside_backs_out_first() {
-        let (simulator, config, mut stream) = setup(sphere(30.0 * MM, 60));
-        let contact = converged(touch(&simulator, above(25.0 * MM, 0.0), &config, &mut stream));
-        assert!(contact.press.max_penetration < config.penetration_max * 1.03);
-    }
-
-    #[test]
-    fn travel_and_rounds_are_bounded() {
-        let (simulator, config, mut stream) = setup(sphere(30.0 * MM, 60));
-        let stingy = ContactConfig { travel_max: 0.01 * MM, ..config };
-        let outcome = touch(&simulator, above(35.0 * MM, 0.0), &stingy, &mut stream);
-        assert_eq!(outcome, Outcome::NoConvergence);
-        let hasty = ContactConfig { rounds_max: 1, ..config };
-        let outcome = touch(&simulator, above(50.0 * MM, 0.3), &hasty, &mut stream);
-        assert!(!matches!(outcome, Outcome::Converged(_)));
-    }
-
-    #[test]
-    fn heavy_noise_ends_in_bounded_time_and_mostly_converges() {
-        let sensor = SensorDescription::digitacts_6x6();
-        let noise_level = NoiseLevel::new(0.4).unwrap();
-        let press_config = crate::press::PressConfig {
-            noise_level,
-            ..crate::press::PressConfig::for_sensor(&sensor)
-        };
-        let config = ContactConfig::for_sensor(&sensor, noise_level);
-        let simulator = PressSimulator::with_config(sphere(30.0 * MM, 60), sensor, press_config);
-        let n_converged = (0..50)
-            .filter(|index| {
-                let mut stream = Stream::new(3, Purpose::SensorNoise, *index);
-                let outcome = touch(&simulator, above(35.0 * MM, 0.1), &config, &mut stream);
-                matches!(outcome, Outcome::Converged(_))
-            })
-            .count();
-        assert!(n_converged > 25, "{n_converged} of 50");
-    }
-}
+mod tests;

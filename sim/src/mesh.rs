@@ -17,6 +17,7 @@ mod weld;
 mod write;
 
 use glam::DVec3;
+use palpate_core::pose::Pose;
 
 pub use error::MeshError;
 pub use format::MeshFormat;
@@ -113,6 +114,12 @@ impl Mesh {
     #[must_use]
     pub fn translated(&self, offset: DVec3) -> Self {
         self.mapped(|vertex| vertex + offset)
+    }
+
+    /// The mesh in another frame: `other_from_mesh`.
+    #[must_use]
+    pub fn moved_by(&self, other_from_mesh: Pose) -> Self {
+        self.mapped(|vertex| other_from_mesh * vertex)
     }
 
     /// The mesh scaled about its frame's origin until its largest dimension is `size` metres.

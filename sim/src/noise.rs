@@ -1,6 +1,6 @@
-//! From blurred displacement to what the sensor's electronics report.
+//! From the pressure on a taxel to what the sensor's electronics report.
 //!
-//! Order: force curve, noise, clipping to 0 … saturation, steps of the converter. Source:
+//! Order: noise, clipping to 0 … saturation, steps of the converter. Source:
 //! section 2.5.1; the noise level of section 4.4.2.7 is the total width of a uniform
 //! distribution as a part of the sensing range (`docs/equations.md`).
 
@@ -29,28 +29,42 @@ impl NoiseLevel {
     }
 }
 
-/// The pressure (pascal) a taxel reports at a blurred displacement (metres).
-pub(crate) fn measured_pressure(
-    displacement: f64,
-    sensor: &SensorDescription,
-    level: NoiseLevel,
-    stream: &mut Stream,
-) -> f64 {
-    let parameters = sensor.parameters();
-    let mut pressure = parameters.force_curve.pressure(displacement);
-    if parameters.noise > 0.0 {
-        pressure += parameters.noise * stream.normal();
+/// What turns the pressure on a taxel into what is reported.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Electronics {
+    /// Standard deviation of the additive noise, pascal.
+    pub(crate) noise: f64,
+    /// No taxel reads more than this, pascal.
+    pub(crate) saturation: f64,
+    /// Step of the converter, pascal; 0 is a continuous sensor.
+    pub(crate) quantisation: f64,
+}
+
+impl Electronics {
+    /// The electronics that a sensor's description gives.
+    pub(crate) fn of(sensor: &SensorDescription) -> Self {
+        let parameters = sensor.parameters();
+        let (noise, saturation) = (parameters.noise, parameters.saturation);
+        Self { noise, saturation, quantisation: parameters.quantisation }
     }
-    let half_width = level.half_width(parameters.saturation);
-    if half_width > 0.0 {
-        pressure += stream.uniform(-half_width, half_width);
-    }
-    let clipped = pressure.clamp(0.0, parameters.saturation);
-    if parameters.quantisation > 0.0 {
-        let steps = (clipped / parameters.quantisation).round();
-        (steps * parameters.quantisation).min(parameters.saturation)
-    } else {
-        clipped
+
+    /// The pressure (pascal) that is reported of a `pressure`.
+    pub(crate) fn reported(&self, pressure: f64, level: NoiseLevel, stream: &mut Stream) -> f64 {
+        let mut pressure = pressure;
+        if self.noise > 0.0 {
+            pressure += self.noise * stream.normal();
+        }
+        let half_width = level.half_width(self.saturation);
+        if half_width > 0.0 {
+            pressure += stream.uniform(-half_width, half_width);
+        }
+        let clipped = pressure.clamp(0.0, self.saturation);
+        if self.quantisation > 0.0 {
+            let steps = (clipped / self.quantisation).round();
+            (steps * self.quantisation).min(self.saturation)
+        } else {
+            clipped
+        }
     }
 }
 
@@ -72,7 +86,10 @@ mod tests {
         let mut stream = Stream::new(1, Purpose::SensorNoise, 0);
         let sensor = sensor(0.0, 1.0 * KPA);
         // 20 kPa over 2.54 mm: 1 mm gives 7.874 kPa, the nearest step is 8 kPa.
-        let mut measured = |d| measured_pressure(d, &sensor, NoiseLevel::NONE, &mut stream);
+        let curve = &sensor.parameters().force_curve;
+        let electronics = Electronics::of(&sensor);
+        let mut measured =
+            |d| electronics.reported(curve.pressure(d), NoiseLevel::NONE, &mut stream);
         assert!((measured(1.0 * MM) - 8.0 * KPA).abs() < 1e-9);
         assert!((measured(9.0 * MM) - 20.0 * KPA).abs() < 1e-9);
         assert!(measured(-MM).abs() < 1e-9);
@@ -83,8 +100,9 @@ mod tests {
         let mut stream = Stream::new(1, Purpose::SensorNoise, 0);
         let sensor = sensor(0.0, 0.0);
         let level = NoiseLevel::new(0.4).unwrap();
+        let electronics = Electronics::of(&sensor);
         let drawn: Vec<f64> =
-            (0..4000).map(|_| measured_pressure(1.27 * MM, &sensor, level, &mut stream)).collect();
+            (0..4000).map(|_| electronics.reported(10.0 * KPA, level, &mut stream)).collect();
         let (low, high) =
             drawn.iter().fold((f64::MAX, 0.0f64), |(low, high), p| (low.min(*p), high.max(*p)));
         assert!((6.0 * KPA..6.1 * KPA).contains(&low), "{low}");

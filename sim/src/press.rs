@@ -4,11 +4,16 @@
 //! penetrates is drawn at several points a taxel, blurred by the point spread, and turned into
 //! pressures. Source: section 2.5.1. The sensor frame's z = 0 is the covering's free surface
 //! and +z points at the object, so what penetrates lies at z < 0.
+//! Another physics of the covering can take the blur's place (`physics`).
 //! Not here: moving the sensor (`controller`).
 
 mod bvh;
+mod covering;
 mod heights;
 mod imaging;
+mod physics;
+
+use std::sync::Arc;
 
 use glam::DVec3;
 use palpate_core::pose::Pose;
@@ -18,11 +23,13 @@ use palpate_core::sensor::{ImageOrder, SensorDescription, SensorParameters};
 use palpate_core::units::MM;
 
 use crate::mesh::Mesh;
-use crate::noise::{NoiseLevel, measured_pressure};
+use crate::noise::{Electronics, NoiseLevel};
 use crate::sampler::surface::Surface;
 use bvh::Bvh;
+use covering::Covering;
 pub use heights::HeightMap;
 use imaging::Imaging;
+pub use physics::{Base, CoveringConfig, Physics};
 
 /// How far the sensor's housing reaches behind the free surface of its covering, metres: an
 /// object there collides, one farther behind is on the other side of the hand.
@@ -37,6 +44,8 @@ pub struct PressConfig {
     pub padding: usize,
     /// Noise beyond the sensor's own.
     pub noise_level: NoiseLevel,
+    /// What happens in the covering.
+    pub physics: Physics,
 }
 
 impl PressConfig {
@@ -48,7 +57,8 @@ impl PressConfig {
         let per_pitch = |length: f64| (length / pitch - 1e-9).ceil() as usize;
         let sub_samples = ((pitch / (1.0 * MM) - 1e-9).ceil() as usize).clamp(1, 4);
         let padding = per_pitch(2.3 * sensor.parameters().point_spread).clamp(4, 64);
-        Self { sub_samples, padding, noise_level: NoiseLevel::NONE }
+        let physics = Physics::PointSpread;
+        Self { sub_samples, padding, noise_level: NoiseLevel::NONE, physics }
     }
 }
 
@@ -61,18 +71,31 @@ pub struct PressSimulator {
     sensor: SensorDescription,
     row_major_sensor: SensorDescription,
     imaging: Imaging,
+    /// Shared by clones; `None` for the point spread.
+    covering: Option<Arc<Covering>>,
+    electronics: Electronics,
     config: PressConfig,
 }
 
-/// One press without noise: how far the object is in the covering, and its blurred image.
+/// What a press does to the taxels, row-major in the sensor frame's order.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Load {
+    /// Blurred displacements, metres: of [`Physics::PointSpread`].
+    Displacements(Vec<f64>),
+    /// Mean pressures as the taxels take them, each with its gain, pascal: of
+    /// [`Physics::ElasticCovering`].
+    Pressures(Vec<f64>),
+}
+
+/// One press without noise: how far the object is in the covering, and what the taxels feel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Press {
     /// The deepest point of the object under the array, metres below the covering's free
     /// surface; beyond the covering's thickness when the sensor is pushed too far, negative
     /// when nothing touches.
     pub max_penetration: f64,
-    /// Blurred displacements, metres, row-major in the sensor frame's order.
-    pub displacements: Vec<f64>,
+    /// What the taxels feel.
+    pub load: Load,
 }
 
 impl PressSimulator {
@@ -92,9 +115,34 @@ impl PressSimulator {
         let mesh = if inside_out { mesh.inside_out() } else { mesh };
         let row_major_sensor = in_row_major_order(&sensor);
         let imaging = Imaging::new(&sensor, config.sub_samples, config.padding);
+        let (covering, electronics) = match &config.physics {
+            Physics::PointSpread => (None, Electronics::of(&sensor)),
+            Physics::ElasticCovering(covering) => {
+                let cells = (config.sub_samples, config.padding);
+                let elastic = Covering::new(&sensor, &imaging, cells, covering);
+                (Some(Arc::new(elastic)), covering.electronics(&sensor))
+            }
+        };
         let bvh = Bvh::new(&mesh);
         let surface = Surface::new(&mesh);
-        Self { mesh, surface, bvh, sensor, row_major_sensor, imaging, config }
+        Self {
+            mesh,
+            surface,
+            bvh,
+            sensor,
+            row_major_sensor,
+            imaging,
+            covering,
+            electronics,
+            config,
+        }
+    }
+
+    /// The same object and sensor with another noise.
+    #[must_use]
+    pub fn with_noise(self, noise_level: NoiseLevel) -> Self {
+        let config = PressConfig { noise_level, ..self.config };
+        Self { config, ..self }
     }
 
     /// The object, in metres, wound outward where that is known.
@@ -129,9 +177,14 @@ impl PressSimulator {
     /// The press after moving `travel` metres along +z from where `heights` were drawn.
     #[must_use]
     pub fn press_at(&self, heights: &HeightMap, travel: f64) -> Press {
-        let thickness = self.sensor.parameters().covering_thickness;
-        let displacements = self.imaging.displacements(heights, travel, thickness);
-        Press { max_penetration: travel - heights.lowest(), displacements }
+        let load = match &self.covering {
+            None => {
+                let thickness = self.sensor.parameters().covering_thickness;
+                Load::Displacements(self.imaging.displacements(heights, travel, thickness))
+            }
+            Some(covering) => Load::Pressures(covering.taxel_pressures(heights, travel)),
+        };
+        Press { max_penetration: travel - heights.lowest(), load }
     }
 
     /// The press of a sensor at `object_from_sensor`.
@@ -140,13 +193,30 @@ impl PressSimulator {
         self.press_at(&self.heights(object_from_sensor, 0.0), 0.0)
     }
 
+    /// What is felt in free air.
+    #[must_use]
+    pub fn free_press(&self) -> Press {
+        let none = vec![0.0; self.sensor.grid().n_taxels()];
+        let load = match self.config.physics {
+            Physics::PointSpread => Load::Displacements(none),
+            Physics::ElasticCovering(_) => Load::Pressures(none),
+        };
+        Press { max_penetration: f64::NEG_INFINITY, load }
+    }
+
     /// What the sensor reports of a press: pascal, row-major in the sensor frame's order,
     /// noise drawn from `stream`.
     #[must_use]
     pub fn pressures(&self, press: &Press, stream: &mut Stream) -> Vec<f64> {
         let level = self.config.noise_level;
-        let measure = |d: &f64| measured_pressure(*d, &self.sensor, level, stream);
-        press.displacements.iter().map(measure).collect()
+        let mut report = |pressure| self.electronics.reported(pressure, level, stream);
+        match &press.load {
+            Load::Displacements(displacements) => {
+                let curve = &self.sensor.parameters().force_curve;
+                displacements.iter().map(|d| report(curve.pressure(*d))).collect()
+            }
+            Load::Pressures(pressures) => pressures.iter().map(|p| report(*p)).collect(),
+        }
     }
 
     /// The reading of sensor `id` at `object_from_sensor`; its session frame is the object's.
@@ -168,6 +238,13 @@ impl PressSimulator {
     #[must_use]
     pub fn is_clear_between(&self, from_in_object: DVec3, to_in_object: DVec3) -> bool {
         !self.bvh.hits_segment(from_in_object, to_in_object)
+    }
+
+    /// Whether the object's surface is nearer than `radius` (metres) to the straight way
+    /// between two points (metres).
+    #[must_use]
+    pub fn is_near_segment(&self, from_in_object: DVec3, to_in_object: DVec3, radius: f64) -> bool {
+        self.bvh.is_near_segment(from_in_object, to_in_object, radius)
     }
 }
 
@@ -192,6 +269,13 @@ mod tests {
         Pose::from_parts(rotation, DVec3::new(0.0, 0.0, height))
     }
 
+    fn displacements(press: &Press) -> &[f64] {
+        match &press.load {
+            Load::Displacements(displacements) => displacements,
+            Load::Pressures(_) => panic!("the point spread gives displacements"),
+        }
+    }
+
     #[test]
     fn a_plate_pressed_one_millimetre_displaces_every_taxel_by_one() {
         let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
@@ -200,7 +284,7 @@ mod tests {
             let simulator = PressSimulator::new(plate.clone(), sensor);
             let press = simulator.press(looking_down(4.0 * MM)); // the top is at 5 mm
             assert!((press.max_penetration - 1.0 * MM).abs() < 1e-9);
-            for displacement in &press.displacements {
+            for displacement in displacements(&press) {
                 assert!((displacement - 1.0 * MM).abs() < 1e-9, "{name}: {displacement}");
             }
         }
@@ -212,7 +296,7 @@ mod tests {
             PressSimulator::new(cuboid(DVec3::splat(0.02)), SensorDescription::digitacts_6x6());
         let press = simulator.press(looking_down(20.0 * MM));
         assert!(press.max_penetration < 0.0);
-        assert!(press.displacements.iter().all(|d| d.abs() < 1e-15));
+        assert!(displacements(&press).iter().all(|d| d.abs() < 1e-15));
     }
 
     #[test]
@@ -236,7 +320,7 @@ mod tests {
         let simulator = PressSimulator::new(plate, SensorDescription::digitacts_6x6());
         let press = simulator.press(looking_down(0.0));
         assert!((press.max_penetration - 5.0 * MM).abs() < 1e-9);
-        assert!(press.displacements.iter().all(|d| (d - 2.54 * MM).abs() < 1e-9));
+        assert!(displacements(&press).iter().all(|d| (d - 2.54 * MM).abs() < 1e-9));
     }
 
     #[test]
@@ -251,7 +335,7 @@ mod tests {
         );
         let press = simulator.press(pose); // the post is at x = +4, y = −2 in the sensor
         let strongest =
-            (0..36).max_by(|&a, &b| press.displacements[a].total_cmp(&press.displacements[b]));
+            (0..36).max_by(|&a, &b| displacements(&press)[a].total_cmp(&displacements(&press)[b]));
         // Columns at −5 −3 −1 1 3 5: x = 4 lies between 4 and 5; rows: y = −2 between 1 and 2.
         let (row, col) = (strongest.unwrap() / 6, strongest.unwrap() % 6);
         assert!((1..=2).contains(&row) && (4..=5).contains(&col), "row {row}, column {col}");

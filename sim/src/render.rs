@@ -1,7 +1,8 @@
-//! Pictures to judge by eye: a mesh with the touches on it, sheets of meshes, tactile images.
+//! Pictures to judge by eye: a mesh with the touches on it, an arm, sheets, tactile images.
 //!
 //! Orthographic and shaded, no graphics card needed. Output is PNG, 8-bit RGB.
 
+mod arm;
 mod canvas;
 pub mod occupancy;
 
@@ -10,6 +11,7 @@ use palpate_core::reading::TactileImage;
 use palpate_core::units::DEG;
 
 use crate::mesh::Mesh;
+pub use arm::arm_png;
 use canvas::Canvas;
 
 const BACKGROUND: [u8; 3] = [250, 250, 248];
@@ -94,7 +96,7 @@ fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
     };
     for triangle in 0..mesh.triangles().len() {
         let normal = view.rotation * mesh.normal(triangle);
-        canvas.add_triangle(&mesh.corners(triangle).map(in_picture), shade(normal));
+        canvas.add_triangle(&mesh.corners(triangle).map(in_picture), shade(normal, SURFACE));
     }
     let through = TOUCH_DEPTH * mesh.largest_dimension() * scale;
     for point in points {
@@ -104,12 +106,12 @@ fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
 }
 
 /// Light from above the viewer's left shoulder; what faces away is as bright as what faces.
-fn shade(normal: DVec3) -> [u8; 3] {
+fn shade(normal: DVec3, color: [f64; 3]) -> [u8; 3] {
     let facing = if normal.z < 0.0 { -normal } else { normal };
     let key = facing.dot(DVec3::new(-0.45, 0.6, 0.66)).max(0.0);
     let fill = facing.dot(DVec3::new(0.8, -0.1, 0.6)).max(0.0);
     let brightness = 0.22 + 0.72 * key + 0.18 * fill;
-    SURFACE.map(|channel| (channel * brightness * 1.25).clamp(0.0, 255.0) as u8)
+    color.map(|channel| (channel * brightness * 1.25).clamp(0.0, 255.0) as u8)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! to parts of the object that have had few, since area alone leaves out necks and shafts.
 //! Each attempt has its own stream, so the readings do not depend on the number of threads.
 
+pub mod rays;
 pub(crate) mod surface;
 
 use std::ops::ControlFlow;
@@ -159,19 +160,28 @@ pub fn touch_at(
     config: &SamplerConfig,
     stream: &mut Stream,
 ) -> Option<Reading> {
-    let facing = facing_pose(place, config.offset, stream);
-    let near_surface = place.point + 0.01 * config.offset * place.normal;
-    let collides = simulator.heights(facing, 0.0).lowest() < 0.0;
-    if collides || !simulator.is_clear_between(near_surface, facing.translation) {
-        return None;
-    }
-    let start = tilted(facing, config.tilt_max, stream);
+    let start = start_at(simulator, place, config, stream)?;
     match touch(simulator, start, &config.contact, stream) {
         Outcome::Converged(contact) => {
             Some(simulator.reading(sensor, contact.object_from_sensor, &contact.pressures))
         }
-        Outcome::Missed | Outcome::NoConvergence => None,
+        Outcome::Missed | Outcome::NoConvergence | Outcome::Unreachable => None,
     }
+}
+
+/// The `object_from_sensor` at which the touch of a place begins; `None` when the sensor does
+/// not fit there.
+pub(crate) fn start_at(
+    simulator: &PressSimulator,
+    place: &SurfacePoint,
+    config: &SamplerConfig,
+    stream: &mut Stream,
+) -> Option<Pose> {
+    let facing = facing_pose(place, config.offset, stream);
+    let near_surface = place.point + 0.01 * config.offset * place.normal;
+    let collides = simulator.heights(facing, 0.0).lowest() < 0.0;
+    let fits = !collides && simulator.is_clear_between(near_surface, facing.translation);
+    fits.then(|| tilted(facing, config.tilt_max, stream))
 }
 
 /// The sensor `offset` metres off a place, facing it, turned at random about the normal.

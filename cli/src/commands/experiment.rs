@@ -4,6 +4,7 @@
 //! when it is run where that file is.
 
 mod appearance;
+mod exploration;
 mod hybrid;
 
 use std::path::{Path, PathBuf};
@@ -26,6 +27,7 @@ use palpate_sim::rig::RigNoise;
 use crate::output::{Output, table};
 use crate::progress::StepProgress;
 use appearance::AppearanceExperiment;
+use exploration::ExplorationExperiment;
 use hybrid::HybridExperiment;
 
 /// The page that states every figure.
@@ -105,6 +107,8 @@ enum Experiment {
     Appearance(AppearanceExperiment),
     #[command(flatten)]
     Hybrid(HybridExperiment),
+    #[command(flatten)]
+    Exploration(ExplorationExperiment),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
     ServerThroughput {
         /// Readings that are posted in each setting.
@@ -203,6 +207,9 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
         Experiment::Hybrid(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
+        Experiment::Exploration(experiment) => {
+            on_a_thread(move || experiment.run(seed, command, &show)).await?
+        }
         Experiment::ServerThroughput { readings } => {
             let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
             with_a_server(&config, command, &show).await?
@@ -244,6 +251,7 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::Symmetry { meshes } => format!("symmetry{}", meshes_of(meshes)),
         Experiment::Appearance(experiment) => experiment.line(),
         Experiment::Hybrid(experiment) => experiment.line(),
+        Experiment::Exploration(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }

@@ -28,10 +28,6 @@ const FLOOR_DEVIATION: (f64, f64) = (0.000_2, 0.01);
 /// A residual of so many deviations has lost three quarters of its weight.
 const OUTLIER: f32 = 3.0;
 
-/// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
-/// mapped touches instead of between them.
-const WORSE_MAX: f32 = 3.0;
-
 /// The normal equations of a pose.
 struct System {
     hessian: Matrix6<f64>,
@@ -60,25 +56,6 @@ pub(super) fn refine(
         if moved.length() < 2e-5 && turned.length() < 1e-3 {
             break;
         }
-    }
-}
-
-/// Refines a hypothesis and scores it anew; one that becomes clearly worse stays as it was.
-pub(super) fn settle(
-    hypothesis: &mut Hypothesis,
-    map: &SurfaceMap,
-    touches: &[Sighting],
-    kernel: &Kernel,
-    options: &HybridOptions,
-) {
-    let mut tried = *hypothesis;
-    refine(&mut tried, map, touches, kernel, options);
-    let pose = Turned::new(tried.rotation, tried.translation);
-    let bar = hypothesis.score - WORSE_MAX;
-    if let Some(score) = kernel.score_all(map, &pose, touches, bar)
-        && score >= bar
-    {
-        *hypothesis = Hypothesis { score, ..tried };
     }
 }
 
@@ -114,7 +91,7 @@ fn linearise(
     let mut system = System { hessian: Matrix6::zeros(), gradient: Vector6::zeros() };
     let pose = Turned::new(hypothesis.rotation, hypothesis.translation);
     let session_from_object = pose.object_from_session.transpose();
-    let along = options.scale.along.powi(-2);
+    let along = kernel.along(map);
     let across = options.refinement.across.powi(-2);
     for touch in touches {
         let Some(place) = kernel.place(map, &pose, touch) else { continue };

@@ -27,7 +27,7 @@ pub(super) struct Kernel {
     normal_variance: f32,
     direction: f32,
     outliers: f32,
-    /// Workspace volume times the spatial Gaussian's peak, times 1 − outliers.
+    /// Workspace volume times the peak of the Gaussian across, times 1 − outliers.
     peak: f32,
     refinement: RefinementScale,
 }
@@ -75,10 +75,10 @@ pub(super) struct Place {
 impl Kernel {
     pub(super) fn new(options: &HybridOptions) -> Self {
         let scale = &options.scale;
-        let peak = std::f32::consts::TAU.powf(-1.5) / (scale.across * scale.along.powi(2));
+        let peak = std::f32::consts::TAU.powf(-1.5) / scale.across;
         Self {
             across: scale.across.powi(-2),
-            along: scale.along.powi(-2),
+            along: scale.along,
             normal_variance: scale.normal.powi(2),
             direction: scale.direction,
             outliers: scale.outliers,
@@ -92,18 +92,27 @@ impl Kernel {
         self.outliers.ln()
     }
 
+    /// The inverse variance along a map's surface: touches of a map that lie far apart explain
+    /// what lies between them.
+    #[inline]
+    pub(super) fn along(&self, map: &SurfaceMap) -> f32 {
+        self.along.max(map.spacing()).powi(-2)
+    }
+
     /// The score of one touch under a pose.
     #[inline]
     pub(super) fn score(&self, map: &SurfaceMap, pose: &Turned, touch: &Sighting) -> f32 {
         let contact = pose.contact(touch);
         let patches = map.patches();
+        let along = self.along(map);
         let mut sum = 0.0;
         for index in map.voxels().near(contact.point) {
             let patch = &patches[usize::from(index)];
-            let log = self.log_kernel(self.across, patch, &contact, touch);
+            let log = self.log_kernel([self.across, along], patch, &contact, touch);
             sum += log.exp() * touch.appearance_of_pose(&patch.feature);
         }
-        touch.weight * (self.peak * sum / patches.len() as f32 + self.outliers).ln()
+        let peak = self.peak * along / patches.len() as f32;
+        touch.weight * (peak * sum + self.outliers).ln()
     }
 
     /// The score of all touches, newest first; given up (`None`) once it cannot reach `bar`.
@@ -131,10 +140,11 @@ impl Kernel {
         let contact = pose.contact(touch);
         let (mut offset, mut normal, mut deviation, mut total) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
         let (mut height, mut heights) = (0.0, 0.0);
+        let along = self.along(map);
         for index in map.voxels().near(contact.point) {
             let patch = &map.patches()[usize::from(index)];
             // As wide across as along: what matters is which patches, not how high.
-            let log = self.log_kernel(self.along, patch, &contact, touch);
+            let log = self.log_kernel([along, along], patch, &contact, touch);
             let weight = log.exp() * touch.appearance_of_pose(&patch.feature) + 1e-12;
             let off = contact.point - patch.position;
             normal += weight * patch.normal;
@@ -145,9 +155,9 @@ impl Kernel {
             let agreement = patch.normal.dot(contact.normal);
             if agreement >= FACING_MIN {
                 let above = off.dot(patch.normal);
-                let along = off.length_squared() - above * above;
+                let flat = off.length_squared() - above * above;
                 let smoothing = self.refinement.smoothing.powi(2);
-                let weight = (-along / smoothing).exp() * agreement + 1e-6;
+                let weight = (-flat / smoothing).exp() * agreement + 1e-6;
                 height += weight * above;
                 heights += weight;
             }
@@ -164,7 +174,7 @@ impl Kernel {
     #[inline]
     fn log_kernel(
         &self,
-        across: f32,
+        [across, along]: [f32; 2],
         patch: &SurfacePatch,
         contact: &Contact,
         touch: &Sighting,
@@ -172,7 +182,7 @@ impl Kernel {
         let off = contact.point - patch.position;
         let height = off.dot(patch.normal);
         let square = height * height;
-        let spatial = square * across + (off.length_squared() - square) * self.along;
+        let spatial = square * across + (off.length_squared() - square) * along;
         // Von Mises–Fisher relative to an even distribution of normals: 2κ exp κ(cos − 1).
         let kappa = (patch.normal_deviation.powi(2) + self.normal_variance).recip();
         let facing = kappa * (patch.normal.dot(contact.normal) - 1.0);

@@ -33,9 +33,9 @@ pub(super) struct Sighting {
 
 /// How features are compared, and how dense touches anywhere are at this one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Looks {
-    softness: f32,
-    density: f32,
+pub(super) struct Looks {
+    pub(super) softness: f32,
+    pub(super) density: f32,
 }
 
 impl Sighting {
@@ -50,6 +50,11 @@ impl Sighting {
             softness,
             density: space.density_anywhere(&touch.feature, softness),
         };
+        Self::with_looks(touch, anchor, looks(scale.appearance), looks(scale.appearance_of_pose))
+    }
+
+    /// A touch whose looks are compared in given ways.
+    pub(super) fn with_looks(touch: &Touch, anchor: DVec3, sharp: Looks, soft: Looks) -> Self {
         Self {
             position: (touch.position - anchor).as_vec3(),
             normal: touch.normal.as_vec3(),
@@ -57,8 +62,8 @@ impl Sighting {
             elongation: touch.elongation as f32,
             weight: 1.0,
             feature: touch.feature,
-            sharp: looks(scale.appearance),
-            soft: looks(scale.appearance_of_pose),
+            sharp,
+            soft,
         }
     }
 
@@ -89,7 +94,7 @@ impl Sighting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hybrid::test_support::{places, seen, sighting, some_pose};
+    use crate::hybrid::test_support::{LOOKS, places, seen, some_pose};
     use crate::pose::Pose;
 
     #[test]
@@ -114,11 +119,13 @@ mod tests {
         let pose = some_pose(1);
         let far = Pose::from_parts(pose.rotation, pose.translation + DVec3::splat(1_000.0));
         for place in places(20, 1) {
-            let position = |pose: &Pose| {
+            let sighting = |pose: &Pose, anchor: DVec3| {
                 let position = *pose * place.position;
-                sighting(&Touch { position, ..place.clone() }, pose.translation).position
+                let touch = Touch { position, ..place.clone() };
+                Sighting::with_looks(&touch, anchor, LOOKS, LOOKS).position
             };
-            let (near, away) = (position(&pose), position(&far));
+            let near = sighting(&pose, pose.translation);
+            let away = sighting(&far, far.translation);
             assert!(near.distance(away) < 1e-8, "{near} {away}");
         }
     }

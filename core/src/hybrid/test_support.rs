@@ -1,29 +1,16 @@
 //! What the tests of the hybrid recogniser share: an ellipsoid's surface, and touches of it.
 
-use std::sync::LazyLock;
-
 use glam::{DQuat, DVec3, Vec3};
 
-use super::options::HybridOptions;
-use super::sighting::Sighting;
+use super::sighting::{Looks, Sighting};
 use crate::pose::Pose;
 use crate::rng::{Purpose, Stream};
-use crate::sensor::SensorDescription;
-use crate::surface::appearance::{N_AXES, raw_dimension};
+use crate::surface::appearance::N_AXES;
 use crate::surface::map::SurfaceLayout;
-use crate::surface::{AppearanceSpace, SurfaceMap, SurfacePatch, Touch};
-use crate::vocabulary::discriminant::Discriminant;
+use crate::surface::{SurfaceMap, SurfacePatch, Touch};
 
 /// Half axes of the ellipsoid, metres.
 const HALF_AXES: DVec3 = DVec3::new(0.040, 0.030, 0.020);
-
-/// Where all touches look alike: the density of the tests' touches is 1.
-static SPACE: LazyLock<AppearanceSpace> = LazyLock::new(|| {
-    let grid = *SensorDescription::digitacts_6x6().grid();
-    let n = raw_dimension(&grid);
-    let projection = Discriminant { mean: vec![0.0; n], axes: vec![vec![0.0; n]] };
-    AppearanceSpace::new(grid, projection, vec![[0; N_AXES]])
-});
 
 /// A place of the ellipsoid in the object frame that looks like everywhere else.
 pub(super) fn on_ellipsoid(stream: &mut Stream) -> Touch {
@@ -59,6 +46,9 @@ pub(super) fn map_of(places: &[Touch]) -> SurfaceMap {
     SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default())
 }
 
+/// All features alike, and alike to those anywhere.
+pub(super) const LOOKS: Looks = Looks { softness: 1.0, density: 1.0 };
+
 /// What a session sees of a place when the object is at `session_from_object`.
 pub(super) fn seen(place: &Touch, session_from_object: &Pose) -> Sighting {
     let touch = Touch {
@@ -67,12 +57,7 @@ pub(super) fn seen(place: &Touch, session_from_object: &Pose) -> Sighting {
         direction: session_from_object.turn(place.direction),
         ..place.clone()
     };
-    sighting(&touch, DVec3::ZERO)
-}
-
-/// A touch as seen from `anchor`.
-pub(super) fn sighting(touch: &Touch, anchor: DVec3) -> Sighting {
-    Sighting::new(touch, anchor, &SPACE, &HybridOptions::default().scale)
+    Sighting::with_looks(&touch, DVec3::ZERO, LOOKS, LOOKS)
 }
 
 /// A pose like that of an object in a session: turned by anything, half a metre away.

@@ -18,7 +18,7 @@ pub const N_AXES: usize = 8;
 /// A feature: coordinates in the space, in deviations of two touches of one place.
 pub type Feature = [f32; N_AXES];
 
-/// A stored feature, in steps of 1/[`STEPS`].
+/// A stored feature, in steps of a sixteenth.
 pub type StoredFeature = [i8; N_AXES];
 
 /// Steps of a stored feature to one deviation.

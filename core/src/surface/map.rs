@@ -26,12 +26,16 @@ pub struct SurfacePatch {
     pub feature: StoredFeature,
 }
 
+/// A voxel reaches at least so many spacings of touches, and is so many wide.
+const REACH_SPACINGS: f32 = 1.75;
+const EDGE_SPACINGS: f32 = 0.8;
+
 /// How a map is laid out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceLayout {
-    /// Edge of a voxel, metres.
+    /// Edge of a voxel, metres, at least.
     pub voxel: f32,
-    /// How far from a voxel its touches may lie, metres.
+    /// How far from a voxel its touches may lie, metres, at least.
     pub reach: f32,
     /// Pairs are tabled among the first so many touches.
     pub pair_patches_max: usize,
@@ -59,6 +63,7 @@ pub struct SurfaceMap {
     origin_in_training: DVec3,
     patches: Vec<SurfacePatch>,
     layout: SurfaceLayout,
+    spacing: f32,
     voxels: Voxels,
     pairs: PairTable,
 }
@@ -78,9 +83,13 @@ impl SurfaceMap {
             .take(layout.pair_patches_max)
             .map(|patch| (patch.position, patch.normal))
             .collect();
-        let voxels = Voxels::build(&positions, layout.voxel, layout.reach);
+        let spacing = spacing(&positions);
+        // On a large object touches lie far apart: what is near is so in their measure.
+        let reach = layout.reach.max(REACH_SPACINGS * spacing);
+        let edge = layout.voxel.max(EDGE_SPACINGS * spacing);
+        let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
-        Self { origin_in_training, patches, layout, voxels, pairs }
+        Self { origin_in_training, patches, layout, spacing, voxels, pairs }
     }
 
     /// Where the object frame's origin lies in the training frame, metres.
@@ -99,6 +108,12 @@ impl SurfaceMap {
     #[must_use]
     pub fn layout(&self) -> SurfaceLayout {
         self.layout
+    }
+
+    /// How far apart touches are: √(area of surface/touches), metres.
+    #[must_use]
+    pub fn spacing(&self) -> f32 {
+        self.spacing
     }
 
     /// Which touches are near a point.
@@ -121,6 +136,19 @@ impl SurfaceMap {
             + self.voxels.bytes()
             + self.pairs.bytes()
     }
+}
+
+/// √(area/touches): twice the median distance to the nearest touch, which is its expectation
+/// where touches are spread at random.
+fn spacing(positions: &[Vec3]) -> f32 {
+    let nearest = |(index, position): (usize, &Vec3)| {
+        let others = positions.iter().enumerate().filter(|(other, _)| *other != index);
+        others.map(|(_, other)| position.distance_squared(*other)).fold(f32::INFINITY, f32::min)
+    };
+    let mut distances: Vec<f32> = positions.iter().enumerate().map(nearest).collect();
+    distances.sort_unstable_by(f32::total_cmp);
+    let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
+    if median.is_finite() { 2.0 * median.sqrt() } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -224,14 +224,12 @@ mod tests {
 
     #[test]
     fn where_touches_are_few_a_place_is_larger() {
-        // 4 mm apart: no two within 3 mm, 49 pairs and more within 12 mm.
+        // 4 mm apart: no two within 3 mm, each with its nearest neighbour within 12 mm.
         let row: Vec<Reading> =
             (0..50).map(|n| press([4.0 * f64::from(n), 0.0, 0.0], DVec3::Z, 5e3)).collect();
-        let row: Vec<&Reading> = row.iter().collect();
         let features: Vec<Vec<f64>> = (0..50).map(|n| vec![f64::from(n)]).collect();
-        let pairs = pairs_of_places(&[row], &[features]);
+        let pairs = pairs_of_places(&[row.iter().collect()], &[features]);
         assert_eq!(pairs.len(), 50);
-        // Each with its nearest neighbour.
         assert!(pairs.iter().all(|pair| (pair[0][0] - pair[1][0]).abs() < 1.5), "{pairs:?}");
     }
 

@@ -12,7 +12,7 @@ use palpate_core::units::{DEG, MM};
 use palpate_sim::elastic::PointResponse;
 use palpate_sim::elastic::covering::{ElasticCovering, ProfilePoint};
 use palpate_sim::mesh::Mesh;
-use palpate_sim::press::PressSimulator;
+use palpate_sim::press::{Load, PressSimulator};
 use serde_json::json;
 
 use super::point_spread::sensor_under;
@@ -93,7 +93,10 @@ fn simulated_image(thickness: f64, spread: f64, degrees: f64) -> anyhow::Result<
     let look_down = DQuat::from_rotation_x(std::f64::consts::PI);
     let pressed = Pose::from_parts(look_down, DVec3::new(0.0, 0.0, -DEPTH * thickness));
     let simulator = PressSimulator::new(h_mesh()?, sensor_under(thickness, spread));
-    Ok(simulator.press(turn * pressed).displacements)
+    match simulator.press(turn * pressed).load {
+        Load::Displacements(displacements) => Ok(displacements),
+        Load::Pressures(_) => anyhow::bail!("expected a press of the point spread"),
+    }
 }
 
 /// The H as three boxes, its face at z = 0 towards +z.

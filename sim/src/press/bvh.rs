@@ -6,6 +6,7 @@
 use glam::{DMat3, DVec3};
 use palpate_core::pose::Pose;
 
+use crate::distance::{crosses, segment_meets_box, segment_to_triangle_squared};
 use crate::mesh::Mesh;
 
 const LEAF_TRIANGLES_MAX: usize = 4;
@@ -107,6 +108,35 @@ impl Bvh {
     }
 }
 
+impl Bvh {
+    /// Whether any triangle is nearer than `radius` to the segment from `from` to `to`.
+    pub(super) fn is_near_segment(&self, from: DVec3, to: DVec3, radius: f64) -> bool {
+        let mut pending = [0u32; 64];
+        let mut n_pending = 1;
+        while n_pending > 0 {
+            n_pending -= 1;
+            let idx = pending[n_pending];
+            let node = &self.nodes[idx as usize];
+            if !segment_meets_box(from - node.center, to - node.center, node.half + radius) {
+                continue;
+            }
+            if node.n_triangles == 0 {
+                pending[n_pending] = node.start;
+                pending[n_pending + 1] = idx + 1;
+                n_pending += 2;
+            } else {
+                let start = node.start as usize;
+                let leaf = &self.triangles[start..start + node.n_triangles as usize];
+                let near = |corners| segment_to_triangle_squared(from, to, corners);
+                if leaf.iter().any(|corners| near(corners) < radius * radius) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+}
+
 /// Adds the node over `order` (triangles from `start` on) and everything below it.
 fn split(mesh: &Mesh, centers: &[DVec3], order: &mut [u32], start: usize, nodes: &mut Vec<Node>) {
     let mut low = DVec3::INFINITY;
@@ -142,24 +172,10 @@ fn split(mesh: &Mesh, centers: &[DVec3], order: &mut [u32], start: usize, nodes:
     split(mesh, centers, right, start + middle, nodes);
 }
 
-/// Whether a triangle crosses the open segment (Möller and Trumbore 1997).
-fn crosses(&[a, b, c]: &[DVec3; 3], from: DVec3, to: DVec3) -> bool {
-    let (way, ab, ac) = (to - from, b - a, c - a);
-    let normal = way.cross(ac);
-    let determinant = ab.dot(normal);
-    if determinant.abs() < 1e-30 {
-        return false;
-    }
-    let offset = from - a;
-    let u = offset.dot(normal) / determinant;
-    let tilted = offset.cross(ab);
-    let v = way.dot(tilted) / determinant;
-    let along = ac.dot(tilted) / determinant;
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && along > 0.0 && along < 1.0
-}
-
 #[cfg(test)]
 mod tests {
+    use palpate_core::rng::{Purpose, Stream};
+
     use super::*;
     use crate::mesh::tests_support::sphere;
 
@@ -176,6 +192,25 @@ mod tests {
             }
         }
         assert_eq!(seen, mesh.triangles().len());
+    }
+
+    #[test]
+    fn nearness_to_a_segment_is_that_of_all_triangles() {
+        let mesh = sphere(0.03, 24);
+        let bvh = Bvh::new(&mesh);
+        let mut stream = Stream::new(1, Purpose::Shape, 0);
+        let mut n_near = 0;
+        for _ in 0..300 {
+            let from = 0.06 * stream.direction();
+            let to = from + 0.05 * stream.direction();
+            let near = bvh.is_near_segment(from, to, 0.01);
+            let naive = (0..mesh.triangles().len()).any(|triangle| {
+                segment_to_triangle_squared(from, to, &mesh.corners(triangle)) < 0.01 * 0.01
+            });
+            assert_eq!(near, naive);
+            n_near += usize::from(near);
+        }
+        assert!((30..270).contains(&n_near), "{n_near} of 300 are near");
     }
 
     #[test]

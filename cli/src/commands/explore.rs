@@ -1,0 +1,379 @@
+//! `palpate explore`: a simulated arm explores an object that it knows nothing of, and what it
+//! feels is recognised by a server, written to a file, or both; a file can be sent again.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use palpate_client::schemas::{
+    AddReadings, Belief, BeliefDetail, CreateSession, Method, Reading, ReadingsQuery, SensorPreset,
+    Session,
+};
+use palpate_sim::explore::Statistics;
+use palpate_sim::shapes;
+use serde::Serialize;
+use uuid::Uuid;
+
+use super::Context;
+use super::objects::Unit;
+use super::sensors::parse_preset;
+use super::touch::ensure_sensor;
+use crate::exit::Ended;
+use crate::explorer::{self, Plan};
+use crate::output;
+use crate::readings_file::ReadingsFile;
+
+/// Arguments of `palpate explore`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  palpate explore --object mug --readings 40 --out mug.json\n  \
+    palpate explore --object mug --perturb --method appearance --readings 40\n  \
+    palpate explore --mesh part.stl --readings 100 --offline --out part.json\n  \
+    palpate explore --replay mug.json --session 0198a0d0-0000-7000-8000-000000000000\n\n\
+    Exits with 4 when the object is known and the likeliest one at the end is another."
+)]
+pub(crate) struct ExploreArgs {
+    /// What is touched: a built-in example, or with --mesh its name in the catalogue.
+    #[arg(long, required_unless_present_any = ["mesh", "replay"])]
+    object: Option<String>,
+    /// The mesh to explore: .stl, .obj, .ply or .off.
+    #[arg(long, value_name = "FILE")]
+    mesh: Option<PathBuf>,
+    /// The unit of the file's coordinates.
+    #[arg(long, value_enum, default_value = "mm")]
+    unit: Unit,
+    /// Send the readings of this file instead of exploring; `-` is the standard input.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["mesh", "object", "offline", "out"])]
+    replay: Option<PathBuf>,
+    /// How many readings to take.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    readings: u32,
+    /// The probability of the local strategy, 0 to 1.
+    #[arg(long, default_value_t = 0.5, value_name = "L", value_parser = parse_share)]
+    local: f64,
+    /// How many links the arm has.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(3..=32))]
+    links: u32,
+    /// Decides where the object lies, how it is explored and what the sensor's noise is.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Move the object by up to 10° and a tenth of its size after every reading.
+    #[arg(long)]
+    perturb: bool,
+    /// Noise beyond the sensor's own: its width as a part of the sensing range, 0 to 2.
+    #[arg(long, default_value_t = 0.0, value_name = "LEVEL", value_parser = explorer::parse_noise)]
+    noise: f64,
+    /// The arm's sensor.
+    #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
+    sensor: SensorPreset,
+    /// How often the planner may choose a target.
+    #[arg(long, default_value_t = 200_000, value_parser = clap::value_parser!(u32).range(1..))]
+    iterations: u32,
+    /// The session to send the readings to; a new one when not given.
+    #[arg(long, conflicts_with = "offline")]
+    session: Option<Uuid>,
+    /// The catalogue of a new session.
+    #[arg(long, default_value = "default")]
+    catalogue: String,
+    /// How a new session recognises [default: sva]. An object that moves (--perturb) needs a
+    /// method that ignores poses: appearance, of a version trained with `--appearance`.
+    #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
+    method: Option<ExploreMethod>,
+    /// Do not talk to a server.
+    #[arg(long, requires = "out")]
+    offline: bool,
+    /// Write the readings to this file, to be sent again with --replay.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Write a picture of the arm, the object and the touches: a PNG file.
+    #[arg(long, value_name = "FILE", conflicts_with = "replay")]
+    picture: Option<PathBuf>,
+}
+
+/// How to recognise; the methods `geometric…` need to know where the object may lie, which a
+/// blind arm does not.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ExploreMethod {
+    /// Spatially varying appearance.
+    Sva,
+    /// Spatially varying appearance as printed.
+    SvaLiteral,
+    /// Bags of features: which object, not where.
+    Appearance,
+    /// Bags of features as printed.
+    AppearanceLiteral,
+}
+
+impl ExploreMethod {
+    fn wire(self) -> Method {
+        match self {
+            Self::Sva => Method::Sva,
+            Self::SvaLiteral => Method::SvaLiteral,
+            Self::Appearance => Method::Appearance,
+            Self::AppearanceLiteral => Method::AppearanceLiteral,
+        }
+    }
+}
+
+/// The answer.
+#[derive(Debug, Serialize)]
+struct Explored {
+    session: Option<Uuid>,
+    readings: usize,
+    /// What the planner did; absent for readings from a file.
+    planner: Option<Planner>,
+    /// What was touched, if that is known.
+    truth: Option<String>,
+    /// The likeliest object at the end, if a server was asked.
+    answer: Option<String>,
+    probability: Option<f64>,
+    right: Option<bool>,
+}
+
+/// What the planner did, see [`Statistics`].
+#[derive(Debug, Serialize)]
+struct Planner {
+    iterations: usize,
+    local_iterations: usize,
+    vertices: usize,
+    collisions: usize,
+    inverse_failures: usize,
+    contacts: usize,
+    rejected: usize,
+    unreachable: usize,
+}
+
+impl From<Statistics> for Planner {
+    fn from(statistics: Statistics) -> Self {
+        Self {
+            iterations: statistics.iterations,
+            local_iterations: statistics.local_iterations,
+            vertices: statistics.vertices,
+            collisions: statistics.collisions,
+            inverse_failures: statistics.inverse_failures,
+            contacts: statistics.contacts,
+            rejected: statistics.rejected,
+            unreachable: statistics.unreachable,
+        }
+    }
+}
+
+/// Does what was asked.
+pub(crate) async fn run(args: ExploreArgs, context: &Context) -> anyhow::Result<()> {
+    match &args.replay {
+        Some(path) => {
+            let file = ReadingsFile::read(path)?;
+            let work = replay(&args, file, context);
+            unless_interrupted(work).await
+        }
+        None => unless_interrupted(explore(&args, context)).await,
+    }
+}
+
+async fn unless_interrupted(work: impl Future<Output = anyhow::Result<()>>) -> anyhow::Result<()> {
+    tokio::select! {
+        done = work => done,
+        interrupted = tokio::signal::ctrl_c() => {
+            interrupted?;
+            Err(Ended::Interrupted.into())
+        }
+    }
+}
+
+/// Sends the readings of a file.
+async fn replay(args: &ExploreArgs, file: ReadingsFile, context: &Context) -> anyhow::Result<()> {
+    let session = session(args, context).await?;
+    let mut last = None;
+    let n_readings = file.readings.len();
+    for (idx, reading) in file.readings.into_iter().enumerate() {
+        let belief = send(&session, reading, context).await?;
+        context.output.say(belief_words(idx + 1, &belief));
+        last = Some(belief);
+    }
+    answer(Some(&session), n_readings, None, file.object, last.as_ref(), context)
+}
+
+/// Explores, sends each reading as it is taken, and writes them all at the end.
+async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
+    let plan = plan(args)?;
+    let session = if args.offline {
+        None
+    } else {
+        ensure_sensor(&context.client, args.sensor).await?;
+        Some(session(args, context).await?)
+    };
+    // One reading waits while another is on its way: the arm does not run ahead of the server.
+    let (sender, mut taken) = tokio::sync::mpsc::channel::<Reading>(1);
+    let work = tokio::task::spawn_blocking(move || {
+        let explored = plan.explore(&mut |reading| {
+            let goes_on = match reading {
+                Some(reading) => sender.blocking_send(reading).is_ok(),
+                None => !sender.is_closed(),
+            };
+            if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
+        (plan, explored)
+    });
+    let mut readings = Vec::new();
+    let heard = hear(&mut taken, &mut readings, session.as_ref(), context).await;
+    // Also when the server fails in the middle: the touches are done.
+    let n_readings = readings.len();
+    if let Some(path) = args.out.as_ref().filter(|_| n_readings > 0) {
+        ReadingsFile::new(args.object.clone(), Some(args.seed), readings).write(path)?;
+        context.output.say(format!("wrote {}", path.display()));
+    }
+    let last = heard?;
+    let (plan, explored) = work.await?;
+    let explored = explored?;
+    if let Some(path) = &args.picture {
+        explorer::write_picture(path, &plan, &explored)?;
+    }
+    let wanted = args.readings as usize;
+    if n_readings < wanted {
+        context.output.say(format!(
+            "only {n_readings} of {wanted} readings within {} iterations",
+            args.iterations
+        ));
+    }
+    let planner = Some(explored.statistics.into());
+    answer(session.as_ref(), n_readings, planner, args.object.clone(), last.as_ref(), context)
+}
+
+/// Gathers readings as they are taken and sends them, if there is a session; gives the last
+/// belief.
+async fn hear(
+    taken: &mut tokio::sync::mpsc::Receiver<Reading>,
+    readings: &mut Vec<Reading>,
+    session: Option<&Session>,
+    context: &Context,
+) -> anyhow::Result<Option<Belief>> {
+    let mut last = None;
+    while let Some(reading) = taken.recv().await {
+        readings.push(reading.clone());
+        match session {
+            Some(session) => {
+                let belief = send(session, reading, context).await?;
+                context.output.say(belief_words(readings.len(), &belief));
+                last = Some(belief);
+            }
+            None if readings.len().is_multiple_of(10) => {
+                context.output.say(format!("{} readings", readings.len()));
+            }
+            None => {}
+        }
+    }
+    Ok(last)
+}
+
+fn plan(args: &ExploreArgs) -> anyhow::Result<Plan> {
+    let mesh = match (&args.mesh, &args.object) {
+        (Some(path), _) => crate::robot::read_mesh(path, args.unit.wire())?,
+        (None, Some(name)) => shapes::example(name).ok_or_else(|| {
+            anyhow::anyhow!(
+                "object {name} is not a built-in example, expected one of {} or --mesh FILE",
+                shapes::NAMES.join(", ")
+            )
+        })?,
+        (None, None) => anyhow::bail!("expected --object NAME or --mesh FILE"),
+    };
+    Ok(Plan {
+        mesh,
+        sensor: args.sensor,
+        noise: args.noise,
+        readings: args.readings as usize,
+        local: args.local,
+        links: args.links as usize,
+        seed: args.seed,
+        perturb: args.perturb,
+        iterations: args.iterations as usize,
+    })
+}
+
+/// The session that was named, or a new one.
+async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Session> {
+    let session = match args.session {
+        Some(id) => context.client.session(id).await?,
+        None => {
+            let new = CreateSession {
+                catalogue: Some(args.catalogue.clone()),
+                method: args.method.map(ExploreMethod::wire),
+                ..CreateSession::default()
+            };
+            context.client.create_session(&new).await?
+        }
+    };
+    Ok(session)
+}
+
+/// Sends one reading; sent twice into the same session it counts once.
+async fn send(session: &Session, reading: Reading, context: &Context) -> anyhow::Result<Belief> {
+    let reading = Reading { frame_id: session.frame_id.clone(), ..reading };
+    let readings = AddReadings { readings: vec![reading] };
+    let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };
+    let added = context.client.add_readings(session.id, &readings, query).await?;
+    match added.belief {
+        Some(belief) => Ok(belief),
+        None => Ok(context.client.belief(session.id, Default::default()).await?),
+    }
+}
+
+fn belief_words(touches: usize, belief: &Belief) -> String {
+    let best = belief.objects.first();
+    let probability = best.map_or(0.0, |best| best.probability);
+    format!(
+        "touch {touches:3}  {:<16} {} {:5.1} %  {:.2} bits",
+        best.map_or("–", |best| best.name.as_str()),
+        output::bar(probability),
+        probability * 100.0,
+        belief.entropy_bits,
+    )
+}
+
+fn answer(
+    session: Option<&Session>,
+    readings: usize,
+    planner: Option<Planner>,
+    truth: Option<String>,
+    last: Option<&Belief>,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let best = last.and_then(|belief| belief.objects.first());
+    let right = best.zip(truth.as_ref()).map(|(best, truth)| best.name == *truth);
+    let explored = Explored {
+        session: session.map(|session| session.id),
+        readings,
+        planner,
+        truth,
+        answer: best.map(|best| best.name.clone()),
+        probability: best.map(|best| best.probability),
+        right,
+    };
+    context.output.answer(&explored, words)?;
+    if right == Some(false) { Err(Ended::NotRecognised.into()) } else { Ok(()) }
+}
+
+fn words(explored: &Explored) -> String {
+    let mut words = format!("\n{} readings", explored.readings);
+    if let Some(planner) = &explored.planner {
+        words += &format!(
+            " from {} contacts in {} steps of the planner ({} local); {} vertices, {} collisions",
+            planner.contacts,
+            planner.iterations,
+            planner.local_iterations,
+            planner.vertices,
+            planner.collisions,
+        );
+    }
+    if let (Some(answer), Some(probability)) = (&explored.answer, explored.probability) {
+        words += &format!("\nit is {answer} with {:.1} %", probability * 100.0);
+    }
+    if let Some(truth) = explored.truth.as_ref().filter(|_| explored.right.is_some()) {
+        words += &format!("; it was {truth}");
+    }
+    words
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    let share = text.parse::<f64>().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "expected a number from 0 to 1".to_owned())
+}

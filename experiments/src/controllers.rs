@@ -1,0 +1,206 @@
+//! Figure 4.17: how the contact controllers converge under noise, up to four times the forces.
+//!
+//! Touches of one object (the dragon) from random starts until 100 converge, at every level
+//! of noise and once more on each of several seeds. A level is the whole width of a uniform
+//! distribution as a part of the largest pressure observed without noise. Added: whether what
+//! converged touches the object, and how far from its place without noise it came to rest.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::{DEG, MM};
+use palpate_sim::controller::Idle;
+use palpate_sim::convergence::{
+    ContactRule, Convergence, ConvergenceConfig, convergence, observed_range,
+};
+use palpate_sim::press::PressSimulator;
+use serde_json::json;
+
+use crate::objects;
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::statistics::{mean, median};
+
+/// The noise as a part of the observed range of forces.
+const LEVELS: [f64; 12] = [0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0];
+
+/// What the controllers know of noise and what ends a touch, with the prefix of the keys:
+/// as printed, the same knowing the noise, and as our touches are made elsewhere.
+const RULES: [(&str, ContactRule, Idle); 3] = [
+    ("printed", ContactRule::Unaware, Idle::Consecutive),
+    ("above_noise", ContactRule::AboveNoise, Idle::Consecutive),
+    ("default", ContactRule::AboveNoise, Idle::OneReading),
+];
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Controllers {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// Which of them is touched.
+    pub object: String,
+    /// The first seed.
+    pub seed: u64,
+    /// How many seeds from the first on.
+    pub seeds: usize,
+    /// Touches that must converge at each level and seed.
+    pub successes: usize,
+}
+
+impl Default for Controllers {
+    fn default() -> Self {
+        Self { meshes: None, object: "dragon".to_owned(), seed: 1, seeds: 3, successes: 100 }
+    }
+}
+
+/// Runs the experiment.
+///
+/// # Errors
+/// When the object is not there or cannot be touched without noise.
+pub fn run(
+    config: &Controllers,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("controllers", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), 80.0 * MM)?;
+    let names: Vec<&str> = objects.iter().map(|object| object.name.as_str()).collect();
+    let found = objects.iter().find(|object| object.name == config.object);
+    let object = found.with_context(|| {
+        format!("there is no object {}, expected one of {}", config.object, names.join(", "))
+    })?;
+    let simulator = PressSimulator::new(object.mesh.clone(), SensorDescription::digitacts_6x6());
+    let mut curves = Vec::new();
+    for (rule_idx, (name, rule, idle)) in RULES.into_iter().enumerate() {
+        let touches = ConvergenceConfig {
+            rule,
+            idle,
+            successes: config.successes,
+            ..ConvergenceConfig::default()
+        };
+        let range = observed_range(&simulator, config.seed, &touches);
+        anyhow::ensure!(range > 0.0, "no touch of {} converges without noise", object.name);
+        report.summarise("observed_range_kpa", range / 1e3);
+        let mut points = Vec::with_capacity(LEVELS.len());
+        for (level_idx, level) in LEVELS.into_iter().enumerate() {
+            let done = rule_idx * LEVELS.len() + level_idx;
+            progress("touching under noise", done, RULES.len() * LEVELS.len());
+            let seeds = config.seed..config.seed + config.seeds as u64;
+            let runs = seeds.map(|seed| {
+                convergence(&simulator, level, range, seed, &touches)
+                    .with_context(|| format!("no sensor has noise of {level} of its forces"))
+            });
+            points.push(Point::of(level, &runs.collect::<anyhow::Result<Vec<_>>>()?));
+        }
+        points.iter().for_each(|point| point.report(name, &mut report));
+        curves.push((name, points));
+    }
+    let plot = plot(&curves);
+    Ok(Outcome { report, plot, pictures: Vec::new() })
+}
+
+/// One level of noise, all seeds together.
+struct Point {
+    level: f64,
+    attempts: usize,
+    converged: usize,
+    share: f64,
+    touching_share: f64,
+    rounds: f64,
+    commands: f64,
+    angle_deg: f64,
+    distance_mm: f64,
+}
+
+impl Point {
+    fn of(level: f64, runs: &[Convergence]) -> Self {
+        let all = |value: fn(&Convergence) -> f64| -> Vec<f64> { runs.iter().map(value).collect() };
+        Self {
+            level,
+            attempts: runs.iter().map(|run| run.attempts).sum(),
+            converged: runs.iter().map(|run| run.converged).sum(),
+            share: mean(&all(Convergence::share)),
+            touching_share: mean(&all(Convergence::touching_share)),
+            rounds: mean(&all(|run| run.rounds_mean)),
+            commands: mean(&all(|run| run.commands_mean)),
+            angle_deg: median(&all(|run| run.angle_median / DEG)),
+            distance_mm: median(&all(|run| run.distance_median / MM)),
+        }
+    }
+
+    fn report(&self, rule: &str, report: &mut Report) {
+        report.row(vec![
+            ("rules", json!(rule)),
+            ("noise_percent", json!(100.0 * self.level)),
+            ("touches", json!(self.attempts)),
+            ("converged", json!(self.converged)),
+            ("converged_share", json!(self.share)),
+            ("converged_on_object_share", json!(self.touching_share)),
+            ("rounds_mean", json!(self.rounds)),
+            ("commands_mean", json!(self.commands)),
+            ("angle_off_deg_median", json!(self.angle_deg)),
+            ("distance_off_mm_median", json!(self.distance_mm)),
+        ]);
+        let percent = (100.0 * self.level).round();
+        for (figure, value) in [
+            ("converged", self.share),
+            ("converged_on_object", self.touching_share),
+            ("rounds", self.rounds),
+            ("commands", self.commands),
+        ] {
+            report.summarise(&format!("{rule}_{figure}_at_{percent}"), value);
+        }
+    }
+}
+
+fn plot(curves: &[(&str, Vec<Point>)]) -> String {
+    let line = |name: &str, points: &[Point], value: fn(&Point) -> f64| Line {
+        name: name.to_owned(),
+        points: points.iter().map(|point| (100.0 * point.level, value(point))).collect(),
+    };
+    let panel = |title: &str, y: &str, lines: Vec<Line>| Panel {
+        title: title.to_owned(),
+        x: "noise, % of observed range".to_owned(),
+        y: y.to_owned(),
+        lines,
+    };
+    let of = |value: fn(&Point) -> f64| -> Vec<Line> {
+        curves.iter().map(|(name, points)| line(name, points, value)).collect()
+    };
+    let shares = curves.iter().flat_map(|(name, points)| {
+        [
+            line(name, points, |point| 100.0 * point.share),
+            line(&format!("{name}, on the object"), points, |p| 100.0 * p.touching_share),
+        ]
+    });
+    svg(&[
+        panel("touches that converge", "%", shares.collect()),
+        panel("turns of Press and Orient", "mean of those that converge", of(|p| p.rounds)),
+        panel("commands of Press and Orient", "mean of those that converge", of(|p| p.commands)),
+        panel("off the place without noise", "median, mm", of(|p| p.distance_mm)),
+        panel("off the direction without noise", "median, degrees", of(|p| p.angle_deg)),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_run_has_every_level_and_names_what_is_missing() {
+        let config = Controllers { seed: 101, seeds: 1, successes: 12, ..Controllers::default() };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        assert_eq!(outcome.report.rows.len(), RULES.len() * LEVELS.len());
+        let summary = &outcome.report.summary;
+        assert!(summary["printed_converged_at_0"] > 0.5, "{summary:?}");
+        // Without noise nothing converges in the air, and both rules are one.
+        let converged = summary["printed_converged_at_0"];
+        assert!((summary["printed_converged_on_object_at_0"] - converged).abs() < 1e-12);
+        assert!((summary["above_noise_converged_at_0"] - converged).abs() < 1e-12);
+        assert_eq!(outcome.plot.matches("<polyline").count(), 3 * 6);
+        let nobody = Controllers { object: "unicorn".to_owned(), ..config };
+        let error = run(&nobody, "test".to_owned(), &|_, _, _| ()).err().unwrap().to_string();
+        assert!(error.contains("unicorn") && error.contains("dragon"), "{error}");
+    }
+}

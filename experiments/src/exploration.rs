@@ -1,0 +1,183 @@
+//! Figures 4.11 and 4.12: strategies of blind exploration, and the sampler that they are
+//! measured against.
+//!
+//! Models learn from the sampler's readings; tests take readings of the planner with three
+//! probabilities L of the local strategy, and held-back readings of the sampler. The coarse
+//! and the fine sensor of figure 4.12. Beside accuracy stands what the dissertation explains
+//! it by: how much of the surface a strategy touches, and how one-sidedly. Added: models of
+//! touches that begin at any angle, as a blind arm's do.
+
+use palpate_core::descriptor::DescriptorKind;
+use palpate_core::model::appearance::AppearanceRule;
+use palpate_core::reading::Reading;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::DEG;
+use palpate_sim::noise::NoiseLevel;
+
+use crate::appearance_trials::{Evidence, line};
+use crate::explorations::{
+    COUNTS, ExplorationTrials, Run, Strategy, report_curve, report_curves, report_runs,
+};
+use crate::object_trials::{Setting, Touched, panel};
+use crate::objects::{TestObject, touch_tilted};
+use crate::plot::{Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+
+/// Those of figure 4.12, and the one that figure 4.9 is of.
+const DESCRIPTORS: [DescriptorKind; 3] =
+    [DescriptorKind::PolarFourier, DescriptorKind::MomentNormalized, DescriptorKind::Mnti];
+
+/// The probabilities of the local strategy; the dissertation names only that there are three.
+/// With 1 the arm may stay for ever where it can touch nothing.
+const LOCALS: [f64; 3] = [0.1, 0.5, 0.9];
+
+/// The largest tilt of the added training touches, radians; the printed "small perturbation"
+/// is the sampler's 10°.
+const WIDE_TILT: f64 = 60.0 * DEG;
+
+/// Runs the experiment.
+///
+/// # Errors
+/// When objects cannot be read, touched, explored or learnt.
+pub fn run(
+    config: &ExplorationTrials,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let objects = config.objects.objects()?;
+    let mut report = Report::new("exploration", command, config.objects.seed);
+    let mut panels = Vec::new();
+    let settings = settings();
+    let n_steps = settings.len() * (1 + LOCALS.len() + DESCRIPTORS.len()) + DESCRIPTORS.len();
+    let mut done = 0;
+    let mut next = |stage: &str| {
+        progress(stage, done, n_steps);
+        done += 1;
+    };
+    for (setting_idx, setting) in settings.iter().enumerate() {
+        next(&format!("touching, {}", setting.name));
+        let touched = config.objects.touch(&objects, setting)?;
+        let mut explored: Vec<(Strategy, Vec<Run>)> = Vec::new();
+        for strategy in LOCALS.map(strategy) {
+            next(&format!("exploring, {}, {}", setting.name, strategy.name));
+            let runs = config.explore(&objects, setting, &strategy)?;
+            report_runs(&mut report, setting, &strategy, &runs);
+            explored.push((strategy, runs));
+        }
+        let mut trainings = vec![Training { prefix: "", touched }];
+        if setting_idx == 0 {
+            trainings
+                .push(Training { prefix: "tilted_", touched: tilted(config, &objects, setting)? });
+        }
+        for training in &trainings {
+            for descriptor in DESCRIPTORS {
+                next(&format!("recognising, {}, {}", setting.name, descriptor.name()));
+                panels.push(recognised(
+                    config,
+                    setting,
+                    training,
+                    &explored,
+                    descriptor,
+                    &mut report,
+                )?);
+            }
+        }
+    }
+    Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
+}
+
+/// What models learn from, and the prefix of the methods that learnt it.
+struct Training {
+    prefix: &'static str,
+    touched: Touched,
+}
+
+/// Touches for training and tests that begin at any angle up to [`WIDE_TILT`].
+fn tilted(
+    config: &ExplorationTrials,
+    objects: &[TestObject],
+    setting: &Setting,
+) -> anyhow::Result<Touched> {
+    let seed = config.objects.seed;
+    let touch_all = |n: usize, seed: u64| -> anyhow::Result<Vec<Vec<Reading>>> {
+        let touch = |object: &TestObject| touch_tilted(object, &setting.sensor, WIDE_TILT, n, seed);
+        objects.iter().map(touch).collect()
+    };
+    Ok(Touched {
+        training: touch_all(config.objects.training_readings, 2 * seed)?,
+        test: touch_all(config.objects.test_readings, 2 * seed + 1)?,
+    })
+}
+
+/// A descriptor's curves on the sampler's and on all explored readings.
+fn recognised(
+    config: &ExplorationTrials,
+    setting: &Setting,
+    training: &Training,
+    explored: &[(Strategy, Vec<Run>)],
+    descriptor: DescriptorKind,
+    report: &mut Report,
+) -> anyhow::Result<Panel> {
+    let method = format!("{}{}", training.prefix, descriptor.name());
+    let appearance = config.objects.appearance(descriptor);
+    let model = config.objects.test(&training.touched, setting, &appearance)?.model;
+    let (rule, seed) = (AppearanceRule::Divergence, config.objects.seed);
+    let held_back = Evidence::of(&model, &training.touched.test, &setting.sensor, rule);
+    let sampled = held_back.drawn(&COUNTS, config.objects.trials, seed);
+    report_curve(report, setting, &method, ("sampler", "sampler"), "drawn", &sampled);
+    let mut lines = vec![line("sampler", &sampled)];
+    for (strategy, runs) in explored {
+        let curves = config.curves(&model, setting, runs);
+        report_curves(report, setting, &method, strategy, &curves);
+        lines.push(line(&format!("explored, {}", strategy.name), &curves.drawn));
+    }
+    Ok(panel(&format!("{method}, {}", setting.name), lines))
+}
+
+fn strategy(local: f64) -> Strategy {
+    let key = format!("l{local}").replace('.', "_");
+    Strategy { name: format!("L = {local}"), key, local, perturb: false }
+}
+
+fn settings() -> Vec<Setting> {
+    let setting = |sensor: SensorDescription| {
+        let side = sensor.grid().rows;
+        Setting {
+            name: format!("{side}×{side}"),
+            key: format!("{side}x{side}_"),
+            sensor,
+            noise_level: NoiseLevel::NONE,
+        }
+    };
+    [SensorDescription::digitacts_6x6(), SensorDescription::tekscan_26x26()].map(setting).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::object_trials::tests::small;
+
+    #[test]
+    fn a_small_run_has_every_strategy_at_both_resolutions() {
+        let config = ExplorationTrials { objects: small(), runs: 1 };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        let mean_of =
+            |keys: &[String]| keys.iter().map(|key| summary[key]).sum::<f64>() / keys.len() as f64;
+        for side in ["6x6", "26x26"] {
+            // Ten objects: a guess is right one time in ten.
+            assert!(summary[&format!("polar_fourier_{side}_sampler_accuracy_at_20")] > 0.4);
+            let explored = ["l0_1", "l0_5", "l0_9"]
+                .map(|source| format!("polar_fourier_{side}_{source}_accuracy_at_20"));
+            assert!(mean_of(&explored) > 0.15, "{summary:?}");
+            // Where there was something there is more, but it is of the same place.
+            let of =
+                |figure: &str| ["l0_1", "l0_5"].map(|l| summary[&format!("{side}_{l}_{figure}")]);
+            let ([global, local], [wide, narrow]) = (of("steps_per_reading"), of("covered_at_20"));
+            assert!(global > 2.0 * local && wide > narrow, "{summary:?}");
+        }
+        let learnt_tilted = "tilted_polar_fourier_6x6_l0_9_accuracy_at_20";
+        assert!(summary.contains_key(learnt_tilted), "{summary:?}");
+        assert_eq!(outcome.plot.matches("<polyline").count(), (2 + 1) * 3 * 4);
+    }
+}

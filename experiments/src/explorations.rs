@@ -1,0 +1,272 @@
+//! Readings of blind explorations, and trials on them: what figures 4.11 to 4.13 share.
+//!
+//! Objects are trained with the sampler of section 4.4.1.2 (`object_trials`) and tested with
+//! what the planner of section 4.2 brings home. Every run of the planner has a place of the
+//! object, a course and noise of its own, the same for all strategies and sensors.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+use palpate_core::model::appearance::{AppearanceModel, AppearanceRule};
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::units::MM;
+use palpate_sim::explore::{
+    Exploration, ExploreConfig, Perturbation, Touch, covered_share, explore,
+};
+use palpate_sim::press::{PressConfig, PressSimulator};
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::appearance_trials::{Evidence, Point, accuracy_at, mean_of};
+use crate::object_trials::{ObjectTrials, Setting};
+use crate::objects::TestObject;
+use crate::report::Report;
+use crate::statistics::mean;
+
+/// Counts of readings after which accuracy is measured.
+pub const COUNTS: [usize; 15] = [1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 80, 100];
+
+/// Counts that the summary states.
+const STATED_AT: [usize; 4] = [5, 10, 20, 100];
+
+/// How far from the middle of the arm's workspace the object's is at most, along each axis.
+const PLACE_MAX: f64 = 20.0 * MM;
+
+/// A point of the surface counts as touched when a reading is this near.
+const COVERED_WITHIN: f64 = 10.0 * MM;
+
+/// The arm of these experiments has this many links.
+const N_LINKS: usize = 8;
+
+/// What is trained, and how it is explored.
+#[derive(Clone, Debug)]
+pub struct ExplorationTrials {
+    /// Objects and training; its test readings are those of the sampler.
+    pub objects: ObjectTrials,
+    /// Explorations of every object.
+    pub runs: usize,
+}
+
+impl Default for ExplorationTrials {
+    /// The dissertation's readings, and its three explorations an object.
+    fn default() -> Self {
+        Self { objects: ObjectTrials::default(), runs: 3 }
+    }
+}
+
+/// How objects are explored.
+#[derive(Clone, Debug)]
+pub struct Strategy {
+    /// Its name in rows and plots.
+    pub name: String,
+    /// Its part of the summary's keys.
+    pub key: String,
+    /// The probability L of the local strategy.
+    pub local: f64,
+    /// Whether the object moves after each reading, as far as section 4.4.2.4 says.
+    pub perturb: bool,
+}
+
+/// One exploration of every object.
+pub struct Run {
+    simulators: Vec<PressSimulator>,
+    explorations: Vec<Exploration>,
+}
+
+impl Run {
+    /// The readings, one list an object.
+    #[must_use]
+    pub fn readings(&self) -> Vec<Vec<Reading>> {
+        let of = |found: &Exploration| -> Vec<Reading> {
+            found.touches.iter().map(|touch| touch.reading.clone()).collect()
+        };
+        self.explorations.iter().map(of).collect()
+    }
+
+    /// The mean over the objects of the share of the surface that `n` readings touch.
+    fn covered_share(&self, n: usize) -> f64 {
+        let shares = self.simulators.iter().zip(&self.explorations).map(|(simulator, found)| {
+            let places: Vec<DVec3> =
+                found.touches.iter().take(n).map(|touch| touch.place_in_object()).collect();
+            covered_share(simulator, &places, COVERED_WITHIN)
+        });
+        mean(&shares.collect::<Vec<_>>())
+    }
+
+    /// How one-sided the readings are: the length of the mean direction in which the sensor
+    /// looked, in the arm's frame; 1 when it always looked the same way.
+    fn one_sidedness(&self) -> f64 {
+        let lengths = self.explorations.iter().map(|found| {
+            let facing = |touch: &Touch| touch.reading.session_from_sensor().turn(DVec3::Z);
+            let sum: DVec3 = found.touches.iter().map(facing).sum();
+            sum.length() / found.touches.len().max(1) as f64
+        });
+        mean(&lengths.collect::<Vec<_>>())
+    }
+
+    /// Steps of the planner for each reading.
+    fn steps_per_reading(&self) -> f64 {
+        let of = |found: &Exploration| {
+            found.statistics.iterations as f64 / found.statistics.readings.max(1) as f64
+        };
+        mean(&self.explorations.iter().map(of).collect::<Vec<_>>())
+    }
+
+    /// The share of the contacts that the controllers or the arm gave up.
+    fn given_up_share(&self) -> f64 {
+        let of = |found: &Exploration| {
+            let lost = found.statistics.rejected + found.statistics.unreachable;
+            lost as f64 / found.statistics.contacts.max(1) as f64
+        };
+        mean(&self.explorations.iter().map(of).collect::<Vec<_>>())
+    }
+}
+
+impl ExplorationTrials {
+    /// Explores every object `runs` times.
+    ///
+    /// # Errors
+    /// When the planner does not bring enough readings home.
+    pub fn explore(
+        &self,
+        objects: &[TestObject],
+        setting: &Setting,
+        strategy: &Strategy,
+    ) -> anyhow::Result<Vec<Run>> {
+        (0..self.runs).map(|run| self.run(objects, setting, strategy, run)).collect()
+    }
+
+    fn run(
+        &self,
+        objects: &[TestObject],
+        setting: &Setting,
+        strategy: &Strategy,
+        run: usize,
+    ) -> anyhow::Result<Run> {
+        let press = PressConfig {
+            noise_level: setting.noise_level,
+            ..PressConfig::for_sensor(&setting.sensor)
+        };
+        let explored = objects.par_iter().enumerate().map(|(object_idx, object)| {
+            let (mesh, sensor) = (object.mesh.clone(), setting.sensor.clone());
+            let simulator = PressSimulator::with_config(mesh, sensor, press);
+            let seed = self.objects.seed + ((run * objects.len() + object_idx) as u64) * 1_000_000;
+            let config = ExploreConfig {
+                local: strategy.local,
+                perturbation: strategy.perturb.then(|| Perturbation::printed(simulator.mesh())),
+                ..ExploreConfig::for_simulator(&simulator, N_LINKS)
+            };
+            let n = self.objects.test_readings;
+            let mut go_on = |_: &_, _: Option<&_>| ControlFlow::Continue(());
+            let found = explore(&simulator, place(&simulator, seed), n, seed, &config, &mut go_on)?;
+            let n_found = found.touches.len();
+            anyhow::ensure!(n_found == n, "only {n_found} of {n} readings of {}", object.name);
+            Ok((simulator, found))
+        });
+        let (simulators, explorations) =
+            explored.collect::<anyhow::Result<Vec<_>>>()?.into_iter().unzip();
+        Ok(Run { simulators, explorations })
+    }
+
+    /// The curves of a model on explorations: readings drawn from each exploration, as the
+    /// dissertation's figures have them, and as they came.
+    #[must_use]
+    pub fn curves(&self, model: &AppearanceModel, setting: &Setting, runs: &[Run]) -> Curves {
+        let of = |(run_idx, run): (usize, &Run)| {
+            let rule = AppearanceRule::Divergence;
+            let evidence = Evidence::of(model, &run.readings(), &setting.sensor, rule);
+            let trials = self.objects.trials.div_ceil(self.runs);
+            let seed = self.objects.seed + run_idx as u64;
+            (evidence.drawn(&COUNTS, trials, seed), evidence.in_order(&COUNTS))
+        };
+        let (drawn, in_order): (Vec<_>, Vec<_>) = runs.iter().enumerate().map(of).unzip();
+        Curves { drawn: mean_of(&drawn), in_order: mean_of(&in_order) }
+    }
+}
+
+/// Turned at random, its middle near that of the workspace.
+fn place(simulator: &PressSimulator, seed: u64) -> Pose {
+    let mut stream = Stream::new(seed, Purpose::ObjectPose, 0);
+    let turned = Pose::from_parts(stream.rotation(), DVec3::ZERO);
+    let mut along = || stream.uniform(-PLACE_MAX, PLACE_MAX);
+    let middle_in_session = DVec3::new(along(), along(), along());
+    let (low, high) = simulator.mesh().bounds();
+    let offset = turned * (0.5 * (low + high));
+    Pose::from_parts(turned.rotation, middle_in_session - offset)
+}
+
+/// Accuracy against readings, the mean over all explorations.
+pub struct Curves {
+    /// On readings drawn from an exploration.
+    pub drawn: Vec<Point>,
+    /// On the first readings of an exploration.
+    pub in_order: Vec<Point>,
+}
+
+/// Rows and summary of a model on explorations.
+pub fn report_curves(
+    report: &mut Report,
+    setting: &Setting,
+    method: &str,
+    strategy: &Strategy,
+    curves: &Curves,
+) {
+    for (order, curve) in [("drawn", &curves.drawn), ("in_order", &curves.in_order)] {
+        report_curve(report, setting, method, (&strategy.name, &strategy.key), order, curve);
+    }
+}
+
+/// Rows and summary of one curve; `source` is where its readings are from and its key.
+pub fn report_curve(
+    report: &mut Report,
+    setting: &Setting,
+    method: &str,
+    source: (&str, &str),
+    order: &str,
+    curve: &[Point],
+) {
+    let (name, key) = source;
+    for point in curve {
+        report.row(vec![
+            ("setting", json!(setting.name)),
+            ("readings_from", json!(name)),
+            ("order", json!(order)),
+            ("method", json!(method)),
+            ("readings", json!(point.readings)),
+            ("accuracy", json!(point.accuracy)),
+            ("stated_probability_mean", json!(point.stated)),
+        ]);
+    }
+    let order_key = if order == "drawn" { "" } else { "in_order_" };
+    for readings in STATED_AT {
+        if let Some(accuracy) = accuracy_at(curve, readings) {
+            let part = format!("{method}_{}{key}_{order_key}accuracy_at_{readings}", setting.key);
+            report.summarise(&part, accuracy);
+        }
+    }
+}
+
+/// Rows and summary of what explorations touched.
+pub fn report_runs(report: &mut Report, setting: &Setting, strategy: &Strategy, runs: &[Run]) {
+    let of = |value: &dyn Fn(&Run) -> f64| mean(&runs.iter().map(value).collect::<Vec<_>>());
+    let (one_sided, steps, given_up) =
+        (of(&Run::one_sidedness), of(&Run::steps_per_reading), of(&Run::given_up_share));
+    for n in [20, 50, 100] {
+        let covered = of(&|run| run.covered_share(n));
+        report.row(vec![
+            ("setting", json!(setting.name)),
+            ("readings_from", json!(strategy.name)),
+            ("readings", json!(n)),
+            ("covered_share", json!(covered)),
+            ("one_sidedness", json!(one_sided)),
+            ("steps_per_reading", json!(steps)),
+            ("given_up_share", json!(given_up)),
+        ]);
+        report.summarise(&format!("{}{}_covered_at_{n}", setting.key, strategy.key), covered);
+    }
+    let key = |figure: &str| format!("{}{}_{figure}", setting.key, strategy.key);
+    report.summarise(&key("one_sidedness"), one_sided);
+    report.summarise(&key("steps_per_reading"), steps);
+}

@@ -1,0 +1,213 @@
+//! Re-centring: touch, read where contact began, lift, shift there, and touch again.
+//!
+//! A sensor that comes from afar meets the object with a corner as often as not. The place of
+//! the first contact on the array says how far to shift so that the next approach along the
+//! same direction meets the object in the middle. A press that misses is evidence: it is
+//! answered with how far the sensor went in free air. Frames and bounds as in `controller`.
+//! Not here: where rays come from (`sampler::rays`).
+
+use glam::{DQuat, DVec3};
+use palpate_core::pose::Pose;
+use palpate_core::rng::Stream;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::MM;
+
+use super::{Approached, Contact, ContactConfig, Outcome, advanced, approach, settle};
+use crate::noise::NoiseLevel;
+use crate::press::PressSimulator;
+
+/// Which first contacts are centred.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Recenter {
+    /// Those from which Press and Orient do not come to rest, or rest with little pressure.
+    ///
+    /// Centring every contact climbs to the corners and edges that are foremost along the ray:
+    /// of 400 rays at a box of 60 × 30 × 20 mm 262 come to rest with more than half of the
+    /// target pressure without it, 153 with it and 302 by this rule; at a screwdriver 37, 167
+    /// and 207 (`sampler::rays`, seed 5, three shifts).
+    WhenNeeded,
+    /// All that are not centred yet, before anything is pressed.
+    Always,
+}
+
+/// When a first contact is centred, and how it is made so.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RecenterConfig {
+    /// The controllers' bounds, of every approach too.
+    pub contact: ContactConfig,
+    /// Which first contacts are centred.
+    pub rule: Recenter,
+    /// How often the sensor may be lifted and shifted; 0 presses wherever it lands.
+    pub shifts_max: usize,
+    /// A first contact this near to the array's middle is centred, metres.
+    pub centered_within: f64,
+    /// A rest with a mean pressure below this is little, pascal.
+    pub weak_below: f64,
+    /// How far the sensor is lifted from the first contact before it is shifted, metres.
+    pub lift: f64,
+}
+
+impl RecenterConfig {
+    /// Three shifts when needed, centred to three quarters of a taxel, little pressure below
+    /// half of the target. A lift of 20 mm clears slopes of up to 67° over the greatest shift,
+    /// half the diagonal of an array of 12 mm.
+    #[must_use]
+    pub fn for_sensor(sensor: &SensorDescription, noise_level: NoiseLevel) -> Self {
+        let contact = ContactConfig::for_sensor(sensor, noise_level);
+        Self {
+            contact,
+            rule: Recenter::WhenNeeded,
+            shifts_max: 3,
+            centered_within: 0.75 * sensor.grid().pitch,
+            weak_below: 0.5 * contact.target_pressure,
+            lift: 20.0 * MM,
+        }
+    }
+}
+
+/// A way that met nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Miss {
+    /// Where the way ended.
+    pub object_from_sensor: Pose,
+    /// How far the array went to there along its +z without feeling anything, metres.
+    pub travel: f64,
+    /// What the sensor reports of free air, pascal, row-major in the sensor frame's order.
+    pub pressures: Vec<f64>,
+}
+
+/// How a touch with re-centring ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Landing {
+    /// Press and Orient came to rest.
+    Converged {
+        /// Where and how.
+        contact: Contact,
+        /// How often the sensor was shifted before.
+        shifts: usize,
+    },
+    /// The last approach met nothing that the sensor feels.
+    Missed {
+        /// The way that it went.
+        miss: Miss,
+        /// How often the sensor was shifted before.
+        shifts: usize,
+    },
+    /// Something was felt, but a bound was reached before the controllers came to rest.
+    NoConvergence,
+    /// What carries the sensor could not follow a command.
+    Unreachable,
+}
+
+/// Touches the object along the +z of `object_from_sensor` and centres the first contact as
+/// the rule says; noise from `stream`. Of several rests with little pressure the one with the
+/// most is answered.
+///
+/// The sensor goes wherever it is commanded, as if nothing carried it.
+#[must_use]
+pub fn touch_recentered(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    config: &RecenterConfig,
+    stream: &mut Stream,
+) -> Landing {
+    touch_recentered_carried(simulator, object_from_sensor, config, stream, &mut |_| true)
+}
+
+/// Touches like [`touch_recentered`] with a sensor that something carries.
+///
+/// `carry` hears every commanded `object_from_sensor` and answers whether the sensor got
+/// there; the first command that is not followed ends the touch.
+#[must_use]
+pub fn touch_recentered_carried(
+    simulator: &PressSimulator,
+    object_from_sensor: Pose,
+    config: &RecenterConfig,
+    stream: &mut Stream,
+    carry: &mut dyn FnMut(Pose) -> bool,
+) -> Landing {
+    let mut start = object_from_sensor;
+    let mut shifts = 0;
+    let mut weak: Option<Landing> = None;
+    loop {
+        let felt = match approach(simulator, start, &config.contact, stream) {
+            Approached::Felt(felt) => felt,
+            Approached::Ended { travel } => {
+                let end = advanced(start, travel);
+                return if !carry(end) {
+                    Landing::Unreachable
+                } else if let Some(weak) = weak {
+                    weak
+                } else {
+                    let pressures = simulator.pressures(&simulator.free_press(), stream);
+                    let miss = Miss { object_from_sensor: end, travel, pressures };
+                    Landing::Missed { miss, shifts }
+                };
+            }
+        };
+        if !carry(felt.object_from_sensor) {
+            return Landing::Unreachable;
+        }
+        let threshold = config.contact.contact_threshold;
+        let offset = contact_offset(simulator.sensor(), &felt.pressures, threshold);
+        let is_last = shifts == config.shifts_max || offset.length() <= config.centered_within;
+        if is_last || config.rule == Recenter::WhenNeeded {
+            let first = felt.object_from_sensor;
+            let outcome = settle(simulator, first, &config.contact, stream, carry);
+            if outcome == Outcome::Unreachable {
+                return Landing::Unreachable;
+            }
+            weak = stronger(weak, outcome, shifts);
+            let is_strong = weak.as_ref().is_some_and(|found| mean(found) >= config.weak_below);
+            if is_last || is_strong {
+                return weak.unwrap_or(Landing::NoConvergence);
+            }
+        }
+        let lifted = advanced(felt.object_from_sensor, -config.lift);
+        start = lifted * Pose::from_parts(DQuat::IDENTITY, offset);
+        shifts += 1;
+        if !(carry(lifted) && carry(start)) {
+            return Landing::Unreachable;
+        }
+    }
+}
+
+/// The one of two rests with more pressure.
+fn stronger(found: Option<Landing>, outcome: Outcome, shifts: usize) -> Option<Landing> {
+    let Outcome::Converged(contact) = outcome else { return found };
+    let landing = Landing::Converged { contact, shifts };
+    match found {
+        Some(found) if mean(&found) >= mean(&landing) => Some(found),
+        _ => Some(landing),
+    }
+}
+
+/// The mean pressure at rest, pascal; 0 without a rest.
+fn mean(landing: &Landing) -> f64 {
+    match landing {
+        Landing::Converged { contact: Contact { pressures, .. }, .. } => {
+            pressures.iter().sum::<f64>() / pressures.len() as f64
+        }
+        Landing::Missed { .. } | Landing::NoConvergence | Landing::Unreachable => 0.0,
+    }
+}
+
+/// Where on the array a contact is: the centre of the pressure above `threshold` (Pa), in the
+/// plane of the sensor frame, metres; its origin when no taxel is above.
+///
+/// `pressures` in Pa, row-major in the sensor frame's order.
+#[must_use]
+pub fn contact_offset(sensor: &SensorDescription, pressures: &[f64], threshold: f64) -> DVec3 {
+    let grid = sensor.grid();
+    let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
+    for (taxel, pressure) in pressures.iter().enumerate() {
+        let excess = (pressure - threshold).max(0.0);
+        let (x, y) = grid.center(taxel / grid.cols, taxel % grid.cols);
+        sum += excess * DVec3::new(x, y, 0.0);
+        weight += excess;
+    }
+    if weight > 0.0 { sum / weight } else { DVec3::ZERO }
+}
+
+#[cfg(test)]
+mod tests;
