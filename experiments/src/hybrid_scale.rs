@@ -24,7 +24,7 @@ use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::MM;
 use serde_json::json;
 
-use crate::object_sessions::{Played, Recogniser, Sessions, train_hybrid, train_sva};
+use crate::object_sessions::{Played, Recogniser, Sessions, Step, train_hybrid, train_sva};
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -33,6 +33,9 @@ use thousand::Growth;
 
 /// The letters that differ as solids: capitals without U, V, W and Z.
 pub const LETTERS: &str = "ABCDEFGHIJKLMNOPQRSTXY";
+
+/// What the names of letters begin with.
+const LETTER: &str = "upper_";
 
 /// The seed of the order of objects: which ones a catalogue of fifty has is no matter of trials.
 const ORDER_SEED: u64 = 0;
@@ -137,7 +140,7 @@ fn candidates(config: &HybridScale) -> anyhow::Result<Vec<TestObject>> {
         }),
     );
     let is_taken = |object: &TestObject| {
-        let symbol = object.name.strip_prefix("upper_");
+        let symbol = object.name.strip_prefix(LETTER);
         symbol.is_some_and(|symbol| symbol.len() == 1 && LETTERS.contains(symbol))
     };
     rest.extend(load(&config.letters)?.into_iter().filter(is_taken));
@@ -208,6 +211,7 @@ fn one_catalogue(
     let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
     let played = sessions.play(&hybrid, count, config.trials * count, progress)?;
     report_catalogue(report, "", count, &hybrid, &played);
+    report_letters(report, count, &touched.objects, &played);
     report_wrong(report, "hybrid", count, &touched.objects, &played);
     let mut lines = vec![line("hybrid", config.readings, &played)];
     if config.literal_sessions > 0 {
@@ -262,6 +266,21 @@ fn report_catalogue(
     state(&format!("trials_{count}"), played.after(1).count() as f64);
 }
 
+/// The accuracy of trials with letters and of all others: flat letters of one size share most
+/// of their surface.
+fn report_letters(report: &mut Report, count: usize, objects: &[TestObject], played: &Played) {
+    for (kind, letters) in [("letters", true), ("others", false)] {
+        for readings in [4, 6] {
+            let of_kind = |step: &&Step| objects[step.object].name.starts_with(LETTER) == letters;
+            let steps = played.after(readings).filter(of_kind);
+            let right: Vec<f64> = steps.map(|step| f64::from(u8::from(step.is_right()))).collect();
+            if !right.is_empty() {
+                report.summarise(&format!("{kind}_accuracy_{count}_at_{readings}"), mean(&right));
+            }
+        }
+    }
+}
+
 /// A row for each trial that names the wrong object after four or more readings.
 fn report_wrong(
     report: &mut Report,
@@ -312,6 +331,12 @@ mod tests {
             }
         }
         assert!((summary["trials_6"] - 12.0).abs() < 1e-9);
+        // No letters were given.
+        assert_eq!(
+            summary["others_accuracy_6_at_4"].to_bits(),
+            summary["accuracy_6_at_4"].to_bits()
+        );
+        assert!(!summary.contains_key("letters_accuracy_6_at_4"));
         assert!(summary["bytes_4"] < summary["bytes_6"]);
         assert_eq!(outcome.plot.matches("polyline").count(), 4);
     }

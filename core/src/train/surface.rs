@@ -223,6 +223,17 @@ mod tests {
     }
 
     #[test]
+    fn where_touches_are_few_a_place_is_larger() {
+        // 4 mm apart: no two within 3 mm, each with its nearest neighbour within 12 mm.
+        let row: Vec<Reading> =
+            (0..50).map(|n| press([4.0 * f64::from(n), 0.0, 0.0], DVec3::Z, 5e3)).collect();
+        let features: Vec<Vec<f64>> = (0..50).map(|n| vec![f64::from(n)]).collect();
+        let pairs = pairs_of_places(&[row.iter().collect()], &[features]);
+        assert_eq!(pairs.len(), 50);
+        assert!(pairs.iter().all(|pair| (pair[0][0] - pair[1][0]).abs() < 1.5), "{pairs:?}");
+    }
+
+    #[test]
     fn normals_scatter_as_far_as_the_neighbours_turn() {
         let turned = |angle: f32| Vec3::new(angle.sin(), 0.0, angle.cos());
         let at = |x: f32, angle: f32| (Vec3::new(x, 0.0, 0.0), turned(angle));
