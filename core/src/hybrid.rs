@@ -8,6 +8,7 @@
 //! change a bit.
 
 pub mod calibrate;
+mod carried;
 mod evidence;
 mod hypothesis;
 pub mod options;
@@ -31,12 +32,13 @@ use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
 use crate::model::ObjectIdx;
 use crate::model::surface::SurfaceModel;
 use crate::pose::Pose;
-use crate::reading::Reading;
+use crate::reading::{Looseness, Reading};
 use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
-use evidence::Evidence;
+use carried::Carried;
+use evidence::{Evidence, Known};
 use hypothesis::{Hypothesis, merge};
 use pattern::{Miss, Pattern};
 use propose::{Proposal, partners, propose};
@@ -51,6 +53,9 @@ const PAIR_OUTLIERS: f32 = 0.03;
 
 /// Of the stored pairs whose cells a query visits, what their geometry weighs in the mean.
 const VISITED_WEIGHT: f32 = 0.03;
+
+/// No object is ruled out for good when what is known is carried over.
+const SURE: f64 = 1e-12;
 
 /// A pose more probable than this is likelier than not.
 const LIKELY: f64 = 0.5;
@@ -73,6 +78,10 @@ pub struct HybridBelief {
     /// What the objects' evidence is of: 0 nothing, 1 looks, 2 a pair, 3 hypotheses.
     stage: usize,
     n_readings: usize,
+    /// The probability that it is none of them, before the touches.
+    unknown: f64,
+    /// Whether the object may have moved since its first touch.
+    may_have_moved: bool,
 }
 
 /// What is believed of one object.
@@ -84,6 +93,8 @@ struct ObjectState {
     log_evidence: f64,
     /// What the first pair of touches said.
     pair: PairEvidence,
+    /// Where it was before it may have moved.
+    carried: Carried,
 }
 
 /// What a pair of touches says of an object without asking for a pose.
@@ -115,6 +126,8 @@ impl HybridBelief {
             misses: Vec::new(),
             stage: 0,
             n_readings: 0,
+            unknown: options.unknown,
+            may_have_moved: false,
             model,
             options,
         })
@@ -127,18 +140,24 @@ impl HybridBelief {
             self.add_miss(reading, sensor);
             return;
         };
-        if self.touches.is_empty() {
+        if self.touches.is_empty() && !self.may_have_moved {
             self.anchor = touch.position;
+        }
+        if self.touches.is_empty() {
             let misses = std::mem::take(&mut self.misses);
-            self.patterns.extend(misses.iter().map(|miss| miss.pattern(touch.position)));
+            self.patterns.extend(misses.iter().map(|miss| miss.pattern(self.anchor)));
         }
         self.patterns.push(Pattern::of_touch(reading, sensor, self.anchor));
         let (space, scale) = (&self.model.space, &self.options.scale);
-        let sighting = Sighting::new(&touch, self.anchor, space, scale);
+        let sighting = Sighting::new(&touch, self.anchor, space, scale).from_base(reading.base());
         self.touches.push(sighting.weighed(&self.touches));
         match self.touches.len() {
-            1 => self.compare_looks(),
+            1 => {
+                self.compare_looks();
+                self.follow();
+            }
             2 => {
+                self.follow();
                 self.propose(&[0], f64::INFINITY);
                 self.compare_pairs();
             }
@@ -150,6 +169,47 @@ impl HybridBelief {
             }
         }
         self.bound();
+    }
+
+    /// The object may have moved since the last touch, by deviations of `motion`: which one it
+    /// is stays as probable, its pose becomes loose by so much.
+    pub fn loosen(&mut self, motion: &Looseness) {
+        self.may_have_moved |= !self.touches.is_empty();
+        if self.touches.is_empty() {
+            self.misses.clear();
+            self.objects.iter_mut().for_each(|state| state.carried.loosen(motion));
+            return;
+        }
+        let mut probabilities = self.probabilities();
+        self.unknown = probabilities.pop().unwrap_or(0.0).clamp(SURE, 1.0 - SURE);
+        let known: f64 = probabilities.iter().sum();
+        let share = |p: f64| (p / known.max(f64::MIN_POSITIVE)).max(SURE).ln();
+        self.log_prior = probabilities.into_iter().map(share).collect();
+        for state in &mut self.objects {
+            state.carried = Carried::of(&state.hypotheses, motion);
+            state.hypotheses.truncate(carried::POSES_MAX);
+            let best = state.hypotheses.first().map_or(0.0, |best| best.score);
+            state.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
+            state.log_evidence = 0.0;
+        }
+        self.touches.clear();
+        self.patterns.clear();
+        self.stage = 0;
+    }
+
+    /// Lays the poses of before a motion onto the touches since.
+    fn follow(&mut self) {
+        let (objects, evidence) = self.parts();
+        for_each_object(objects, evidence.maps, |state, map| {
+            let ObjectState { hypotheses, carried, .. } = state;
+            let known = Known { map, carried };
+            for hypothesis in &mut *hypotheses {
+                let score = evidence.score(known, &hypothesis.pose(), f32::NEG_INFINITY);
+                hypothesis.score = score.unwrap_or(f32::NEG_INFINITY);
+                evidence.settle(hypothesis, known);
+            }
+            merge(hypotheses, evidence.options);
+        });
     }
 
     /// A press that met nothing makes poses less likely that had something there.
@@ -263,6 +323,7 @@ impl HybridBelief {
             if state.log_evidence < bar {
                 return;
             }
+            let known = Known { map, carried: &state.carried };
             for partner in partners {
                 let pair = [newest, &earlier[*partner]];
                 let Some(proposed) = propose(map, pair, options) else { continue };
@@ -275,7 +336,7 @@ impl HybridBelief {
                 let mut bar = f32::NEG_INFINITY;
                 for Proposal { rotation, translation } in proposed.proposals {
                     let pose = Turned::new(rotation, translation);
-                    let Some(score) = evidence.score(map, &pose, bar) else { continue };
+                    let Some(score) = evidence.score(known, &pose, bar) else { continue };
                     bar = bar.max(score - options.drop_within);
                     new.push(Hypothesis { rotation, translation, score });
                 }
@@ -283,7 +344,7 @@ impl HybridBelief {
                     merge(&mut new, options);
                     new.truncate(options.budget.refined_proposals);
                     for hypothesis in &mut new {
-                        evidence.settle(hypothesis, map);
+                        evidence.settle(hypothesis, known);
                     }
                 }
                 state.hypotheses.extend(new);
@@ -314,7 +375,9 @@ impl HybridBelief {
         best.truncate(self.options.budget.refined);
         let (objects, evidence) = self.parts();
         for (_, object, index) in best {
-            evidence.settle(&mut objects[object].hypotheses[index], &evidence.maps[object]);
+            let ObjectState { hypotheses, carried, .. } = &mut objects[object];
+            let known = Known { map: &evidence.maps[object], carried };
+            evidence.settle(&mut hypotheses[index], known);
         }
         for state in objects {
             merge(&mut state.hypotheses, evidence.options);
@@ -365,16 +428,16 @@ impl HybridBelief {
     /// The probability of each object, then of none of them.
     fn probabilities(&self) -> Vec<f64> {
         if self.stage == 0 {
-            let logs = self.log_prior.iter().map(|log| log + (1.0 - self.options.unknown).ln());
-            return normalize(&logs.chain([self.options.unknown.ln()]).collect::<Vec<f64>>());
+            let logs = self.log_prior.iter().map(|log| log + (1.0 - self.unknown).ln());
+            return normalize(&logs.chain([self.unknown.ln()]).collect::<Vec<f64>>());
         }
         let stage = self.model.calibration.stage(self.stage);
-        let known = (1.0 - self.options.unknown).ln() + (self.objects.len() as f64).ln();
+        let known = (1.0 - self.unknown).ln() + (self.objects.len() as f64).ln();
         let both = self.objects.iter().zip(&self.log_prior);
         let logs =
             both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
         let unknown = stage.log_unknown(self.counted()) / stage.temperature;
-        normalize(&logs.chain([unknown + self.options.unknown.ln()]).collect::<Vec<f64>>())
+        normalize(&logs.chain([unknown + self.unknown.ln()]).collect::<Vec<f64>>())
     }
 
     /// How many touches there are, by what they count.
@@ -406,7 +469,8 @@ impl HybridBelief {
             PoseMode {
                 object: ObjectIdx(object as u32),
                 session_from_object: self.session_from_object(&refined),
-                covariance: refine::covariance(&refined, map, &self.touches, kernel, options),
+                covariance: refine::covariance(&refined, map, &self.touches, kernel, options)
+                    + self.objects[object].carried.covariance(self.touches.len()),
                 weight,
             }
         };

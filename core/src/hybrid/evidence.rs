@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::HybridOptions;
+use super::carried::Carried;
 use super::hypothesis::Hypothesis;
 use super::pattern::Pattern;
 use super::refine::refine;
@@ -24,11 +25,20 @@ pub(super) struct Evidence<'a> {
     pub(super) options: &'a HybridOptions,
 }
 
+/// An object that poses are scored of: its map, and where it was before it moved.
+#[derive(Clone, Copy)]
+pub(super) struct Known<'a> {
+    pub(super) map: &'a SurfaceMap,
+    pub(super) carried: &'a Carried,
+}
+
 impl Evidence<'_> {
-    /// The score of a pose (ln); `None` once it cannot reach `bar`.
+    /// The score of a pose (ln) of an object; `None` once it cannot reach `bar`.
     #[inline]
-    pub(super) fn score(&self, map: &SurfaceMap, pose: &Turned, bar: f32) -> Option<f32> {
+    pub(super) fn score(&self, object: Known<'_>, pose: &Turned, bar: f32) -> Option<f32> {
+        let map = object.map;
         let mut sum = self.kernel.score_all(map, pose, self.touches, bar)?;
+        sum += object.carried.log_prior(pose);
         for pattern in self.patterns {
             if sum < bar {
                 return None;
@@ -51,11 +61,11 @@ impl Evidence<'_> {
     }
 
     /// Refines a hypothesis and scores it anew; one that becomes clearly worse stays as it was.
-    pub(super) fn settle(&self, hypothesis: &mut Hypothesis, map: &SurfaceMap) {
+    pub(super) fn settle(&self, hypothesis: &mut Hypothesis, object: Known<'_>) {
         let mut tried = *hypothesis;
-        refine(&mut tried, map, self.touches, self.kernel, self.options);
+        refine(&mut tried, object.map, self.touches, self.kernel, self.options);
         let bar = hypothesis.score - WORSE_MAX;
-        if let Some(score) = self.score(map, &tried.pose(), bar)
+        if let Some(score) = self.score(object, &tried.pose(), bar)
             && score >= bar
         {
             *hypothesis = Hypothesis { score, ..tried };
