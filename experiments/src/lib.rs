@@ -31,6 +31,8 @@ pub mod report;
 pub mod resolution;
 pub mod server_throughput;
 pub mod sim_to_real;
+pub mod stated;
 pub mod statistics;
 pub mod sva_objects;
 pub mod symmetry;
+pub mod unknown;

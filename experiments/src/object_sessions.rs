@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use palpate_core::belief::answer::Answer;
+use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
 use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::model::{Catalogue, MapPatch, ObjectIdx};
@@ -143,6 +144,32 @@ pub fn train_hybrid(
     Ok(Arc::new(SurfaceModel { space, calibration, maps: maps? }))
 }
 
+/// Trains the hybrid recogniser as the service does: every tenth reading is held back, and on
+/// those the calibration is learnt.
+///
+/// # Errors
+/// When the readings cannot be learnt from.
+pub fn train_calibrated(
+    readings: &[Vec<Reading>],
+    sensor: &SensorDescription,
+    surface: &SurfaceConfig,
+    seed: u64,
+) -> anyhow::Result<Arc<SurfaceModel>> {
+    let part = |held_back: bool| -> Vec<Vec<Reading>> {
+        let of = |readings: &Vec<Reading>| {
+            let every = readings.iter().enumerate();
+            every.filter(|(at, _)| (at % 10 == 9) == held_back).map(|(_, r)| r.clone()).collect()
+        };
+        readings.iter().map(of).collect()
+    };
+    let model = train_hybrid(&part(false), sensor, surface, seed)?;
+    let held_back = part(true);
+    let sets: Vec<HeldBack<'_>> =
+        held_back.iter().map(|readings| HeldBack { readings, sensor }).collect();
+    let calibration = calibrate(&model, &sets, HybridOptions::default(), seed);
+    Ok(Arc::new(SurfaceModel { calibration, ..(*model).clone() }))
+}
+
 /// The symmetry of an object as its map shows it.
 #[must_use]
 pub fn symmetry_of(map: &SurfaceMap) -> Symmetry {
@@ -247,6 +274,27 @@ impl Sessions<'_> {
         }
         let cpu_ms = cpu.map(|sum| sum * 1e3 / steps.len() as f64);
         Ok(Played { steps, cpu_ms })
+    }
+
+    /// What is stated after each touch of a trial: the probability of each object, then that of
+    /// none of these.
+    ///
+    /// # Errors
+    /// When the sensor does not fit what was trained.
+    pub fn probabilities(
+        &self,
+        recogniser: &Recogniser,
+        object: usize,
+        trial: usize,
+    ) -> anyhow::Result<Vec<Vec<f64>>> {
+        let mut belief = recogniser.begin()?;
+        let mut stated = Vec::with_capacity(self.readings);
+        for reading in self.readings_of(object, trial) {
+            let mut answer = belief.add(&reading, self.sensor)?;
+            answer.probabilities.push(answer.unknown);
+            stated.push(answer.probabilities);
+        }
+        Ok(stated)
     }
 
     fn index(&self, object: usize, trial: usize) -> u64 {
