@@ -5,8 +5,9 @@
 //! the rest as the service does: surfaces from nine readings in ten, the calibration from the
 //! tenth. Sessions touch known objects and left-out ones in a stated share. The answer after a
 //! touch is the likeliest of all objects and "none of these"; the calibration error is taken
-//! over 15 bins of equal width of its probability. The prior of "none of these" is the one
-//! stated; what another prior would have said follows from the same evidence, in rows.
+//! over 15 bins of equal width of its probability. The prior of "none of these" is the share
+//! of the sessions that it is true of; what the service's own would have said follows from
+//! the same evidence and is stated too.
 //! The printed method (`literal`) knows no such answer: its score is 1 − its best probability.
 
 mod tables;
@@ -24,6 +25,7 @@ use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::MM;
 use rayon::prelude::*;
 
+use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_calibrated, train_sva};
 use crate::objects::{self, TestObject};
 use crate::plot::svg;
@@ -71,7 +73,7 @@ impl Default for Unknown {
             folds: 4,
             sessions: 4_000,
             unknown_share: 0.5,
-            prior: HybridOptions::default().unknown,
+            prior: 0.5,
             literal_sessions: 20,
             train_readings: 1_000,
             test_readings: 100,
@@ -198,6 +200,7 @@ fn play(
         seed: config.seed,
         readings: config.readings,
         threads: 1,
+        disturbance: Disturbance::None,
     };
     let one = |(object, trial): (usize, usize)| {
         let probabilities = sessions.probabilities(recogniser, object, trial)?;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use palpate_core::hybrid::HybridOptions;
 use palpate_core::model::surface::SurfaceModel;
 use serde_json::json;
 
@@ -48,6 +49,7 @@ pub(super) fn report_sessions(
         let at = |prior: f64| -> Vec<Stated> {
             verdicts.iter().map(|v| v.stated(readings, config.prior, prior)).collect()
         };
+        let default_prior = HybridOptions::default().unknown;
         let error = |stated: &[Stated]| expected_calibration_error(&reliability(stated, N_BINS));
         let stated = at(config.prior);
         let area = area_after(config, readings, verdicts);
@@ -70,7 +72,7 @@ pub(super) fn report_sessions(
             ("unknown_right", json!(unknown_right)),
             ("unknown_called_known_at_0.8", json!(sure_of_wrong)),
             ("calibration_error", json!(error(&stated))),
-            ("calibration_error_prior_0.5", json!(error(&at(0.5)))),
+            ("calibration_error_default_prior", json!(error(&at(default_prior)))),
         ]);
         if STATED_AT.contains(&readings) {
             let mut state = |key: &str, value| report.summarise(&format!("{prefix}{key}"), value);
@@ -79,6 +81,8 @@ pub(super) fn report_sessions(
             if prefix.is_empty() {
                 state(&format!("unknown_accuracy_at_{readings}"), unknown_right);
                 state(&format!("calibration_error_at_{readings}"), error(&stated));
+                let default = error(&at(default_prior));
+                state(&format!("calibration_error_default_prior_at_{readings}"), default);
                 state(&format!("called_known_at_{readings}"), sure_of_wrong);
             }
         }

@@ -7,7 +7,6 @@ use palpate_core::units::MM;
 use palpate_experiments::hybrid_objects::{self, HybridObjects};
 use palpate_experiments::hybrid_scale::{self, HybridScale};
 use palpate_experiments::report::{Outcome, Progress};
-use palpate_experiments::unknown::{self, Unknown};
 
 use super::{count, meshes_of, millimetres};
 
@@ -36,51 +35,6 @@ pub(super) enum HybridExperiment {
     },
     /// Catalogues of fifty, a hundred and on demand a thousand objects.
     HybridScale(ScaleArgs),
-    /// Objects truly held back: who tells them, calibration, and the stop rule.
-    Unknown(UnknownArgs),
-}
-
-/// Which objects there are, and how sessions touch them.
-#[derive(Args, Debug)]
-pub(super) struct UnknownArgs {
-    /// A folder of meshes; the built-in objects when not given.
-    #[arg(long, value_name = "DIR")]
-    meshes: Option<PathBuf>,
-    /// A folder of further meshes.
-    #[arg(long, value_name = "DIR")]
-    pool: Option<PathBuf>,
-    /// Into so many parts the objects are dealt; each is left out once.
-    #[arg(long, default_value_t = 4, value_parser = count)]
-    folds: usize,
-    /// Sessions of all folds together.
-    #[arg(long, default_value_t = 4_000, value_parser = count)]
-    sessions: usize,
-    /// Sessions of the printed method, which are slow; 0 for none.
-    #[arg(long, default_value_t = 20)]
-    literal_sessions: usize,
-}
-
-impl UnknownArgs {
-    fn config(self, seed: u64) -> Unknown {
-        let Self { meshes, pool, folds, sessions, literal_sessions } = self;
-        Unknown { meshes, pool, seed, folds, sessions, literal_sessions, ..Unknown::default() }
-    }
-
-    fn line(&self) -> String {
-        format!(
-            "unknown{}{} --folds {} --sessions {} --literal-sessions {}",
-            meshes_of(&self.meshes),
-            folder_of("pool", &self.pool),
-            self.folds,
-            self.sessions,
-            self.literal_sessions
-        )
-    }
-}
-
-/// The argument that names a folder.
-fn folder_of(name: &str, folder: &Option<PathBuf>) -> String {
-    folder.as_ref().map(|at| format!(" --{name} {}", at.display())).unwrap_or_default()
 }
 
 /// Which objects catalogues are made of, and how large they are.
@@ -127,12 +81,15 @@ impl ScaleArgs {
     }
 
     fn line(&self) -> String {
+        let folder = |name: &str, folder: &Option<PathBuf>| {
+            folder.as_ref().map(|at| format!(" --{name} {}", at.display())).unwrap_or_default()
+        };
         let counts: Vec<String> = self.objects.iter().map(usize::to_string).collect();
         format!(
             "hybrid-scale{}{}{} --objects {} --trials {} --literal-sessions {}{}",
             meshes_of(&self.meshes),
-            folder_of("pool", &self.pool),
-            folder_of("letters", &self.letters),
+            folder("pool", &self.pool),
+            folder("letters", &self.letters),
             counts.join(","),
             self.trials,
             self.literal_sessions,
@@ -171,7 +128,6 @@ impl HybridExperiment {
                 hybrid_objects::run(&config, command, progress)
             }
             Self::HybridScale(args) => hybrid_scale::run(&args.config(seed), command, progress),
-            Self::Unknown(args) => unknown::run(&args.config(seed), command, progress),
         }
     }
 
@@ -191,7 +147,6 @@ impl HybridExperiment {
                 meshes_of(meshes)
             ),
             Self::HybridScale(args) => args.line(),
-            Self::Unknown(args) => args.line(),
         }
     }
 }
