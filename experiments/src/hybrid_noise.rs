@@ -10,8 +10,9 @@
 mod conditions;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use palpate_core::hybrid::HybridOptions;
+use palpate_core::model::surface::SurfaceModel;
 use palpate_core::reading::Reading;
 use palpate_core::recognise::SvaOptions;
 use palpate_core::symmetry::Symmetry;
@@ -71,7 +72,7 @@ impl Default for HybridNoise {
 
 /// What was learnt in one way of training.
 struct Learnt {
-    hybrid: Recogniser,
+    model: Arc<SurfaceModel>,
     literal: Option<Recogniser>,
     symmetries: Vec<Symmetry>,
 }
@@ -123,14 +124,13 @@ fn learn(config: &HybridNoise, trained: Trained, objects: &[TestObject]) -> anyh
     let surface = SurfaceConfig::default();
     let model = train_hybrid(&train, &sensing.sensor, &surface, config.seed)?;
     let symmetries = model.maps.iter().map(|map| symmetry_of(map)).collect();
-    let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
     let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
     let literal = if config.literal_sessions > 0 {
         Some(train_sva(&train, &sensing.sensor, &training, options, config.seed)?)
     } else {
         None
     };
-    Ok(Learnt { hybrid, literal, symmetries })
+    Ok(Learnt { model, literal, symmetries })
 }
 
 /// Plays a condition: by the hybrid recogniser, and by the printed method where it can.
@@ -151,7 +151,8 @@ fn play(
         disturbance: condition.disturbance,
     };
     let n = test.len();
-    let hybrid = sessions.play(&learnt.hybrid, n, config.trials * n, progress)?;
+    let hybrid = Recogniser::Hybrid { model: learnt.model.clone(), options: condition.options };
+    let hybrid = sessions.play(&hybrid, n, config.trials * n, progress)?;
     // The printed method compares images taxel by taxel: another grid is none of its sensors.
     let same_grid = condition.sensing.sensor.grid() == condition.trained.sensing()?.sensor.grid();
     sessions.readings = config.literal_readings.min(config.readings);

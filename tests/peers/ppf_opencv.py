@@ -9,11 +9,13 @@ Every object is a model of its training touches (point and normal). A scene is t
 test touches. Each model proposes poses by PPF3DDetector; the best five are refined by ICP, the
 scene onto the model (the other way round a model of a thousand points is drawn to a handful). The
 object is the one whose pose explains the most touches (2 mm, 25 degrees), then the one with the
-least mean distance: the module itself compares no models. Training is not timed. One thread.
+least mean distance: the module itself compares no models. Training is not timed (it takes
+minutes: the module's hash table is slow to fill). Naming takes one thread.
 """
 
 import sys
 import time
+from multiprocessing.pool import ThreadPool
 
 MODULE_MISSING = 3
 
@@ -27,13 +29,16 @@ except (ImportError, AttributeError):
     sys.exit(MODULE_MISSING)
 
 POSES_REFINED = 5
+# Touches nearer than this share of the scene's extent become one; the module walks a grid of
+# such cells, so that a hundredth of it would take a billion of them.
+SCENE_STEP = 0.03
 REACH_MM = 2.0
 FACING = np.cos(np.radians(25.0))
 
 
 def trained(points):
     """A detector, and the model as it is, of touches (n, 6) in millimetres."""
-    detector = cv2.ppf_match_3d_PPF3DDetector(0.025, 0.05, 30)
+    detector = cv2.ppf_match_3d_PPF3DDetector(0.05, 0.05, 30)
     detector.trainModel(points)
     return detector, points
 
@@ -58,7 +63,7 @@ def explained(scene, model, pose):
 def candidates(detector, model, scene, icp):
     """The poses (scene from model) that the detector proposes, as they are and refined."""
     try:
-        found = detector.match(scene, 1.0, 0.001)
+        found = detector.match(scene, 1.0, SCENE_STEP)
     except cv2.error:
         return
     for proposal in found[:POSES_REFINED]:
@@ -103,7 +108,9 @@ def main():
     models = np.loadtxt(f"{folder}/models.csv", delimiter=",", dtype=np.float32)
     scenes = np.loadtxt(f"{folder}/scenes.csv", delimiter=",", dtype=np.float32)
     objects = sorted(set(models[:, 0].astype(int)))
-    known = [trained(np.ascontiguousarray(models[models[:, 0] == at, 1:])) for at in objects]
+    touches = [np.ascontiguousarray(models[models[:, 0] == at, 1:]) for at in objects]
+    with ThreadPool() as pool:
+        known = pool.map(trained, touches)
     icp = cv2.ppf_match_3d_ICP(50, 0.005, 2.5, 1)
     lines = []
     for key in sorted({(int(row[0]), int(row[1])) for row in scenes[:, :2]}):

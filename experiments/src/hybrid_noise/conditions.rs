@@ -1,6 +1,7 @@
 //! The conditions: what was trained with, what is tested with, and what comes between.
 
 use anyhow::Context as _;
+use palpate_core::hybrid::HybridOptions;
 use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
 use palpate_core::units::{DEG, INCH, KPA, MM};
@@ -52,6 +53,8 @@ pub struct Condition {
     pub sensing: Sensing,
     /// What comes between a touch and the session.
     pub disturbance: Disturbance,
+    /// How the recogniser works: as always, unless it is told something.
+    pub options: HybridOptions,
 }
 
 /// All conditions, for objects of a `size` in metres.
@@ -61,10 +64,12 @@ pub struct Condition {
 pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
     let preset = Sensing::with(SensorDescription::digitacts_6x6());
     let (trained, disturbance) = (Trained::Preset, Disturbance::None);
-    let tested = |key, name, sensing| Condition { key, name, trained, sensing, disturbance };
+    let options = HybridOptions::default();
+    let tested =
+        |key, name, sensing| Condition { key, name, trained, sensing, disturbance, options };
     let disturbed = |key, name, disturbance| {
         let sensing = preset.clone();
-        Condition { key, name, trained, sensing, disturbance }
+        Condition { key, name, trained, sensing, disturbance, options }
     };
     let arm = |position: f64, angle: f64| Disturbance::Arm {
         position: position * MM,
@@ -72,7 +77,8 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
     };
     let noisy = |key, name, level: f64| -> anyhow::Result<Condition> {
         let trained = Trained::Noisy(level);
-        Ok(Condition { key, name, trained, sensing: trained.sensing()?, disturbance })
+        let sensing = trained.sensing()?;
+        Ok(Condition { key, name, trained, sensing, disturbance, options })
     };
     let moves = Perturbation { angle_max: 10.0 * DEG, shift_max: 0.1 * size };
     Ok(vec![
@@ -89,6 +95,18 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
         disturbed("arm_1mm_2deg", "arm 1 mm, 2 deg", arm(1.0, 2.0)),
         disturbed("arm_2mm_4deg", "arm 2 mm, 4 deg", arm(2.0, 4.0)),
         disturbed("moving", "object moves", Disturbance::Moving(moves)),
+        Condition {
+            options: options.loosened(0.002, 0.05),
+            ..disturbed("moving_told_a", "object moves, told", Disturbance::Moving(moves))
+        },
+        Condition {
+            options: options.loosened(0.004, 0.10),
+            ..disturbed("moving_told_b", "object moves, told", Disturbance::Moving(moves))
+        },
+        Condition {
+            options: options.loosened(0.008, 0.17),
+            ..disturbed("moving_told_c", "object moves, told", Disturbance::Moving(moves))
+        },
         tested("fine_14x14", "14 x 14 taxels", Sensing::with(SensorDescription::fingertip_14x14())),
         tested("thin_covering", "covering 0.04 in", Sensing::with(covered(0.04 * INCH)?)),
         tested("thick_covering", "covering 0.20 in", Sensing::with(covered(0.20 * INCH)?)),
@@ -109,6 +127,7 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
             trained: Trained::Ideal,
             sensing: Sensing { gain_spread: 0.05, ..Sensing::with(shifted()?) },
             disturbance,
+            options,
         },
     ])
 }
