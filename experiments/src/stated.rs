@@ -26,7 +26,7 @@ impl Stated {
         let total: f64 = weighed().sum();
         let (named, best) =
             weighed().enumerate().fold((0, -1.0), |top, new| if new.1 > top.1 { new } else { top });
-        let unknown = weighed().last().unwrap_or(0.0) / total;
+        let unknown = weighed().next_back().unwrap_or(0.0) / total;
         Self { best: best / total, unknown, is_right: named == truth }
     }
 }
