@@ -19,6 +19,7 @@ mod score;
 mod sighting;
 #[cfg(test)]
 mod test_support;
+mod usual;
 
 use std::sync::Arc;
 
@@ -436,8 +437,28 @@ impl HybridBelief {
         let both = self.objects.iter().zip(&self.log_prior);
         let logs =
             both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
-        let unknown = stage.log_unknown(self.counted()) / stage.temperature;
+        let unknown = (stage.log_unknown(self.counted()) + self.unusual()) / stage.temperature;
         normalize(&logs.chain([unknown + self.unknown.ln()]).collect::<Vec<f64>>())
+    }
+
+    /// How much better (ln) "none of these" explains the touches than it does beside an object
+    /// that explains its own as well as most: more where the touches look like an object that
+    /// should explain them better.
+    fn unusual(&self) -> f64 {
+        if self.stage < 3 {
+            return 0.0;
+        }
+        let temperature = self.model.calibration.stage(3).temperature;
+        let logs = self.objects.iter().map(|state| state.log_evidence);
+        usual::excess(logs.enumerate(), temperature, |object| self.usual_score(object))
+            * self.counted()
+    }
+
+    /// How well an object usually explains its own touches, ln a touch.
+    fn usual_score(&self, object: usize) -> f64 {
+        let (map, space) = (&self.model.maps[object], &self.model.space);
+        let find = || usual::usual_score(map, space, &self.kernel, &self.options);
+        f64::from(map.usual_score(find))
     }
 
     /// How many touches there are, by what they count.

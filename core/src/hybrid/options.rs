@@ -98,6 +98,23 @@ pub struct HybridOptions {
     pub poor: f32,
 }
 
+impl HybridOptions {
+    /// For an object that may move between touches: by about `shift` (m) and `angle` (rad).
+    /// Poses of touches are believed less by as much; what is known of the identity stays.
+    #[must_use]
+    pub fn loosened(mut self, shift: f32, angle: f32) -> Self {
+        let scale = &mut self.scale;
+        (scale.across, scale.along) = (scale.across.hypot(shift), scale.along.hypot(shift));
+        scale.normal = scale.normal.hypot(angle);
+        self.refinement.across = self.refinement.across.hypot(shift);
+        for (pair, by) in [(&mut self.pairs, 1.5), (&mut self.pair_deviation, 1.0)] {
+            pair.distance = pair.distance.hypot(by * shift);
+            pair.cosine = pair.cosine.hypot(by * angle);
+        }
+        self
+    }
+}
+
 impl Default for HybridOptions {
     fn default() -> Self {
         let mm = MM as f32;
@@ -141,5 +158,23 @@ impl Default for HybridOptions {
             unknown: 0.05,
             poor: 6.0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moving_object_loosens_places_and_normals_as_deviations_add_up() {
+        let rests = HybridOptions::default();
+        assert_eq!(rests.loosened(0.0, 0.0), rests);
+        let moves = rests.loosened(0.003, 0.05);
+        // 3-4-5 along the surface, 5-12-13 in the normal.
+        assert!((moves.scale.along - 0.005).abs() < 1e-7);
+        assert!((moves.scale.normal - 0.13).abs() < 1e-6);
+        assert!(moves.pairs.distance > rests.pairs.distance);
+        assert!(moves.pair_deviation.cosine > rests.pair_deviation.cosine);
+        assert!((moves.scale.outliers - rests.scale.outliers).abs() < 1e-9);
     }
 }

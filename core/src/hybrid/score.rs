@@ -131,11 +131,27 @@ impl Kernel {
     /// The score of one touch under a pose.
     #[inline]
     pub(super) fn score(&self, map: &SurfaceMap, pose: &Turned, touch: &Sighting) -> f32 {
+        // No map has so many patches.
+        self.score_without(map, pose, touch, usize::MAX)
+    }
+
+    /// The same as if the map had no patch `left_out`.
+    #[inline]
+    pub(super) fn score_without(
+        &self,
+        map: &SurfaceMap,
+        pose: &Turned,
+        touch: &Sighting,
+        left_out: usize,
+    ) -> f32 {
         let contact = pose.contact(touch);
         let patches = map.patches();
         let scale = self.about(map, touch);
         let mut sum = 0.0;
         for index in map.voxels().near(contact.point) {
+            if usize::from(index) == left_out {
+                continue;
+            }
             let patch = &patches[usize::from(index)];
             let log = self.log_kernel(scale, patch, &contact, touch);
             sum += log.exp() * touch.appearance_of_pose(&patch.feature);

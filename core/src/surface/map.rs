@@ -1,5 +1,7 @@
 //! The surface of one object: thinned touches with all that looks them up.
 
+use std::sync::OnceLock;
+
 use glam::{DVec3, Vec3};
 
 use super::appearance::StoredFeature;
@@ -68,6 +70,18 @@ pub struct SurfaceMap {
     voxels: Voxels,
     solid: Solid,
     pairs: PairTable,
+    usual_score: Memo,
+}
+
+/// A number that follows from the map and the space it was learnt in, found when it is first
+/// asked for: maps are equal with and without it.
+#[derive(Clone, Debug, Default)]
+struct Memo(OnceLock<f32>);
+
+impl PartialEq for Memo {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl SurfaceMap {
@@ -92,7 +106,8 @@ impl SurfaceMap {
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
         let solid = Solid::of_patches(&patches, spacing, reach);
-        Self { origin_in_training, patches, layout, spacing, voxels, solid, pairs }
+        let usual_score = Memo::default();
+        Self { origin_in_training, patches, layout, spacing, voxels, solid, pairs, usual_score }
     }
 
     /// Where the object frame's origin lies in the training frame, metres.
@@ -135,6 +150,12 @@ impl SurfaceMap {
     #[must_use]
     pub fn pairs(&self) -> &PairTable {
         &self.pairs
+    }
+
+    /// How well the map usually explains touches of its object (ln), by `find` when it is not
+    /// known yet; the answer must follow from the map and the space it was learnt in.
+    pub(crate) fn usual_score(&self, find: impl FnOnce() -> f32) -> f32 {
+        *self.usual_score.0.get_or_init(find)
     }
 
     /// Bytes in memory.
