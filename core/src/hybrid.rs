@@ -7,6 +7,7 @@
 //! touches before it. Objects are worked on side by side; the number of threads does not
 //! change a bit.
 
+mod answer;
 pub mod calibrate;
 mod hypothesis;
 pub mod options;
@@ -25,6 +26,7 @@ use rayon::prelude::*;
 pub use options::HybridOptions;
 
 use crate::belief::answer::{Answer, PoseMode};
+use crate::belief::orbits::merge_orbits;
 use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
 use crate::model::ObjectIdx;
 use crate::model::surface::SurfaceModel;
@@ -34,6 +36,7 @@ use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
+use answer::{Share, distinct, scale, shares};
 use hypothesis::{Hypothesis, merge};
 use propose::{Proposal, partners, propose};
 use score::{Kernel, Turned};
@@ -331,23 +334,28 @@ impl HybridBelief {
         self.touches.iter().map(|touch| f64::from(touch.weight)).sum()
     }
 
-    /// The belief as an answer with at most `n_modes` poses.
+    /// The belief as an answer with at most `n_modes` poses. Poses that look alike by the
+    /// object's symmetry are one.
     #[must_use]
     pub fn answer(&self, n_modes: usize) -> Answer {
         let mut probabilities = self.probabilities();
         let entropy_bits = entropy_bits(&probabilities);
         let unknown = probabilities.pop().unwrap_or(0.0);
-        let mut poses: Vec<(f64, usize, &Hypothesis)> = Vec::new();
+        let mut poses = Vec::new();
         for (object, state) in self.objects.iter().enumerate() {
-            let total = log_sum_exp(state.hypotheses.iter().map(|h| f64::from(h.score)));
-            let share = |h: &Hypothesis| probabilities[object] * (f64::from(h.score) - total).exp();
-            poses.extend(state.hypotheses.iter().take(n_modes).map(|h| (share(h), object, h)));
+            let symmetry = self.model.maps[object].symmetry();
+            poses.extend(shares(
+                object,
+                probabilities[object],
+                &state.hypotheses,
+                symmetry,
+                n_modes,
+            ));
         }
-        poses.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        poses.truncate(n_modes);
-        let mode = |(weight, object, hypothesis): (f64, usize, &Hypothesis)| {
+        let poses = distinct(poses, &self.model.maps, n_modes, &self.options);
+        let mode = |Share { share: weight, object, hypothesis }: Share| {
             let map = &self.model.maps[object];
-            let mut refined = *hypothesis;
+            let mut refined = hypothesis;
             if self.touches.len() > 2 {
                 refine::refine(&mut refined, map, &self.touches, &self.kernel, &self.options);
             }
@@ -360,6 +368,8 @@ impl HybridBelief {
             }
         };
         let modes = poses.into_iter().map(mode).collect();
+        let symmetry = |object: ObjectIdx| self.model.maps[object.0 as usize].symmetry();
+        let modes = merge_orbits(modes, symmetry, &scale(&self.options));
         Answer { probabilities, unknown, modes, entropy_bits, n_readings: self.n_readings }
     }
 

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use super::appearance::StoredFeature;
 use super::pair_table::PairTable;
 use super::voxels::Voxels;
+use crate::symmetry::Symmetry;
 
 /// The most touches of a map: a pair names them by two bytes.
 pub const PATCHES_MAX: usize = u16::MAX as usize;
@@ -66,11 +67,12 @@ pub struct SurfaceMap {
     spacing: f32,
     voxels: Voxels,
     pairs: PairTable,
+    symmetry: Symmetry,
 }
 
 impl SurfaceMap {
     /// A map of patches (most wanted first, at most [`PATCHES_MAX`]), in the object frame whose origin
-    /// lies at `origin_in_training` (m) of the training frame.
+    /// lies at `origin_in_training` (m) of the training frame; without symmetry.
     #[must_use]
     pub fn new(
         origin_in_training: DVec3,
@@ -89,7 +91,20 @@ impl SurfaceMap {
         let edge = layout.voxel.max(EDGE_SPACINGS * spacing);
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
-        Self { origin_in_training, patches, layout, spacing, voxels, pairs }
+        let symmetry = Symmetry::NONE;
+        Self { origin_in_training, patches, layout, spacing, voxels, pairs, symmetry }
+    }
+
+    /// The same map of an object that is known to have a symmetry.
+    #[must_use]
+    pub fn with_symmetry(self, symmetry: Symmetry) -> Self {
+        Self { symmetry, ..self }
+    }
+
+    /// Which turns leave the object as it is, as far as is known.
+    #[must_use]
+    pub fn symmetry(&self) -> &Symmetry {
+        &self.symmetry
     }
 
     /// Where the object frame's origin lies in the training frame, metres.
@@ -133,6 +148,7 @@ impl SurfaceMap {
     pub fn bytes(&self) -> usize {
         size_of::<Self>()
             + size_of_val(self.patches.as_slice())
+            + size_of_val(self.symmetry.axes.as_slice())
             + self.voxels.bytes()
             + self.pairs.bytes()
     }

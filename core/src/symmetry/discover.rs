@@ -12,7 +12,7 @@ use super::line::{Line, lever, nearest_point};
 use super::seeds::{Spread, half_turns_across};
 use super::verify::Baseline;
 use super::{AxisOrder, PATCHES_MIN, Symmetry};
-use crate::model::MapPatch;
+use crate::patch::MapPatch;
 use crate::pose::{Pose, rotation_angle};
 use crate::units::DEG;
 
@@ -28,6 +28,9 @@ const PATCHES_MAX: usize = 1_500;
 /// A turn is looked at closely when the blurred map fits this much worse than itself.
 const PROMISING: f64 = 1.6;
 
+/// A turn is fitted to one patch in so many before it is fitted to all.
+const SPARSE: usize = 5;
+
 /// The most turns that are verified.
 const VERIFIED_MAX: usize = 48;
 
@@ -38,9 +41,12 @@ const ANGLE_MIN: f64 = 11.0 * DEG;
 const SAME_AXIS: f64 = 10.0 * DEG;
 
 /// The angles that prove an axis continuous: every order up to [`ORDER_MAX`] is off one of
-/// them by a fourth of its step.
+/// them by a fourth of its step, and off another by a fifth.
 const PROBES: [f64; 7] =
     [37.0 * DEG, 61.0 * DEG, 83.0 * DEG, 101.0 * DEG, 127.0 * DEG, 149.0 * DEG, 167.0 * DEG];
+
+/// So many of them may be refused by chance.
+const REFUSED_MAX: usize = 1;
 
 /// A map under search.
 struct Search {
@@ -112,7 +118,7 @@ impl Search {
         let rated: Vec<(f64, Pose)> = turns
             .into_par_iter()
             .map(|turn| {
-                let motion = fit(&self.blurred, turn, 10);
+                let motion = fit(&self.blurred, turn, 10, 1);
                 let misfits = self.blurred.misfits(&motion);
                 (misfits.iter().sum::<f64>() / misfits.len() as f64, motion)
             })
@@ -135,7 +141,12 @@ impl Search {
         let fitted: Vec<Option<Verified>> = distinct
             .into_par_iter()
             .map(|motion| {
-                let motion = fit(&self.sharp, motion, 15);
+                // Few patches find the way, and tell most turns from symmetries.
+                let motion = fit(&self.sharp, motion, 12, SPARSE);
+                if self.baseline.is_hopeless(&self.sharp, &motion, SPARSE) {
+                    return None;
+                }
+                let motion = fit(&self.sharp, motion, 6, 1);
                 let line = Line::of_turn(&motion, self.spread.center)?;
                 let turns = rotation_angle(motion.rotation) >= ANGLE_MIN;
                 let misfit = self.baseline.misfit(&self.sharp, &motion).filter(|_| turns)?;
@@ -170,7 +181,8 @@ impl Search {
 
     /// How often the map meets itself in a turn about a line; `None` when never.
     fn order(&self, line: &Line) -> Option<AxisOrder> {
-        if PROBES.iter().all(|angle| self.accepts(line, *angle)) {
+        let refused = PROBES.iter().filter(|angle| !self.accepts(line, **angle));
+        if refused.take(REFUSED_MAX + 1).count() <= REFUSED_MAX {
             return Some(AxisOrder::Continuous);
         }
         // A small turn fits nearly anything a little: every multiple has to.
@@ -259,11 +271,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_finite_order_passes_all_probes_of_a_continuous_axis() {
+    fn no_finite_order_passes_enough_probes_of_a_continuous_axis() {
         for order in 2..=ORDER_MAX {
             let step = TAU / f64::from(order);
-            let off = PROBES.map(|angle| (angle / step - (angle / step).round()).abs());
-            assert!(off.into_iter().fold(0.0, f64::max) > 0.25, "{order}: {off:?}");
+            let mut off = PROBES.map(|angle| (angle / step - (angle / step).round()).abs());
+            off.sort_by(f64::total_cmp);
+            assert!(off[6] > 0.25 && off[5] > 0.2, "{order}: {off:?}");
         }
     }
 }
