@@ -8,6 +8,7 @@ mod bad_input;
 mod calibration;
 mod geometry;
 mod harness;
+mod memory;
 mod msgpack;
 mod objects;
 mod sessions;
