@@ -27,8 +27,8 @@ use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::refusal::Refusal;
 use crate::wire::{cursor, page_id, page_length, page_number, training};
-pub(crate) use loading::part_name;
 use loading::Key;
+pub(crate) use loading::part_name;
 use memory::Memory;
 
 /// The catalogue that is meant when nobody names one.
@@ -188,8 +188,7 @@ impl Catalogues {
         query: &wire::PageQuery,
     ) -> Result<wire::ObjectMap, Refusal> {
         let (from, limit) = (page_number(query)?, page_length(query)?);
-        let (model, place) =
-            self.object_of(name, version, object, ModelPart::PairMaps).await?;
+        let (model, place) = self.object_of(name, version, object, ModelPart::PairMaps).await?;
         let from = usize::try_from(from).unwrap_or(usize::MAX);
         Ok(training::object_map(&model.objects[place], &model.pair_maps()?[place], from, limit))
     }

@@ -67,13 +67,7 @@ pub(crate) enum Refusal {
          may have {}: raise `--model-memory-mb`",
         megabytes(*.needed), megabytes(*.budget)
     )]
-    ModelTooLarge {
-        catalogue: String,
-        version: u32,
-        part: &'static str,
-        needed: u64,
-        budget: u64,
-    },
+    ModelTooLarge { catalogue: String, version: u32, part: &'static str, needed: u64, budget: u64 },
     #[error(
         "version {version} of catalogue {catalogue:?} needs {} of memory, and models that \
          sessions work with have {} of {}",

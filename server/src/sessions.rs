@@ -74,7 +74,8 @@ impl Sessions {
         let pinned = self.catalogues.pin(name, request.version)?;
         let method = convert::session::method(request, &pinned);
         let model = self.model(pinned.catalogue, pinned.version, method).await?;
-        let session = convert::session::new_session(request, method, &model, Uuid::now_v7(), now_ms())?;
+        let session =
+            convert::session::new_session(request, method, &model, Uuid::now_v7(), now_ms())?;
         self.try_out(&session, &model).await?;
         self.store.sessions().create(&session).await?;
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);

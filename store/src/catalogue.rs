@@ -299,8 +299,7 @@ impl Catalogues {
     /// [`Catalogues::block`].
     pub fn model(&self, manifest: &Manifest) -> Result<Model, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
-        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects)
-            .map_err(unfit(manifest))
+        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects).map_err(unfit(manifest))
     }
 
     /// One part of the trained model of a version; the others are missing as if they had not

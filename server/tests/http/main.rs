@@ -13,4 +13,5 @@ mod msgpack;
 mod objects;
 mod sessions;
 mod site;
+mod symmetry;
 mod training;

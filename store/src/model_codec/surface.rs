@@ -48,13 +48,10 @@ pub(super) struct ObjectBlocks<'block> {
 /// The blocks of a catalogue's surfaces. `objects` are the ids of its objects, in its order.
 pub(super) fn to_blocks(model: &SurfaceModel, objects: &[Uuid]) -> Vec<(String, Vec<u8>)> {
     let shared = (SURFACE_BLOCK.to_owned(), shared_to_block(model));
-    let maps = objects
-        .iter()
-        .zip(&model.maps)
-        .flat_map(|(object, map)| {
-            let symmetry = (symmetry_block_name(*object), symmetry_to_block(map.symmetry()));
-            [(surface_block_name(*object), map_to_block(map)), symmetry]
-        });
+    let maps = objects.iter().zip(&model.maps).flat_map(|(object, map)| {
+        let symmetry = (symmetry_block_name(*object), symmetry_to_block(map.symmetry()));
+        [(surface_block_name(*object), map_to_block(map)), symmetry]
+    });
     std::iter::once(shared).chain(maps).collect()
 }
 
@@ -232,9 +229,9 @@ pub(super) mod tests {
         let [first, second] =
             objects.map(|object| [surface_block_name(object), symmetry_block_name(object)]);
         assert_eq!(names, ["surface", &first[0], &first[1], &second[0], &second[1]]);
-        let parts = blocks[1..].chunks(2).map(|object| {
-            Ok(ObjectBlocks { surface: &object[0].1, symmetry: Some(&object[1].1) })
-        });
+        let parts = blocks[1..]
+            .chunks(2)
+            .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: Some(&object[1].1) }));
         assert_eq!(from_blocks(&blocks[0].1, parts), Ok(model()));
     }
 
