@@ -9,8 +9,10 @@
 
 mod answer;
 pub mod calibrate;
+mod evidence;
 mod hypothesis;
 pub mod options;
+mod pattern;
 mod propose;
 mod refine;
 mod score;
@@ -37,7 +39,9 @@ use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
 use answer::{Share, distinct, scale, shares};
+use evidence::Evidence;
 use hypothesis::{Hypothesis, merge};
+use pattern::{Miss, Pattern};
 use propose::{Proposal, partners, propose};
 use score::{Kernel, Turned};
 use sighting::Sighting;
@@ -51,9 +55,8 @@ const PAIR_OUTLIERS: f32 = 0.03;
 /// Of the stored pairs whose cells a query visits, what their geometry weighs in the mean.
 const VISITED_WEIGHT: f32 = 0.03;
 
-/// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
-/// mapped touches instead of between them.
-const WORSE_MAX: f32 = 3.0;
+/// A pose more probable than this is likelier than not.
+const LIKELY: f64 = 0.5;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
@@ -65,6 +68,10 @@ pub struct HybridBelief {
     /// The first touch: poses are relative to it, since single precision ends somewhere.
     anchor: DVec3,
     touches: Vec<Sighting>,
+    /// Of all presses: what they say of free and occupied space.
+    patterns: Vec<Pattern>,
+    /// Presses that met nothing, before there was an anchor.
+    misses: Vec<Miss>,
     objects: Vec<ObjectState>,
     /// What the objects' evidence is of: 0 nothing, 1 looks, 2 a pair, 3 hypotheses.
     stage: usize,
@@ -107,6 +114,8 @@ impl HybridBelief {
             kernel: Kernel::new(&options),
             anchor: DVec3::ZERO,
             touches: Vec::new(),
+            patterns: Vec::new(),
+            misses: Vec::new(),
             stage: 0,
             n_readings: 0,
             model,
@@ -114,15 +123,19 @@ impl HybridBelief {
         })
     }
 
-    /// Takes a reading into account. A press that touched nothing counts as a reading.
+    /// Takes a reading into account. A press that touched nothing says where the object is not.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
         self.n_readings += 1;
         let Some(touch) = observe_touch(reading, sensor, &self.model.space) else {
+            self.add_miss(reading, sensor);
             return;
         };
         if self.touches.is_empty() {
             self.anchor = touch.position;
+            let misses = std::mem::take(&mut self.misses);
+            self.patterns.extend(misses.iter().map(|miss| miss.pattern(touch.position)));
         }
+        self.patterns.push(Pattern::of_touch(reading, sensor, self.anchor));
         let (space, scale) = (&self.model.space, &self.options.scale);
         let sighting = Sighting::new(&touch, self.anchor, space, scale);
         self.touches.push(sighting.weighed(&self.touches));
@@ -140,6 +153,30 @@ impl HybridBelief {
             }
         }
         self.bound();
+    }
+
+    /// A press that met nothing makes poses less likely that had something there.
+    fn add_miss(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        if self.touches.is_empty() {
+            self.misses.push(Miss { reading: reading.clone(), sensor: sensor.clone() });
+            return;
+        }
+        self.patterns.push(Pattern::of_miss(reading, sensor, self.anchor));
+        self.judge_newest_pattern();
+        if self.stage == 3 {
+            self.weigh();
+        }
+    }
+
+    /// What the newest press says of free and occupied space scores every hypothesis.
+    fn judge_newest_pattern(&mut self) {
+        let (objects, evidence) = self.parts();
+        for_each_object(objects, evidence.maps, |state, map| {
+            for hypothesis in &mut state.hypotheses {
+                hypothesis.score += evidence.newest_pattern(map, &hypothesis.pose());
+            }
+            merge(&mut state.hypotheses, evidence.options);
+        });
     }
 
     /// After one touch only its appearance tells objects apart.
@@ -172,14 +209,12 @@ impl HybridBelief {
 
     /// The newest touch scores every hypothesis.
     fn verify(&mut self) {
-        let (kernel, options) = (self.kernel, self.options);
-        let Some(touch) = self.touches.last() else { return };
-        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
+        let (objects, evidence) = self.parts();
+        for_each_object(objects, evidence.maps, |state, map| {
             for hypothesis in &mut state.hypotheses {
-                let pose = Turned::new(hypothesis.rotation, hypothesis.translation);
-                hypothesis.score += kernel.score(map, &pose, touch);
+                hypothesis.score += evidence.newest(map, &hypothesis.pose());
             }
-            merge(&mut state.hypotheses, &options);
+            merge(&mut state.hypotheses, evidence.options);
         });
         self.weigh();
     }
@@ -190,11 +225,16 @@ impl HybridBelief {
         let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
         let best = best.fold(f32::NEG_INFINITY, f32::max);
         let poor = f64::from(best) < f64::from(self.options.poor) * self.counted();
-        if !poor && n > 3 && self.share_of_best_pose() >= self.options.certain {
+        let share = self.share_of_best_pose();
+        if !poor && n > 3 && share >= self.options.certain {
             return;
         }
         let budget = &self.options.budget;
-        let n_partners = if poor { budget.partners_if_poor } else { budget.partners };
+        let n_partners = match (poor, share > LIKELY) {
+            (true, _) => budget.partners_if_poor,
+            (false, false) => budget.partners,
+            (false, true) => budget.partners_if_likely,
+        };
         let partners = partners(&self.touches, n_partners);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
         self.propose(&partners, reach);
@@ -212,23 +252,23 @@ impl HybridBelief {
     /// The newest touch and each partner propose poses of the objects that are at most
     /// `reach` (ln) less likely than the best.
     fn propose(&mut self, partners: &[usize], reach: f64) {
-        let (kernel, options) = (self.kernel, self.options);
-        let touches = self.touches.as_slice();
-        let [earlier @ .., newest] = touches else { return };
-        let (bar, refining) = match touches.len() {
+        let (bar, refining) = match self.touches.len() {
             0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
             _ => (
-                self.bar(reach, options.budget.objects),
-                self.bar(f64::from(options.drop_between), options.budget.refined_objects),
+                self.bar(reach, self.options.budget.objects),
+                self.bar(f64::from(self.options.drop_between), self.options.budget.refined_objects),
             ),
         };
-        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
+        let (objects, evidence) = self.parts();
+        let (touches, options) = (evidence.touches, evidence.options);
+        let [earlier @ .., newest] = touches else { return };
+        for_each_object(objects, evidence.maps, |state, map| {
             if state.log_evidence < bar {
                 return;
             }
             for partner in partners {
                 let pair = [newest, &earlier[*partner]];
-                let Some(proposed) = propose(map, pair, &options) else { continue };
+                let Some(proposed) = propose(map, pair, options) else { continue };
                 state.pair = PairEvidence {
                     geometry: proposed.geometry,
                     evidence: proposed.evidence,
@@ -238,20 +278,20 @@ impl HybridBelief {
                 let mut bar = f32::NEG_INFINITY;
                 for Proposal { rotation, translation } in proposed.proposals {
                     let pose = Turned::new(rotation, translation);
-                    let Some(score) = kernel.score_all(map, &pose, touches, bar) else { continue };
+                    let Some(score) = evidence.score(map, &pose, bar) else { continue };
                     bar = bar.max(score - options.drop_within);
                     new.push(Hypothesis { rotation, translation, score });
                 }
                 if touches.len() > 2 && state.log_evidence >= refining {
-                    merge(&mut new, &options);
+                    merge(&mut new, options);
                     new.truncate(options.budget.refined_proposals);
                     for hypothesis in &mut new {
-                        settle(hypothesis, map, touches, &kernel, &options);
+                        evidence.settle(hypothesis, map);
                     }
                 }
                 state.hypotheses.extend(new);
             }
-            merge(&mut state.hypotheses, &options);
+            merge(&mut state.hypotheses, options);
         });
     }
 
@@ -275,14 +315,25 @@ impl HybridBelief {
         let top = best.first().map_or(0.0, |best| best.0);
         best.retain(|found| found.0 > top - self.options.drop_between);
         best.truncate(self.options.budget.refined);
+        let (objects, evidence) = self.parts();
         for (_, object, index) in best {
-            let map = &self.model.maps[object];
-            let hypothesis = &mut self.objects[object].hypotheses[index];
-            settle(hypothesis, map, &self.touches, &self.kernel, &self.options);
+            evidence.settle(&mut objects[object].hypotheses[index], &evidence.maps[object]);
         }
-        for state in &mut self.objects {
-            merge(&mut state.hypotheses, &self.options);
+        for state in objects {
+            merge(&mut state.hypotheses, evidence.options);
         }
+    }
+
+    /// What changes with a touch, and what it is judged by.
+    fn parts(&mut self) -> (&mut [ObjectState], Evidence<'_>) {
+        let evidence = Evidence {
+            maps: &self.model.maps,
+            kernel: &self.kernel,
+            touches: &self.touches,
+            patterns: &self.patterns,
+            options: &self.options,
+        };
+        (&mut self.objects, evidence)
     }
 
     /// Sums up what the hypotheses of each object say, and that all touches fit nowhere.
@@ -382,25 +433,6 @@ impl HybridBelief {
     #[must_use]
     pub fn n_readings(&self) -> usize {
         self.n_readings
-    }
-}
-
-/// Refines a hypothesis and scores it anew; one that becomes clearly worse stays as it was.
-fn settle(
-    hypothesis: &mut Hypothesis,
-    map: &SurfaceMap,
-    touches: &[Sighting],
-    kernel: &Kernel,
-    options: &HybridOptions,
-) {
-    let mut tried = *hypothesis;
-    refine::refine(&mut tried, map, touches, kernel, options);
-    let pose = Turned::new(tried.rotation, tried.translation);
-    let bar = hypothesis.score - WORSE_MAX;
-    if let Some(score) = kernel.score_all(map, &pose, touches, bar)
-        && score >= bar
-    {
-        *hypothesis = Hypothesis { score, ..tried };
     }
 }
 

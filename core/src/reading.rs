@@ -45,6 +45,7 @@ pub struct Reading {
     session_from_sensor: Pose,
     image: TactileImage,
     missing: Vec<bool>,
+    approach: f64,
 }
 
 /// Why numbers are not a reading.
@@ -123,7 +124,7 @@ impl Reading {
         }
         let pressures = fill_missing(&ordered, rows, cols);
         let image = TactileImage { rows, cols, pressures };
-        Ok(Self { sensor, session_from_sensor, image, missing })
+        Ok(Self { sensor, session_from_sensor, image, missing, approach: 0.0 })
     }
 
     /// Which sensor took the reading.
@@ -148,6 +149,21 @@ impl Reading {
     #[must_use]
     pub fn missing(&self) -> &[bool] {
         &self.missing
+    }
+
+    /// How far the sensor came along its own +z with nothing in touch, metres; 0 when nobody
+    /// said.
+    #[must_use]
+    pub fn approach(&self) -> f64 {
+        self.approach
+    }
+
+    /// The same press after a way of so many metres along the sensor's +z on which nothing
+    /// touched; what is not a positive number counts as 0.
+    #[must_use]
+    pub fn after_approach(mut self, metres: f64) -> Self {
+        self.approach = if metres.is_finite() { metres.max(0.0) } else { 0.0 };
+        self
     }
 
     /// The same press seen from another frame: `other_from_session`.

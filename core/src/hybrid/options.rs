@@ -1,5 +1,6 @@
 //! How the hybrid recogniser works: its deviations, tolerances and budgets.
 
+use super::pattern::PatternScale;
 use crate::surface::pair_table::PairTolerance;
 use crate::units::MM;
 
@@ -42,8 +43,10 @@ pub struct RefinementScale {
 pub struct Budget {
     /// Poses that one pair may propose for an object.
     pub proposals_per_object: usize,
-    /// Earlier touches that a new one is paired with.
+    /// Earlier touches that a new one is paired with while no pose is likelier than not.
     pub partners: usize,
+    /// The same once one is.
+    pub partners_if_likely: usize,
     /// The same while no hypothesis explains the touches well.
     pub partners_if_poor: usize,
     /// Objects that a pair proposes poses for after the second touch, likeliest first.
@@ -65,6 +68,8 @@ pub struct Budget {
 pub struct HybridOptions {
     /// How touches deviate from a map.
     pub scale: TouchScale,
+    /// How contradictions of free and occupied space count.
+    pub pattern: PatternScale,
     /// How poses are refined.
     pub refinement: RefinementScale,
     /// How far a stored pair may be from an observed one.
@@ -107,17 +112,19 @@ impl Default for HybridOptions {
                 appearance: 1.0,
                 appearance_of_pose: 4.0,
             },
+            pattern: PatternScale { point: 0.5, press_max: 3.0 },
             refinement: RefinementScale {
-                across: 0.3 * mm,
-                smoothing: 2.0 * mm,
+                across: 0.6 * mm,
+                smoothing: 1.0 * mm,
                 normal_factor: 1.5,
             },
             pairs: PairTolerance { distance: 2.5 * mm, cosine: 0.22 },
             pair_deviation: PairTolerance { distance: 1.0 * mm, cosine: 0.1 },
-            appearance_min: 0.1,
+            appearance_min: 0.3,
             budget: Budget {
                 proposals_per_object: 60,
                 partners: 2,
+                partners_if_likely: 1,
                 partners_if_poor: 3,
                 objects: 300,
                 per_object: 60,

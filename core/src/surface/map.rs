@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::appearance::StoredFeature;
 use super::pair_table::PairTable;
+use super::solid::Solid;
 use super::voxels::Voxels;
 use crate::symmetry::Symmetry;
 
@@ -66,6 +67,7 @@ pub struct SurfaceMap {
     layout: SurfaceLayout,
     spacing: f32,
     voxels: Voxels,
+    solid: Solid,
     pairs: PairTable,
     symmetry: Symmetry,
 }
@@ -91,8 +93,9 @@ impl SurfaceMap {
         let edge = layout.voxel.max(EDGE_SPACINGS * spacing);
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
+        let solid = Solid::of_patches(&patches, spacing, reach);
         let symmetry = Symmetry::NONE;
-        Self { origin_in_training, patches, layout, spacing, voxels, pairs, symmetry }
+        Self { origin_in_training, patches, layout, spacing, voxels, solid, pairs, symmetry }
     }
 
     /// The same map of an object that is known to have a symmetry.
@@ -137,6 +140,12 @@ impl SurfaceMap {
         &self.voxels
     }
 
+    /// Where there is material.
+    #[must_use]
+    pub fn solid(&self) -> &Solid {
+        &self.solid
+    }
+
     /// The pairs of touches.
     #[must_use]
     pub fn pairs(&self) -> &PairTable {
@@ -150,6 +159,7 @@ impl SurfaceMap {
             + size_of_val(self.patches.as_slice())
             + size_of_val(self.symmetry.axes.as_slice())
             + self.voxels.bytes()
+            + self.solid.bytes()
             + self.pairs.bytes()
     }
 }
@@ -202,7 +212,7 @@ mod tests {
         let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
         let map = SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default());
         // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch.
-        let parts = map.voxels().bytes() + map.pairs().bytes() + 5 * 52;
+        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 52;
         assert_eq!(map.bytes(), parts + size_of::<SurfaceMap>());
         assert!(map.pairs().bytes() >= 10 * 4, "ten pairs of two numbers");
     }
