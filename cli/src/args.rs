@@ -103,6 +103,7 @@ mod tests {
     fn the_lines_of_the_documentation_are_understood() {
         for line in [
             "palpate serve --data ./d --listen 0.0.0.0:7411",
+            "palpate serve --model-memory-mb 250",
             "palpate demo",
             "palpate demo --once --json --trials 40",
             "palpate objects add mug --mesh mug.stl",
@@ -152,6 +153,7 @@ mod tests {
         for line in [
             "palpate",
             "palpate touch --mesh mug.stl",
+            "palpate serve --model-memory-mb 0",
             "palpate objects add mug --mesh mug.stl --unit inch",
             "palpate objects example --out meshes",
             "palpate objects example mug --all --out meshes",

@@ -13,6 +13,7 @@ mod output;
 mod progress;
 mod readings_file;
 mod robot;
+mod symmetry;
 mod trial;
 
 use std::process::ExitCode;

@@ -78,9 +78,9 @@ pub(crate) fn degrees(radians: f64) -> String {
     format!("{:.1}°", radians.to_degrees())
 }
 
-/// What to think of a large angle.
-pub(crate) const PLAIN_ANGLES: &str = "Angles are plain: an object that looks the same after a turn, such as a wine glass or a \
-     gear, may be answered at any of those turns.";
+/// What errors of a pose are.
+pub(crate) const ERRORS_OF_POSE: &str = "Errors of a pose are those of the nearest pose that looks the same by the symmetry that \
+     training found.";
 
 /// A share as a bar of ten characters.
 pub(crate) fn bar(share: f64) -> String {

@@ -7,9 +7,11 @@ use anyhow::Context;
 use palpate_client::TouchSession;
 use palpate_client::schemas::{Belief, TrainingReport};
 use palpate_core::pose::Pose;
+use palpate_core::symmetry::Symmetry;
 use serde::Serialize;
 
 use crate::robot::Robot;
+use crate::symmetry::of_axes;
 
 /// When a robot has touched enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +35,8 @@ pub(crate) struct Truth {
     pub(crate) session_from_object: Pose,
     /// Where its frame's origin is in the mesh, metres.
     pub(crate) origin_in_mesh: [f64; 3],
+    /// Which turns leave it as it is, object frame.
+    pub(crate) symmetry: Symmetry,
 }
 
 impl Truth {
@@ -51,6 +55,7 @@ impl Truth {
             object: trained.name.clone(),
             session_from_object: robot.session_from_object(trained.origin_in_mesh),
             origin_in_mesh: trained.origin_in_mesh,
+            symmetry: of_axes(trained.symmetry.as_deref().unwrap_or_default()),
         })
     }
 }
@@ -68,12 +73,16 @@ pub(crate) struct Step {
     pub(crate) entropy_bits: f64,
     /// Whether the likeliest object is the true one.
     pub(crate) right: bool,
-    /// How far the true object's likeliest position is off, metres.
+    /// How far the true object's likeliest pose is off in position, metres: of all poses that
+    /// look like it the one that is turned least from the truth.
     #[serde(skip)]
     pub(crate) position_error: Option<f64>,
-    /// How far its orientation is off, radians; symmetry is not considered.
+    /// How far that pose is off in orientation, radians.
     #[serde(skip)]
     pub(crate) angle_error: Option<f64>,
+    /// How far the pose is off that was answered, radians; symmetry is not considered.
+    #[serde(skip)]
+    pub(crate) plain_angle_error: Option<f64>,
     /// How long the server took for the reading, milliseconds, there and back.
     pub(crate) reading_ms: f64,
 }
@@ -85,14 +94,16 @@ impl Step {
         let right = best.is_some_and(|best| best.name == truth.object);
         let mode = belief.poses.iter().find(|mode| mode.name == truth.object);
         let pose = mode.and_then(|mode| Pose::new(mode.pose.position, mode.pose.orientation).ok());
+        let nearest = pose.map(|pose| truth.symmetry.nearest_to(&pose, &truth.session_from_object));
         Self {
             touches,
             object: best.map(|best| best.name.clone()),
             probability: best.map_or(0.0, |best| best.probability),
             entropy_bits: belief.entropy_bits,
             right,
-            position_error: pose.map(|pose| pose.distance_to(&truth.session_from_object)),
-            angle_error: pose.map(|pose| pose.angle_to(&truth.session_from_object)),
+            position_error: nearest.map(|pose| pose.distance_to(&truth.session_from_object)),
+            angle_error: nearest.map(|pose| pose.angle_to(&truth.session_from_object)),
+            plain_angle_error: pose.map(|pose| pose.angle_to(&truth.session_from_object)),
             reading_ms,
         }
     }
@@ -105,6 +116,11 @@ impl Step {
     /// The angle error in degrees, for output.
     pub(crate) fn angle_error_deg(&self) -> Option<f64> {
         self.angle_error.map(f64::to_degrees)
+    }
+
+    /// The plain angle error in degrees, for output.
+    pub(crate) fn plain_angle_error_deg(&self) -> Option<f64> {
+        self.plain_angle_error.map(f64::to_degrees)
     }
 }
 
@@ -154,7 +170,9 @@ pub(crate) async fn run(
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
     use palpate_client::schemas::{self, ObjectProbability, PoseHypothesis};
+    use palpate_core::symmetry::AxisOrder;
 
     use super::*;
 
@@ -182,6 +200,7 @@ mod tests {
                     orientation: [0.0, half.sin(), 0.0, half.cos()],
                 },
                 covariance: vec![0.0; 36],
+                symmetry: Vec::new(),
             }],
         }
     }
@@ -192,6 +211,7 @@ mod tests {
             object: "mug".to_owned(),
             session_from_object: Pose::IDENTITY,
             origin_in_mesh: [0.0; 3],
+            symmetry: Symmetry::NONE,
         };
         let step = Step::new(3, &belief(["mug", "cup"]), &truth, 1.0);
         assert!(step.right);
@@ -200,6 +220,14 @@ mod tests {
         assert!((step.angle_error_deg().unwrap() - 45.0).abs() < 1e-9);
         let wrong = Step::new(3, &belief(["cup", "mug"]), &truth, 1.0);
         assert!(!wrong.right);
+        // Turned about y by π/4 as answered; of a body of 7 sides the nearest turn is one less,
+        // 45° − 360°/7 = −6.43°. The centre is where the answer has it, 5 mm off, and so is
+        // the origin in it.
+        let symmetry = Symmetry::through(DVec3::ZERO, &[(DVec3::Y, AxisOrder::Finite(7))]);
+        let step = Step::new(3, &belief(["mug", "cup"]), &Truth { symmetry, ..truth }, 1.0);
+        assert!((step.angle_error_deg().unwrap() - (360.0 / 7.0 - 45.0)).abs() < 1e-9);
+        assert!((step.plain_angle_error_deg().unwrap() - 45.0).abs() < 1e-9);
+        assert!((step.position_error_mm().unwrap() - 5.0).abs() < 1e-9);
     }
 
     #[test]
@@ -208,6 +236,7 @@ mod tests {
             object: "cup".to_owned(),
             session_from_object: Pose::IDENTITY,
             origin_in_mesh: [0.0; 3],
+            symmetry: Symmetry::NONE,
         };
         let step = Step::new(1, &belief(["cup", "mug"]), &truth, 1.0);
         assert_eq!((step.right, step.position_error, step.angle_error), (true, None, None));

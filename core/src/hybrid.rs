@@ -7,6 +7,7 @@
 //! touches before it. Objects are worked on side by side; the number of threads does not
 //! change a bit.
 
+mod answer;
 pub mod calibrate;
 mod carried;
 mod evidence;
@@ -29,6 +30,7 @@ use rayon::prelude::*;
 pub use options::HybridOptions;
 
 use crate::belief::answer::{Answer, PoseMode};
+use crate::belief::orbits::merge_orbits;
 use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
 use crate::model::ObjectIdx;
 use crate::model::surface::SurfaceModel;
@@ -38,6 +40,7 @@ use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
+use answer::{Share, distinct, looks_like, scale, shares};
 use carried::Carried;
 use evidence::{Evidence, Known};
 use hypothesis::{Hypothesis, merge};
@@ -57,6 +60,9 @@ const VISITED_WEIGHT: f32 = 0.03;
 
 /// No object is ruled out for good when what is known is carried over.
 const SURE: f64 = 1e-12;
+
+/// Poses of less than this (ln) beside the best add nothing to its share.
+const ALIKE_REACH: f32 = 8.0;
 
 /// A pose more probable than this is likelier than not.
 const LIKELY: f64 = 0.5;
@@ -298,13 +304,21 @@ impl HybridBelief {
         self.propose(&partners, reach);
     }
 
-    /// The probability of the likeliest object in its likeliest pose.
+    /// The probability of the likeliest object in its likeliest pose, or in one that looks like
+    /// it.
     fn share_of_best_pose(&self) -> f64 {
-        let shares = self.probabilities().into_iter().zip(&self.objects).map(|(p, state)| {
-            let best = state.hypotheses.first().map_or(f64::NEG_INFINITY, |h| h.score.into());
-            p * (best - state.log_evidence).exp()
+        let probabilities = self.probabilities();
+        let shares = self.objects.iter().zip(&probabilities).enumerate();
+        let Some((object, (state, p))) = shares.max_by(|a, b| a.1.1.total_cmp(b.1.1)) else {
+            return 0.0;
+        };
+        let Some(best) = state.hypotheses.first() else { return 0.0 };
+        let alike = state.hypotheses.iter().filter(|other| {
+            other.score > best.score - ALIKE_REACH
+                && looks_like(best, other, self.model.maps[object].symmetry(), &self.options)
         });
-        shares.fold(0.0, f64::max)
+        let share = |h: &Hypothesis| (f64::from(h.score) - state.log_evidence).exp();
+        p * alike.map(share).sum::<f64>()
     }
 
     /// The newest touch and each partner propose poses of the objects that are at most
@@ -466,23 +480,28 @@ impl HybridBelief {
         self.touches.iter().map(|touch| f64::from(touch.weight)).sum()
     }
 
-    /// The belief as an answer with at most `n_modes` poses.
+    /// The belief as an answer with at most `n_modes` poses. Poses that look alike by the
+    /// object's symmetry are one.
     #[must_use]
     pub fn answer(&self, n_modes: usize) -> Answer {
         let mut probabilities = self.probabilities();
         let entropy_bits = entropy_bits(&probabilities);
         let unknown = probabilities.pop().unwrap_or(0.0);
-        let mut poses: Vec<(f64, usize, &Hypothesis)> = Vec::new();
+        let mut poses = Vec::new();
         for (object, state) in self.objects.iter().enumerate() {
-            let total = log_sum_exp(state.hypotheses.iter().map(|h| f64::from(h.score)));
-            let share = |h: &Hypothesis| probabilities[object] * (f64::from(h.score) - total).exp();
-            poses.extend(state.hypotheses.iter().take(n_modes).map(|h| (share(h), object, h)));
+            let symmetry = self.model.maps[object].symmetry();
+            poses.extend(shares(
+                object,
+                probabilities[object],
+                &state.hypotheses,
+                symmetry,
+                n_modes,
+            ));
         }
-        poses.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        poses.truncate(n_modes);
-        let mode = |(weight, object, hypothesis): (f64, usize, &Hypothesis)| {
+        let poses = distinct(poses, &self.model.maps, n_modes, &self.options);
+        let mode = |Share { share: weight, object, hypothesis }: Share| {
             let map = &self.model.maps[object];
-            let mut refined = *hypothesis;
+            let mut refined = hypothesis;
             if self.touches.len() > 2 {
                 refine::refine(&mut refined, map, &self.touches, &self.kernel, &self.options);
             }
@@ -496,6 +515,8 @@ impl HybridBelief {
             }
         };
         let modes = poses.into_iter().map(mode).collect();
+        let symmetry = |object: ObjectIdx| self.model.maps[object.0 as usize].symmetry();
+        let modes = merge_orbits(modes, symmetry, &scale(&self.options));
         Answer { probabilities, unknown, modes, entropy_bits, n_readings: self.n_readings }
     }
 

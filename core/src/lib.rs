@@ -36,11 +36,11 @@ pub mod patch_pair;
 
 pub mod filter;
 
+pub mod symmetry;
+
 pub mod surface;
 
 pub mod model;
-
-pub mod symmetry;
 
 pub mod belief;
 

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use thiserror::Error;
 
+pub use crate::patch::MapPatch;
 use crate::patch::Patch;
 use crate::patch_pair::index::{IndexedPatch, MAX_PATCHES};
 use crate::patch_pair::{DistanceBins, PairIndex};
@@ -23,17 +24,6 @@ use surface::SurfaceModel;
 /// An object of a catalogue, by its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ObjectIdx(pub u32);
-
-/// A trained surface patch, in the object frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MapPatch {
-    /// Position, metres.
-    pub position: [f32; 3],
-    /// Outward normal, norm 1.
-    pub normal: [f32; 3],
-    /// How well the contact fixed the normal, 0 to 1.
-    pub normal_confidence: f32,
-}
 
 /// The map of one object: its patches and the index of their pairs (section 5.3).
 #[derive(Clone, Debug, PartialEq)]

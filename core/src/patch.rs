@@ -23,6 +23,17 @@ pub struct Patch {
     pub classes: Vec<Association>,
 }
 
+/// A trained surface patch, in the object frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MapPatch {
+    /// Position, metres.
+    pub position: [f32; 3],
+    /// Outward normal, norm 1.
+    pub normal: [f32; 3],
+    /// How well the contact fixed the normal, 0 to 1.
+    pub normal_confidence: f32,
+}
+
 /// The patch of a reading, or `None` when the press touched nothing.
 #[must_use]
 pub fn observe_patch(

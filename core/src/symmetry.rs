@@ -20,7 +20,7 @@ mod tests;
 
 use glam::DVec3;
 
-use crate::model::MapPatch;
+use crate::patch::MapPatch;
 
 pub use discover::ORDER_MAX;
 
@@ -75,7 +75,8 @@ impl Symmetry {
     }
 
     /// A symmetry whose axes (directions of norm 1) meet in a point (metres).
-    fn through(center: DVec3, axes: &[(DVec3, AxisOrder)]) -> Self {
+    #[must_use]
+    pub fn through(center: DVec3, axes: &[(DVec3, AxisOrder)]) -> Self {
         let axis = |&(direction, order)| SymmetryAxis { point: center, direction, order };
         Self { center, axes: axes.iter().map(axis).collect() }
     }

@@ -16,6 +16,7 @@ pub mod problem;
 pub mod reading;
 pub mod sensor;
 pub mod session;
+pub mod symmetry;
 pub mod training;
 
 pub use analysis::{AnalyseCoverings, CoveringAnalysis, CoveringTradeOff, SpatialAcuity};
@@ -51,6 +52,7 @@ pub use session::{
     ObjectProbability, PoseHypothesis, PriorEntry, ReadingsAdded, ReadingsQuery, Session,
     SessionEvent, SessionPage, SessionState,
 };
+pub use symmetry::SymmetryAxis;
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,
     DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,

@@ -7,6 +7,7 @@ use uuid::Uuid;
 use crate::geometry::PosePrior;
 use crate::pose::Pose;
 use crate::reading::Reading;
+use crate::symmetry::SymmetryAxis;
 
 /// A new session: one object that is touched, and, but for the methods `appearance…`, rests
 /// in one frame.
@@ -238,8 +239,8 @@ pub struct Belief {
     /// Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
     /// knows nothing of n objects.
     pub entropy_bits: f64,
-    /// Pose hypotheses, likeliest first. A symmetric object has several: do not average them.
-    /// Empty with the methods `appearance…`, which know nothing of poses.
+    /// Pose hypotheses, likeliest first; do not average them. With the methods `hybrid` and
+    /// `sva`, poses that look the same by the object's `symmetry` are one. Empty with the methods `appearance…`, which know nothing of poses.
     pub poses: Vec<PoseHypothesis>,
 }
 
@@ -261,16 +262,23 @@ pub struct PoseHypothesis {
     pub object: Uuid,
     /// The object's name when it was trained.
     pub name: String,
-    /// The hypothesis's share of the belief, 0 to 1.
+    /// The hypothesis's share of the belief, 0 to 1, that of all poses that look the same
+    /// included.
     pub weight: f64,
     /// The object's pose in the session frame (`session_from_object`). The object frame has its
     /// origin at the centroid of the mesh or of the training touches, see `origin_in_mesh` of
     /// the version's report.
     pub pose: Pose,
     /// 6 × 6 covariance, row-major, in the order of ROS: x, y, z in metres, then rotation about
-    /// the fixed x, y, z axes of the session frame in radians.
+    /// the fixed x, y, z axes of the session frame in radians. About an axis that every turn
+    /// leaves as it is, the angle is unknown: its variance is π²/3 rad² and more.
     #[schema(min_items = 36, max_items = 36)]
     pub covariance: Vec<f64>,
+    /// Which turns of this pose look the same, as axes in the session frame, highest order
+    /// first: `pose` stands for all of them. Empty when the object only looks like itself, with
+    /// the other methods, and with versions that were trained without surfaces.
+    #[serde(default)]
+    pub symmetry: Vec<SymmetryAxis>,
 }
 
 /// Which sessions a stream of events follows.

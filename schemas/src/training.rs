@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 use crate::appearance::{AppearanceSummary, AppearanceTraining};
 use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
+use crate::symmetry::SymmetryAxis;
 
 /// A named line of trained models, one of whose versions new sessions use.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
@@ -126,6 +127,11 @@ pub struct ObjectReport {
     /// What was learnt of its geometry; null when nothing was asked for.
     #[serde(default)]
     pub geometry: Option<GeometryReport>,
+    /// Which turns leave it as it is, as its training touches show: axes in the object frame,
+    /// highest order first, empty when it only looks like itself. Null when it was not sought:
+    /// without surfaces.
+    #[serde(default)]
+    pub symmetry: Option<Vec<SymmetryAxis>>,
 }
 
 /// The surface of an object, as the method `hybrid` knows it.

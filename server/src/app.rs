@@ -6,11 +6,12 @@ use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};
 use palpate_schemas::{Check, Readiness};
 use palpate_store::database::Database;
+use palpate_store::model_codec::ModelPart;
 use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
 
 use crate::admission::{Admission, admit};
-use crate::catalogues::Catalogues;
+use crate::catalogues::{Catalogues, part_name};
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::jobs::Jobs;
@@ -98,6 +99,10 @@ impl App {
         metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
         metrics::gauge!("palpate_jobs_unfinished").set(self.0.jobs.n_unfinished() as f64);
         metrics::gauge!("palpate_compute_places_free").set(self.0.pool.n_free() as f64);
+        for part in ModelPart::ALL {
+            let bytes = self.0.catalogues.bytes_in_memory(part) as f64;
+            metrics::gauge!("palpate_model_bytes", "part" => part_name(part)).set(bytes);
+        }
         if let Ok(stats) = self.0.store.stats() {
             metrics::gauge!("palpate_store_bytes").set(stats.bytes as f64);
             metrics::counter!("palpate_store_commits_total").absolute(stats.commits);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use palpate_core::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions};
 use palpate_core::belief::answer::Answer;
+use palpate_core::belief::orbits::{OrbitScale, merge_orbits};
 use palpate_core::filter::particle::ParticleOptions;
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals,
@@ -18,6 +19,8 @@ use palpate_core::model::appearance::AppearanceSource;
 use palpate_core::reading::Reading;
 use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::units::{DEG, MM};
 use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
@@ -28,10 +31,16 @@ use crate::wire::geometry::core_prior;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
 use crate::wire::session::{Options, is_appearance, name, options};
 
+/// Poses of pair maps are one within half a bin and a few degrees: they are refined.
+const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
+/// So many poses of pair maps are looked at for each that is answered.
+const MODES_OF_AN_ORBIT: usize = 4;
+
 /// A belief, by method.
 pub(crate) enum SessionBelief {
     Hybrid(HybridBelief),
-    Sva(SvaBelief),
+    /// With the symmetries of the objects; none as printed.
+    Sva(SvaBelief, Arc<[Symmetry]>),
     Geometric(GeometricBelief),
     Appearance(AppearanceBelief),
 }
@@ -74,10 +83,12 @@ impl SessionBelief {
                 return Ok(Self::Hybrid(HybridBelief::new(surfaces, options, prior)?));
             }
             Method::Sva => {
-                return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::default(), prior)?));
+                let belief = SvaBelief::new(catalogue, SvaOptions::default(), prior)?;
+                return Ok(Self::Sva(belief, Arc::clone(&model.symmetries)));
             }
             Method::SvaLiteral => {
-                return Ok(Self::Sva(SvaBelief::new(catalogue, SvaOptions::literal(), prior)?));
+                let belief = SvaBelief::new(catalogue, SvaOptions::literal(), prior)?;
+                return Ok(Self::Sva(belief, Arc::default()));
             }
             Method::Appearance => {
                 let options = AppearanceOptions::default();
@@ -114,7 +125,7 @@ impl SessionBelief {
                 Some(feature) => Ok(belief.add_feature(feature)?),
                 None => Ok(belief.add(reading, sensor)?),
             },
-            Self::Hybrid(_) | Self::Sva(_) | Self::Geometric(_)
+            Self::Hybrid(_) | Self::Sva(..) | Self::Geometric(_)
                 if stored.session_from_sensor.is_none() =>
             {
                 Err(BeliefError::PoseMissing)
@@ -123,7 +134,7 @@ impl SessionBelief {
                 belief.add(reading, sensor);
                 Ok(())
             }
-            Self::Sva(belief) => Ok(belief.add(reading, sensor)?),
+            Self::Sva(belief, _) => Ok(belief.add(reading, sensor)?),
             Self::Geometric(belief) => Ok(belief.add(reading, sensor)?),
         }
     }
@@ -132,7 +143,7 @@ impl SessionBelief {
     pub(crate) fn answer(&self, n_modes: usize) -> Answer {
         match self {
             Self::Hybrid(belief) => belief.answer(n_modes),
-            Self::Sva(belief) => belief.answer(n_modes),
+            Self::Sva(belief, symmetries) => sva_answer(belief, symmetries, n_modes),
             Self::Geometric(belief) => belief.answer(n_modes),
             Self::Appearance(belief) => belief.answer(),
         }
@@ -142,7 +153,7 @@ impl SessionBelief {
     /// keeps none or the object is impossible.
     pub(crate) fn marginals(&self, object: Option<ObjectIdx>) -> Option<ObjectMarginals> {
         let belief = match self {
-            Self::Hybrid(_) | Self::Sva(_) | Self::Appearance(_) => return None,
+            Self::Hybrid(_) | Self::Sva(..) | Self::Appearance(_) => return None,
             Self::Geometric(belief) => belief,
         };
         let answer = belief.answer(0);
@@ -150,6 +161,18 @@ impl SessionBelief {
         let probability = answer.probabilities[object.0 as usize];
         Some(ObjectMarginals { object, probability, marginals: belief.marginals(object)? })
     }
+}
+
+/// The answer of pair maps, poses that look alike by the objects' symmetries merged.
+fn sva_answer(belief: &SvaBelief, symmetries: &[Symmetry], n_modes: usize) -> Answer {
+    if symmetries.iter().all(Symmetry::is_none) {
+        return belief.answer(n_modes);
+    }
+    let mut answer = belief.answer(n_modes * MODES_OF_AN_ORBIT);
+    let symmetry = |object: ObjectIdx| &symmetries[object.0 as usize];
+    answer.modes = merge_orbits(answer.modes, symmetry, &SVA_SCALE);
+    answer.modes.truncate(n_modes);
+    answer
 }
 
 /// Refuses readings that a session's method cannot fold, each by its field that says so.

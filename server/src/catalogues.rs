@@ -1,43 +1,49 @@
 //! Trained models: versions that never change, and the one that new sessions use.
 //!
-//! A model is read from the store when a session first needs it and shared by all sessions
-//! that pin it; the last few stay in memory.
+//! What sessions recognise by is read from the store part by part (`loading`) and kept under a
+//! budget of memory (`memory`).
 
 mod appearance;
+mod loading;
 mod maps;
+mod memory;
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::Arc;
 
-use dashmap::DashMap;
 use palpate_core::geometric::PreparedGeometry;
 use palpate_core::model::appearance::AppearanceModel;
 use palpate_core::model::geometry::GeometricModel;
 use palpate_core::model::surface::SurfaceModel;
 use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
+use palpate_core::symmetry::Symmetry;
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
+use palpate_store::model_codec::ModelPart;
 use uuid::Uuid;
 
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::refusal::Refusal;
 use crate::wire::{cursor, page_id, page_length, page_number, training};
+use loading::Key;
+pub(crate) use loading::part_name;
+use memory::Memory;
 
 /// The catalogue that is meant when nobody names one.
 pub(crate) const DEFAULT: &str = "default";
-/// How many models stay in memory although no session uses them.
-const RECENT_MAX: usize = 4;
 
-/// A version that can recognise.
+/// A version that can recognise: the part of it that a method needs, or all parts.
 pub(crate) struct Model {
     pub(crate) catalogue: Uuid,
     pub(crate) name: String,
     pub(crate) version: u32,
     pub(crate) core: Arc<CoreCatalogue>,
     pub(crate) objects: Vec<VersionObject>,
+    /// The symmetries of its objects; empty where no method of the part answers poses modulo
+    /// symmetry.
+    pub(crate) symmetries: Arc<[Symmetry]>,
     /// What sessions by geometry share.
     prepared: Option<PreparedGeometry>,
 }
@@ -95,20 +101,23 @@ impl Model {
 pub(crate) struct Catalogues {
     table: Table,
     pool: Pool,
-    models: DashMap<(Uuid, u32), Weak<Model>>,
-    recent: Mutex<VecDeque<Arc<Model>>>,
+    memory: Memory<Key, Model>,
     loading: tokio::sync::Mutex<()>,
 }
 
+/// The version that a new session is about to pin.
+pub(crate) struct Pinned {
+    pub(crate) catalogue: Uuid,
+    pub(crate) version: u32,
+    /// Whether it has surfaces: what methods there are depends on it.
+    pub(crate) has_surfaces: bool,
+}
+
 impl Catalogues {
-    pub(crate) fn new(store: &Database, pool: Pool) -> Self {
-        Self {
-            table: store.catalogues(),
-            pool,
-            models: DashMap::new(),
-            recent: Mutex::new(VecDeque::new()),
-            loading: tokio::sync::Mutex::new(()),
-        }
+    /// Models are kept in at most `memory_bytes_max` bytes.
+    pub(crate) fn new(store: &Database, pool: Pool, memory_bytes_max: u64) -> Self {
+        let memory = Memory::new(memory_bytes_max);
+        Self { table: store.catalogues(), pool, memory, loading: tokio::sync::Mutex::new(()) }
     }
 
     /// The catalogue of a name.
@@ -179,21 +188,22 @@ impl Catalogues {
         query: &wire::PageQuery,
     ) -> Result<wire::ObjectMap, Refusal> {
         let (from, limit) = (page_number(query)?, page_length(query)?);
-        let (model, place) = self.object_of(name, version, object).await?;
+        let (model, place) = self.object_of(name, version, object, ModelPart::PairMaps).await?;
         let from = usize::try_from(from).unwrap_or(usize::MAX);
         Ok(training::object_map(&model.objects[place], &model.pair_maps()?[place], from, limit))
     }
 
-    /// A version's model and the place of one of its objects, all as a path names them.
+    /// A part of a version's model and the place of one of its objects, all as a path names them.
     async fn object_of(
         &self,
         name: &str,
         version: &str,
         object: &str,
+        part: ModelPart,
     ) -> Result<(Arc<Model>, usize), Refusal> {
         let catalogue = self.find(name)?;
         let version = self.manifest(&catalogue, number(version)?)?.version;
-        let model = self.load(catalogue.id, version).await?;
+        let model = self.load(catalogue.id, version, part).await?;
         let place = model
             .find(object)
             .ok_or_else(|| Refusal::NotFound { what: "object", reference: object.to_owned() })?;
@@ -245,51 +255,21 @@ impl Catalogues {
         Ok(made.map(|manifest| manifest.version))
     }
 
-    /// The model that a new session uses: the version asked for, or the current one.
-    pub(crate) async fn model(
-        &self,
-        name: &str,
-        version: Option<u32>,
-    ) -> Result<Arc<Model>, Refusal> {
+    /// The version that a new session uses: the one asked for, or the current one.
+    pub(crate) fn pin(&self, name: &str, version: Option<u32>) -> Result<Pinned, Refusal> {
         let catalogue = self.table.find_by_name(name)?.ok_or_else(|| unknown_catalogue(name))?;
-        let version = match version {
-            Some(version) => {
-                self.manifest(&catalogue, version)
-                    .map_err(|refusal| Refusal::field("/version", refusal))?;
-                version
+        let manifest = match version {
+            Some(version) => self
+                .manifest(&catalogue, version)
+                .map_err(|refusal| Refusal::field("/version", refusal))?,
+            None => {
+                let current = catalogue.current;
+                let untrained = || Refusal::Untrained { catalogue: name.to_owned() };
+                self.manifest(&catalogue, current.ok_or_else(untrained)?)?
             }
-            None => catalogue
-                .current
-                .ok_or_else(|| Refusal::Untrained { catalogue: name.to_owned() })?,
         };
-        self.load(catalogue.id, version).await
-    }
-
-    /// The model of a version, from memory or the store.
-    pub(crate) async fn load(&self, catalogue: Uuid, version: u32) -> Result<Arc<Model>, Refusal> {
-        if let Some(model) = self.in_memory(catalogue, version) {
-            return Ok(model);
-        }
-        // One at a time: many sessions may want the same model at once.
-        let _loading = self.loading.lock().await;
-        if let Some(model) = self.in_memory(catalogue, version) {
-            return Ok(model);
-        }
-        let table = self.table.clone();
-        let read = move || read_model(&table, catalogue, version);
-        let model = Arc::new(self.pool.place()?.run(read).await??);
-        self.models.retain(|_, model| model.strong_count() > 0);
-        self.models.insert((catalogue, version), Arc::downgrade(&model));
-        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
-        recent.push_back(Arc::clone(&model));
-        if recent.len() > RECENT_MAX {
-            recent.pop_front();
-        }
-        Ok(model)
-    }
-
-    fn in_memory(&self, catalogue: Uuid, version: u32) -> Option<Arc<Model>> {
-        self.models.get(&(catalogue, version)).and_then(|model| model.upgrade())
+        let has_surfaces = manifest.has(ModelPart::Surfaces);
+        Ok(Pinned { catalogue: catalogue.id, version: manifest.version, has_surfaces })
     }
 
     /// The manifest of a version of a named catalogue, and how it was trained.
@@ -327,13 +307,7 @@ fn unknown_catalogue(name: &str) -> Refusal {
     Refusal::field("/catalogue", format!("there is no catalogue {name:?}"))
 }
 
-fn read_model(table: &Table, catalogue: Uuid, version: u32) -> Result<Model, Refusal> {
-    let name = table.get(catalogue)?.name;
-    let manifest = table.manifest(catalogue, version)?;
-    let core = table.model(&manifest)?;
-    let n_objects = manifest.objects.len();
-    tracing::info!("Read version {version} of catalogue {name:?} with {n_objects} objects");
-    let prepared = core.geometry.clone().map(PreparedGeometry::new);
-    let (core, objects) = (Arc::new(core), manifest.objects);
-    Ok(Model { catalogue, name, version, core, objects, prepared })
+/// How a version was trained, if its manifest can be read.
+fn parameters_of(manifest: &Manifest) -> Option<training::VersionParameters> {
+    serde_json::from_str(&manifest.parameters).ok()
 }

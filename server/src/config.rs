@@ -33,6 +33,8 @@ pub struct Config {
     pub training_threads: usize,
     /// How many trainings may wait.
     pub training_queue_max: usize,
+    /// How many bytes of memory models may have that sessions recognise by.
+    pub model_memory_bytes_max: u64,
     /// How many beliefs are kept in memory; others are rebuilt from their journals.
     pub beliefs_in_memory_max: usize,
     /// How many readings one session may have.
@@ -60,6 +62,7 @@ impl Config {
             compute_queue_max: 256,
             training_threads: n_cores.saturating_sub(1).max(1),
             training_queue_max: 32,
+            model_memory_bytes_max: 1_000_000_000,
             beliefs_in_memory_max: 1024,
             session_readings_max: 10_000,
             object_readings_max: 100_000,

@@ -291,7 +291,7 @@ impl Live {
     }
 
     fn shown(&self, revision: u64, answer: &Answer) -> wire::Belief {
-        belief(self.session.id, revision, answer, &self.model, BeliefDetail::Full)
+        belief(&self.session, revision, answer, &self.model)
     }
 
     fn object(&self, reference: &str) -> Result<ObjectIdx, Refusal> {

@@ -39,7 +39,9 @@ impl IntoResponse for Refusal {
             _ => self.to_string(),
         };
         let mut response = status(kind).into_response();
-        if matches!(kind, ProblemType::Overloaded | ProblemType::Unavailable) {
+        // No waiting makes a model smaller.
+        let passes = !matches!(self, Self::ModelTooLarge { .. });
+        if passes && matches!(kind, ProblemType::Overloaded | ProblemType::Unavailable) {
             let seconds = HeaderValue::from_static(RETRY_AFTER_S);
             response.headers_mut().insert(header::RETRY_AFTER, seconds);
         }
@@ -124,8 +126,9 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::StreamsFull { .. }
         | Refusal::RequestsFull { .. }
         | Refusal::TooSlow { .. }
+        | Refusal::ModelsInUse { .. }
         | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
-        Refusal::NotReady(_) => ProblemType::Unavailable,
+        Refusal::NotReady(_) | Refusal::ModelTooLarge { .. } => ProblemType::Unavailable,
         Refusal::Store(error) => store_kind(error),
         Refusal::Compute(ComputeError::Panicked) | Refusal::Unusable { .. } | Refusal::Panicked => {
             ProblemType::Internal

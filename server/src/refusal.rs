@@ -62,6 +62,18 @@ pub(crate) enum Refusal {
          again, or use the method `sva`"
     )]
     NoSurfaces { catalogue: String, version: u32 },
+    #[error(
+        "the {part} of version {version} of catalogue {catalogue:?} need {} of memory, and models \
+         may have {}: raise `--model-memory-mb`",
+        megabytes(*.needed), megabytes(*.budget)
+    )]
+    ModelTooLarge { catalogue: String, version: u32, part: &'static str, needed: u64, budget: u64 },
+    #[error(
+        "version {version} of catalogue {catalogue:?} needs {} of memory, and models that \
+         sessions work with have {} of {}",
+        megabytes(*.needed), megabytes(*.in_use), megabytes(*.budget)
+    )]
+    ModelsInUse { catalogue: String, version: u32, needed: u64, in_use: u64, budget: u64 },
     #[error("job {job} is {state:?} already")]
     JobFinished { job: Uuid, state: JobState },
     #[error("object {object:?} is being trained by job {job}: cancel the job first")]
@@ -119,6 +131,10 @@ impl From<palpate_store::engine::EngineError> for Refusal {
     fn from(error: palpate_store::engine::EngineError) -> Self {
         Self::Store(error.into())
     }
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.3} MB", bytes as f64 / 1e6)
 }
 
 fn summary(errors: &[FieldError]) -> String {

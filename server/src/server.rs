@@ -173,7 +173,7 @@ async fn assemble(
     sensors.add_presets().await?;
     let objects = Objects::new(store.clone(), Arc::clone(&sensors), pool.clone(), &config);
     let objects = Arc::new(objects);
-    let catalogues = Arc::new(Catalogues::new(&store, pool.clone()));
+    let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), config.model_memory_bytes_max));
     let jobs = Arc::new(Jobs::new(
         store.clone(),
         Arc::clone(&objects),

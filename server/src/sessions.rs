@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use dashmap::DashMap;
 use palpate_schemas as wire;
-use palpate_schemas::{BeliefDetail, SessionEvent, SessionState};
+use palpate_schemas::{BeliefDetail, Method, SessionEvent, SessionState};
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
 use palpate_store::journal::Event;
@@ -71,8 +71,11 @@ impl Sessions {
         request: &wire::CreateSession,
     ) -> Result<wire::Session, Refusal> {
         let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
-        let model = self.catalogues.model(name, request.version).await?;
-        let session = convert::session::new_session(request, &model, Uuid::now_v7(), now_ms())?;
+        let pinned = self.catalogues.pin(name, request.version)?;
+        let method = convert::session::method(request, &pinned);
+        let model = self.model(pinned.catalogue, pinned.version, method).await?;
+        let session =
+            convert::session::new_session(request, method, &model, Uuid::now_v7(), now_ms())?;
         self.try_out(&session, &model).await?;
         self.store.sessions().create(&session).await?;
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
@@ -255,8 +258,27 @@ impl Sessions {
         let found = self.store.sessions().find(id)?;
         let session = found
             .ok_or_else(|| Refusal::NotFound { what: "session", reference: id.to_string() })?;
-        let model = self.catalogues.load(session.catalogue, session.version).await?;
+        let method = convert::session::options(&session).method;
+        let model = self.model(session.catalogue, session.version, method).await?;
         Ok(self.keep(id, Arc::new(Live::new(session, model))))
+    }
+
+    /// What a method recognises by. Sessions in memory that nobody uses make room for it:
+    /// their beliefs are in their journals.
+    async fn model(
+        &self,
+        catalogue: Uuid,
+        version: u32,
+        method: Method,
+    ) -> Result<Arc<Model>, Refusal> {
+        let part = convert::session::part(method);
+        match self.catalogues.load(catalogue, version, part).await {
+            Err(Refusal::ModelsInUse { .. }) => {
+                self.live.retain(|_, live| !is_idle(live));
+                self.catalogues.load(catalogue, version, part).await
+            }
+            other => other,
+        }
     }
 
     /// Keeps an entry, unless another one was quicker; makes room when there are too many.
@@ -277,9 +299,14 @@ impl Sessions {
             self.live.iter().map(|entry| (entry.last_use(), *entry.key())).collect();
         uses.sort_unstable();
         for (_, id) in uses.iter().take(uses.len() / 4 + 1) {
-            self.live.remove_if(id, |_, live| Arc::strong_count(live) == 1 && !live.is_followed());
+            self.live.remove_if(id, |_, live| is_idle(live));
         }
     }
+}
+
+/// Whether nobody works with an entry or follows it.
+fn is_idle(live: &Arc<Live>) -> bool {
+    Arc::strong_count(live) == 1 && !live.is_followed()
 }
 
 /// What an entry needs to do its work.

@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use palpate_core::model::{Catalogue, ObjectMap};
+use palpate_core::pose::Pose;
 use palpate_core::train::geometry::GeometryConfig;
 use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
 use palpate_core::vocabulary::Vocabulary;
@@ -26,6 +27,7 @@ use palpate_store::entity::Sensor;
 use rayon::prelude::*;
 
 use crate::sensors::Sensors;
+use crate::wire::symmetry::axes;
 use crate::wire::{count, geometry as wire_geometry};
 pub(crate) use appearance::AppearancePlan;
 pub(crate) use base::Base;
@@ -97,6 +99,7 @@ pub(crate) fn train(
         for (object, map) in objects.iter_mut().zip(&learnt.new) {
             object.origin_in_mesh = map.origin_in_training().to_array();
             object.surface = Some(surface::report(map));
+            object.symmetry = Some(axes(map.symmetry(), &Pose::IDENTITY));
         }
     }
     let maps: Vec<Arc<ObjectMap>> = maps.into_iter().map(Arc::new).collect();
@@ -173,6 +176,7 @@ fn report(material: &Material, map: Option<&ObjectMap>) -> ObjectReport {
         origin_in_mesh: map.map_or([0.0; 3], |map| map.origin_in_training().to_array()),
         surface: None,
         geometry: None,
+        symmetry: None,
     }
 }
 

@@ -12,6 +12,7 @@ pub(crate) mod object;
 pub(crate) mod reading;
 pub(crate) mod sensor;
 pub(crate) mod session;
+pub(crate) mod symmetry;
 pub(crate) mod training;
 
 use palpate_schemas::PageQuery;

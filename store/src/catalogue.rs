@@ -6,10 +6,12 @@
 //! so a crash leaves the old state or the new one, at worst with blocks nobody names.
 //! Not here: what is in the blocks (`model_codec`).
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
 use palpate_core::model::Catalogue as Model;
+use palpate_core::symmetry::Symmetry;
 use uuid::Uuid;
 
 use crate::engine::{Commit, Engine};
@@ -17,7 +19,7 @@ use crate::envelope::{self, Kind};
 use crate::error::{RecordError, StoreError};
 use crate::key::{self, Space};
 use crate::mesh::open_raw;
-use crate::model_codec;
+use crate::model_codec::{self, CodecError, ModelPart};
 use crate::pieces;
 use crate::record::{self, SCHEMA};
 use crate::table::{Entity, Page, Table};
@@ -122,6 +124,14 @@ pub struct Draft {
 pub struct Catalogues {
     engine: Arc<dyn Engine>,
     table: Table<Catalogue>,
+}
+
+impl Manifest {
+    /// Whether the version was trained with a part.
+    #[must_use]
+    pub fn has(&self, part: ModelPart) -> bool {
+        self.blocks.iter().any(|block| part.owns(&block.name))
+    }
 }
 
 impl Catalogues {
@@ -289,9 +299,36 @@ impl Catalogues {
     /// [`Catalogues::block`].
     pub fn model(&self, manifest: &Manifest) -> Result<Model, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
-        let (catalogue, version) = (manifest.catalogue, manifest.version);
-        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects)
-            .map_err(|source| StoreError::Model { catalogue, version, source })
+        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects).map_err(unfit(manifest))
+    }
+
+    /// One part of the trained model of a version; the others are missing as if they had not
+    /// been trained. Reads the blocks of that part alone.
+    ///
+    /// # Errors
+    /// As [`Catalogues::model`].
+    pub fn model_part(&self, manifest: &Manifest, part: ModelPart) -> Result<Model, StoreError> {
+        let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
+        let needed = manifest.blocks.iter().filter(|block| part.needs(&block.name));
+        let blocks: Result<Vec<(String, Vec<u8>)>, StoreError> =
+            needed.map(|entry| Ok((entry.name.clone(), self.block(entry)?))).collect();
+        model_codec::model_from_blocks(&blocks?, &objects).map_err(unfit(manifest))
+    }
+
+    /// The symmetries of a version's objects, in its order; none of objects without such a
+    /// block.
+    ///
+    /// # Errors
+    /// As [`Catalogues::model`].
+    pub fn symmetries(&self, manifest: &Manifest) -> Result<Vec<Symmetry>, StoreError> {
+        let by_name: BTreeMap<&str, &BlockEntry> =
+            manifest.blocks.iter().map(|block| (block.name.as_str(), block)).collect();
+        let symmetry = |object: &VersionObject| {
+            let name = model_codec::symmetry_block_name(object.id);
+            let Some(entry) = by_name.get(name.as_str()) else { return Ok(Symmetry::NONE) };
+            model_codec::symmetry_from_block(&self.block(entry)?).map_err(unfit(manifest))
+        };
+        manifest.objects.iter().map(symmetry).collect()
     }
 
     async fn write_block(&self, name: String, content: &[u8]) -> Result<BlockEntry, StoreError> {
@@ -305,6 +342,12 @@ impl Catalogues {
         }
         Ok(entry)
     }
+}
+
+/// Blocks of a version that make no model.
+fn unfit(manifest: &Manifest) -> impl FnOnce(CodecError) -> StoreError {
+    let (catalogue, version) = (manifest.catalogue, manifest.version);
+    move |source| StoreError::Model { catalogue, version, source }
 }
 
 /// The hash under which a block is stored: versions that share a block share it.

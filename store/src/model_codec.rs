@@ -1,5 +1,6 @@
 //! Trained models ↔ blocks: one for the vocabulary, one for each object's map, and where
-//! geometry, appearance or surfaces were trained the blocks of `geometry`, `appearance`, `surface`.
+//! geometry, appearance or surfaces were trained the blocks of `geometry`, `appearance`, `surface`;
+//! with surfaces one for the symmetry of each object, whatever else is known of it.
 //!
 //! Blocks are raw little-endian arrays behind a short header, drawn in `docs/formats.md`.
 //! That a block is whole is checked before it comes here (envelope and hash); here it is
@@ -8,8 +9,10 @@
 
 mod appearance;
 mod geometry;
+mod part;
 mod reader;
 mod surface;
+mod symmetry;
 mod writer;
 
 use std::sync::Arc;
@@ -29,7 +32,9 @@ use uuid::Uuid;
 use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
 pub use appearance::{APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, appearance_block_name};
 pub use geometry::{GEOMETRY_BLOCK, geometry_block_name};
+pub use part::ModelPart;
 pub use surface::{SURFACE_BLOCK, surface_block_name};
+pub use symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_block};
 
 /// The name of the vocabulary's block.
 pub const VOCABULARY_BLOCK: &str = "vocabulary";
@@ -112,6 +117,9 @@ pub enum CodecError {
     /// The parts of a surface, or of what all surfaces share, do not fit.
     #[error("the parts of the surfaces do not fit together")]
     Surface,
+    /// An axis of symmetry that is not one.
+    #[error("an axis has the order 1 or a direction that is not of norm 1")]
+    Symmetry,
     /// A report of other objects than the model's.
     #[error("report of {found} objects, expected the model's {expected}")]
     Report {
@@ -189,8 +197,13 @@ pub fn model_from_blocks(
     });
     let appearance = appearance.transpose()?.map(Arc::new);
     let surface = find(SURFACE_BLOCK).map(|shared| {
-        let block = |object: &Uuid| block(surface_block_name(*object));
-        surface::from_blocks(shared, objects.iter().map(block))
+        let surface = |object: &Uuid| {
+            Ok(surface::ObjectBlocks {
+                surface: block(surface_block_name(*object))?,
+                symmetry: find(&symmetry_block_name(*object)),
+            })
+        };
+        surface::from_blocks(shared, objects.iter().map(surface))
     });
     let surface = surface.transpose()?.map(Arc::new);
     Ok(Catalogue { vocabulary, association, objects: maps, geometry, appearance, surface })

@@ -24,12 +24,24 @@ pub(crate) struct ServeArgs {
     /// Allow an address that other machines can reach, though nobody is asked for a key.
     #[arg(long)]
     insecure_bind: bool,
+    /// Memory for the models that sessions recognise by, in MB. Of a version the part is loaded
+    /// that a session's method needs; what was not used for longest leaves. A model that needs
+    /// more by itself is refused (503).
+    #[arg(
+        long,
+        env = "PALPATE_MODEL_MEMORY_MB",
+        value_name = "MB",
+        default_value_t = 1000,
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000_000)
+    )]
+    model_memory_mb: u64,
 }
 
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
-    let ServeArgs { data, listen, insecure_bind } = args;
-    let config = Config { listen, insecure_bind, ..Config::new(&data) };
+    let ServeArgs { data, listen, insecure_bind, model_memory_mb } = args;
+    let model_memory_bytes_max = model_memory_mb * 1_000_000;
+    let config = Config { listen, insecure_bind, model_memory_bytes_max, ..Config::new(&data) };
     let server = Server::start(config).await?;
     let address = format!("http://{}", server.local_addr());
     let started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });

@@ -11,6 +11,7 @@ use uuid::Uuid;
 use super::Context;
 use crate::exit::Ended;
 use crate::output;
+use crate::symmetry;
 
 /// Arguments of `palpate sessions`.
 #[derive(Debug, Args)]
@@ -145,7 +146,7 @@ fn belief_words(belief: &Belief) -> String {
             }),
     );
     let poses = output::table(
-        ["pose of", "share", "position (m)", "orientation x y z w"],
+        ["pose of", "share", "position (m)", "orientation x y z w", "looks the same after"],
         belief.poses.iter().map(|mode| {
             let [x, y, z] = mode.pose.position;
             let orientation: Vec<_> =
@@ -155,6 +156,7 @@ fn belief_words(belief: &Belief) -> String {
                 format!("{:.1} %", mode.weight * 100.0),
                 format!("{x:.4} {y:.4} {z:.4}"),
                 orientation.join(" "),
+                symmetry::words(&mode.symmetry),
             ]
         }),
     );

@@ -102,6 +102,7 @@ struct Touched {
     right: bool,
     position_error_mm: Option<f64>,
     angle_error_deg: Option<f64>,
+    plain_angle_error_deg: Option<f64>,
     steps: Vec<Step>,
 }
 
@@ -150,6 +151,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         right: result.last.right,
         position_error_mm: result.last.position_error_mm(),
         angle_error_deg: result.last.angle_error_deg(),
+        plain_angle_error_deg: result.last.plain_angle_error_deg(),
         steps: result.steps,
     };
     output.answer(&touched, |touched| {
@@ -168,7 +170,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
             "{identity}; off by {} and {}\n{}",
             last.position_error.map_or("–".to_owned(), output::mm),
             last.angle_error.map_or("–".to_owned(), output::degrees),
-            output::PLAIN_ANGLES,
+            output::ERRORS_OF_POSE,
         )
     })?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }

@@ -16,6 +16,7 @@ use super::Context;
 use crate::exit::Ended;
 use crate::output::{self, Output};
 use crate::progress::TrainingProgress;
+use crate::symmetry;
 use appearance::{AppearanceArgs, DescriptorName, appearance_words};
 
 /// Arguments of `palpate train`.
@@ -193,7 +194,7 @@ fn trained_words(trained: &Trained) -> String {
     };
     let report = &version.report;
     let objects = output::table(
-        ["object", "readings", "patches", "index", "surface", "cells"],
+        ["object", "readings", "patches", "index", "surface", "symmetry", "cells"],
         report.objects.iter().map(|object| {
             [
                 object.name.clone(),
@@ -201,6 +202,7 @@ fn trained_words(trained: &Trained) -> String {
                 object.n_patches.to_string(),
                 format!("{:.1} MB", object.index_bytes as f64 / 1e6),
                 object.surface.as_ref().map_or("–".to_owned(), surface),
+                object.symmetry.as_deref().map_or("–".to_owned(), symmetry::words),
                 object.geometry.as_ref().map_or("–".to_owned(), cells),
             ]
         }),

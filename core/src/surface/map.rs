@@ -8,6 +8,7 @@ use super::appearance::StoredFeature;
 use super::pair_table::PairTable;
 use super::solid::Solid;
 use super::voxels::Voxels;
+use crate::symmetry::Symmetry;
 
 /// The most touches of a map: a pair names them by two bytes.
 pub const PATCHES_MAX: usize = u16::MAX as usize;
@@ -70,6 +71,7 @@ pub struct SurfaceMap {
     voxels: Voxels,
     solid: Solid,
     pairs: PairTable,
+    symmetry: Symmetry,
     usual_score: Memo,
 }
 
@@ -86,7 +88,7 @@ impl PartialEq for Memo {
 
 impl SurfaceMap {
     /// A map of patches (most wanted first, at most [`PATCHES_MAX`]), in the object frame whose origin
-    /// lies at `origin_in_training` (m) of the training frame.
+    /// lies at `origin_in_training` (m) of the training frame; without symmetry.
     #[must_use]
     pub fn new(
         origin_in_training: DVec3,
@@ -106,8 +108,29 @@ impl SurfaceMap {
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
         let solid = Solid::of_patches(&patches, spacing, reach);
-        let usual_score = Memo::default();
-        Self { origin_in_training, patches, layout, spacing, voxels, solid, pairs, usual_score }
+        Self {
+            origin_in_training,
+            patches,
+            layout,
+            spacing,
+            voxels,
+            solid,
+            pairs,
+            symmetry: Symmetry::NONE,
+            usual_score: Memo::default(),
+        }
+    }
+
+    /// The same map of an object that is known to have a symmetry.
+    #[must_use]
+    pub fn with_symmetry(self, symmetry: Symmetry) -> Self {
+        Self { symmetry, ..self }
+    }
+
+    /// Which turns leave the object as it is, as far as is known.
+    #[must_use]
+    pub fn symmetry(&self) -> &Symmetry {
+        &self.symmetry
     }
 
     /// Where the object frame's origin lies in the training frame, metres.
@@ -163,6 +186,7 @@ impl SurfaceMap {
     pub fn bytes(&self) -> usize {
         size_of::<Self>()
             + size_of_val(self.patches.as_slice())
+            + size_of_val(self.symmetry.axes.as_slice())
             + self.voxels.bytes()
             + self.solid.bytes()
             + self.pairs.bytes()

@@ -12,7 +12,7 @@ use super::line::{Line, lever, nearest_point};
 use super::seeds::{Spread, half_turns_across};
 use super::verify::Baseline;
 use super::{AxisOrder, PATCHES_MIN, Symmetry};
-use crate::model::MapPatch;
+use crate::patch::MapPatch;
 use crate::pose::{Pose, rotation_angle};
 use crate::units::DEG;
 
@@ -27,6 +27,9 @@ const PATCHES_MAX: usize = 1_500;
 
 /// A turn is looked at closely when the blurred map fits this much worse than itself.
 const PROMISING: f64 = 1.6;
+
+/// A turn is fitted to one patch in so many before it is fitted to all.
+const SPARSE: usize = 5;
 
 /// The most turns that are verified.
 const VERIFIED_MAX: usize = 48;
@@ -112,7 +115,7 @@ impl Search {
         let rated: Vec<(f64, Pose)> = turns
             .into_par_iter()
             .map(|turn| {
-                let motion = fit(&self.blurred, turn, 10);
+                let motion = fit(&self.blurred, turn, 10, 1);
                 let misfits = self.blurred.misfits(&motion);
                 (misfits.iter().sum::<f64>() / misfits.len() as f64, motion)
             })
@@ -135,7 +138,12 @@ impl Search {
         let fitted: Vec<Option<Verified>> = distinct
             .into_par_iter()
             .map(|motion| {
-                let motion = fit(&self.sharp, motion, 15);
+                // Few patches find the way, and tell most turns from symmetries.
+                let motion = fit(&self.sharp, motion, 12, SPARSE);
+                if self.baseline.is_hopeless(&self.sharp, &motion, SPARSE) {
+                    return None;
+                }
+                let motion = fit(&self.sharp, motion, 6, 1);
                 let line = Line::of_turn(&motion, self.spread.center)?;
                 let turns = rotation_angle(motion.rotation) >= ANGLE_MIN;
                 let misfit = self.baseline.misfit(&self.sharp, &motion).filter(|_| turns)?;

@@ -14,11 +14,12 @@ use crate::units::{DEG, MM};
 /// The misfit at which a patch has lost three quarters of its weight.
 const OUTLIER: f64 = 3.0;
 
-/// Lays the map onto itself, from `motion` on (object to object), in at most `steps_max` steps.
-pub(super) fn fit(cloud: &Cloud, motion: Pose, steps_max: usize) -> Pose {
+/// Lays the map onto itself, from `motion` on (object to object), in at most `steps_max` steps
+/// of one patch in `stride`.
+pub(super) fn fit(cloud: &Cloud, motion: Pose, steps_max: usize, stride: usize) -> Pose {
     let mut motion = motion;
     for _step in 0..steps_max {
-        let Some((moved, turned)) = step(cloud, &motion) else { break };
+        let Some((moved, turned)) = step(cloud, &motion, stride) else { break };
         let rotation = DQuat::from_scaled_axis(turned) * motion.rotation;
         motion = Pose::from_parts(rotation, motion.translation + moved);
         if moved.length() < 0.01 * MM && turned.length() < 0.02 * DEG {
@@ -29,12 +30,12 @@ pub(super) fn fit(cloud: &Cloud, motion: Pose, steps_max: usize) -> Pose {
 }
 
 /// One step: how far to move (metres) and to turn about the object's origin (rad).
-fn step(cloud: &Cloud, motion: &Pose) -> Option<(DVec3, DVec3)> {
+fn step(cloud: &Cloud, motion: &Pose, stride: usize) -> Option<(DVec3, DVec3)> {
     // Directions that nothing fixes stay where they are: as if known to 20 mm and 30°.
     let (position, rotation) = ((20.0 * MM).powi(-2), (30.0 * DEG).powi(-2));
     let free = Vector6::new(position, position, position, rotation, rotation, rotation);
     let (mut hessian, mut gradient) = (Matrix6::from_diagonal(&free), Vector6::zeros());
-    for patch in 0..cloud.len() {
+    for patch in (0..cloud.len()).step_by(stride) {
         let found = cloud.explain(motion, patch);
         let Some(other) = found.by else { continue };
         let weight = (1.0 + (found.misfit / OUTLIER).powi(2)).powi(-2);

@@ -26,6 +26,14 @@ impl Symmetry {
         (moved, rotation_angle(self.least_turn(a.rotation.conjugate() * b.rotation)))
     }
 
+    /// Whether two poses look the same to within a distance of the centre (metres) and an angle
+    /// (rad).
+    #[must_use]
+    pub fn look_alike(&self, a: &Pose, b: &Pose, distance: f64, angle: f64) -> bool {
+        // Far poses are the usual case, and are told apart without looking at any turn.
+        (*a * self.center).distance(*b * self.center) <= distance && self.distance(a, b).1 <= angle
+    }
+
     /// Of the poses that look like `pose` the one whose orientation is nearest to that of
     /// `reference`.
     #[must_use]
@@ -140,6 +148,19 @@ mod tests {
         let about_origin = Pose::from_parts(DQuat::from_rotation_z(PI), DVec3::ZERO);
         let (moved, angle) = half.distance(&Pose::IDENTITY, &about_origin);
         assert!((moved - 52.0_f64.sqrt() * MM).abs() < 1e-12 && angle < 1e-9, "{moved} {angle}");
+    }
+
+    #[test]
+    fn poses_look_alike_within_a_distance_and_an_angle_of_any_turn() {
+        let half = symmetry(&[(DVec3::Z, AxisOrder::Finite(2))]);
+        let turned = |angle: f64, off: f64| {
+            let rotation = DQuat::from_rotation_z(angle);
+            Pose::from_parts(rotation, CENTER - rotation * CENTER + off * DVec3::X)
+        };
+        let alike =
+            |angle, off| half.look_alike(&Pose::IDENTITY, &turned(angle, off), 2.0 * MM, 0.2);
+        assert!(alike(PI + 0.15, 1.5 * MM) && alike(0.15, 1.5 * MM));
+        assert!(!alike(PI + 0.25, 1.5 * MM) && !alike(PI, 2.5 * MM));
     }
 
     #[test]

@@ -19,6 +19,9 @@ const MEAN_ERRORS: f64 = 1.5;
 /// How many standard errors more than 3 % of the patches may be unexplained.
 const SHARE_ERRORS: f64 = 4.0;
 
+/// A turn that is not quite fitted yet may leave so many times as many unexplained.
+const HOPELESS: f64 = 3.0;
+
 /// How many patches make a place, the middle one included.
 const PLACE: usize = 16;
 
@@ -46,17 +49,17 @@ pub(super) struct Baseline {
     explained: f64,
 }
 
-/// How a motion compares with the baseline; each is 1 at its bound.
+/// How a motion that explains enough patches compares with the baseline; each is 1 at its
+/// bound.
 #[derive(Clone, Copy)]
 struct Excess {
     mean: f64,
-    share: f64,
     place: f64,
 }
 
 impl Excess {
     fn is_symmetry(self) -> bool {
-        self.mean.max(self.share).max(self.place) <= 1.0
+        self.mean.max(self.place) <= 1.0
     }
 }
 
@@ -73,7 +76,8 @@ impl Baseline {
         let places: Vec<Vec<usize>> = (0..cloud.len()).map(place).collect();
         let usual: Vec<f64> =
             places.iter().map(|place| mean_at(&misfits, place).max(USUAL_MIN)).collect();
-        let relative = relative(&misfits, &usual);
+        let relative: Vec<f64> =
+            misfits.iter().zip(&usual).map(|(misfit, usual)| relative(*misfit, *usual)).collect();
         let of_places = places.iter().map(|place| mean_at(&relative, place)).collect();
         let (mean, variance) = moments(&relative);
         let explained = quantile(&relative, EXPLAINED);
@@ -84,11 +88,39 @@ impl Baseline {
     /// map.
     pub(super) fn misfit(&self, cloud: &Cloud, motion: &Pose) -> Option<f64> {
         let compare = |motion: &Pose| {
-            let excess = self.excess(&relative(&cloud.misfits(motion), &self.usual));
+            let excess = self.excess(&self.explained_by(cloud, motion, 1, 1.0)?);
             excess.is_symmetry().then_some(excess.mean)
         };
         let there = compare(motion)?;
         Some(0.5 * (there + compare(&motion.inverse())?))
+    }
+
+    /// Whether so many of the patches are unexplained under `motion`, by one in `stride` of
+    /// them, that no small change makes it a symmetry.
+    pub(super) fn is_hopeless(&self, cloud: &Cloud, motion: &Pose, stride: usize) -> bool {
+        self.explained_by(cloud, motion, stride, HOPELESS).is_none()
+    }
+
+    /// The relative misfits under `motion` of one patch in `stride`; `None` as soon as `factor`
+    /// times too many are unexplained: most motions are told from symmetries by few patches.
+    fn explained_by(
+        &self,
+        cloud: &Cloud,
+        motion: &Pose,
+        stride: usize,
+        factor: f64,
+    ) -> Option<Vec<f64>> {
+        let n = cloud.len().div_ceil(stride);
+        let mut left = (factor * share_max(n as f64) * n as f64) as usize;
+        let mut misfits = Vec::with_capacity(n);
+        for patch in (0..cloud.len()).step_by(stride) {
+            let misfit = relative(cloud.explain(motion, patch).misfit, self.usual[patch]);
+            if misfit > self.explained {
+                left = left.checked_sub(1)?;
+            }
+            misfits.push(misfit);
+        }
+        Some(misfits)
     }
 
     /// How relative misfits compare.
@@ -96,27 +128,26 @@ impl Baseline {
         let n = misfits.len() as f64;
         let (mean, variance) = moments(misfits);
         let error = ((variance + self.variance) / n).sqrt();
-        let unexplained = misfits.iter().filter(|misfit| **misfit > self.explained).count();
-        let expected = 1.0 - EXPLAINED;
-        // Both shares are of samples: the variance is that of a difference.
-        let share_max = expected + SHARE_ERRORS * (2.0 * expected * EXPLAINED / n).sqrt();
         let worst = self
             .places
             .iter()
             .zip(&self.of_places)
             .map(|(place, left_out)| mean_at(misfits, place) - left_out)
             .fold(f64::NEG_INFINITY, f64::max);
-        Excess {
-            mean: mean / (self.mean + MEAN_ERRORS * error),
-            share: unexplained as f64 / n / share_max,
-            place: worst / PLACE_EXCESS_MAX,
-        }
+        Excess { mean: mean / (self.mean + MEAN_ERRORS * error), place: worst / PLACE_EXCESS_MAX }
     }
 }
 
-/// Misfits relative to what is usual around each patch.
-fn relative(misfits: &[f64], usual: &[f64]) -> Vec<f64> {
-    misfits.iter().zip(usual).map(|(misfit, usual)| (misfit / usual).min(RELATIVE_MAX)).collect()
+/// A misfit relative to what is usual around its patch.
+fn relative(misfit: f64, usual: f64) -> f64 {
+    (misfit / usual).min(RELATIVE_MAX)
+}
+
+/// The largest share of `n` patches that may be unexplained.
+fn share_max(n: f64) -> f64 {
+    let expected = 1.0 - EXPLAINED;
+    // Both shares are of samples: the variance is that of a difference.
+    expected + SHARE_ERRORS * (2.0 * expected * EXPLAINED / n).sqrt()
 }
 
 fn mean_at(values: &[f64], places: &[usize]) -> f64 {

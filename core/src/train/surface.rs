@@ -8,8 +8,9 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{TrainError, TrainingSet, check_shapes};
+use crate::contact::{center_of_pressure, contact_points, normal_constraint};
 use crate::model::MapError;
-use crate::patch::touches;
+use crate::patch::{MapPatch, touches};
 use crate::reading::Reading;
 use crate::rng::{Purpose, Stream};
 use crate::surface::appearance::{
@@ -18,6 +19,7 @@ use crate::surface::appearance::{
 use crate::surface::map::{PATCHES_MAX, SurfaceLayout, SurfaceMap, SurfacePatch};
 use crate::surface::thinning::farthest_first;
 use crate::surface::touch::{Touch, observe_touch};
+use crate::symmetry::Symmetry;
 use crate::units::MM;
 use crate::vocabulary::discriminant::find_discriminants;
 
@@ -163,6 +165,25 @@ pub fn map_surface(
     Ok(SurfaceMap::new(origin, patches, config.layout))
 }
 
+/// Which turns leave an object as it is, as its touches show it: in the object frame whose
+/// origin lies at `origin_in_training` (metres).
+#[must_use]
+pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Symmetry {
+    let single = |v: DVec3| v.to_array().map(|value| value as f32);
+    let patch = |reading: &Reading| {
+        let object_from_sensor = reading.session_from_sensor();
+        let image = reading.image();
+        touches(reading, set.sensor).then(|| MapPatch {
+            position: single(
+                object_from_sensor * center_of_pressure(image, set.sensor) - origin_in_training,
+            ),
+            normal: single(object_from_sensor.turn(DVec3::NEG_Z)),
+            normal_confidence: normal_constraint(&contact_points(image, set.sensor)) as f32,
+        })
+    };
+    Symmetry::of_patches(&set.readings.iter().filter_map(patch).collect::<Vec<_>>())
+}
+
 /// How far normals scatter about one touch: the deviation among its near neighbours.
 fn normal_deviation(index: usize, places: &[(Vec3, Vec3)]) -> f32 {
     let (position, normal) = places[index];
@@ -190,6 +211,7 @@ mod tests {
     use crate::reading::SensorId;
     use crate::sensor::SensorDescription;
     use crate::surface::appearance::raw_descriptor;
+    use crate::symmetry::{AxisOrder, PATCHES_MIN};
     use crate::vocabulary::discriminant::Discriminant;
 
     /// A press at a place (mm) on a face that looks along `normal`, as hard as `pressure` (Pa).
@@ -263,6 +285,30 @@ mod tests {
         assert!((map.patches()[1].position - Vec3::new(0.009_5, 0.0, 0.0)).length() < 1e-6);
         let map = map_surface(&set, &space(), &config, Some(DVec3::ZERO)).unwrap();
         assert!((map.patches()[0].position - Vec3::new(0.0, 0.05, 0.0)).length() < 1e-6);
+    }
+
+    #[test]
+    fn symmetry_is_found_in_the_object_frame_and_none_of_few_touches() {
+        // A rod of 10 mm radius and 80 mm length along z about x = 50 mm, touched anywhere.
+        let mut stream = Stream::new(7, Purpose::Sampling, 0);
+        let readings: Vec<Reading> = (0..400)
+            .map(|_| {
+                let (around, along) = (stream.uniform(-3.2, 3.2), stream.uniform(-40.0, 40.0));
+                let outward = DVec3::new(around.cos(), around.sin(), 0.0);
+                let at = 10.0 * outward + DVec3::new(50.0, 0.0, along);
+                press(at.to_array(), outward, 5e3)
+            })
+            .collect();
+        let sensor = SensorDescription::digitacts_6x6();
+        let origin = DVec3::new(45.0 * MM, 0.0, 0.0);
+        let find = |readings| find_symmetry(&TrainingSet { readings, sensor: &sensor }, origin);
+        let found = find(&readings);
+        // Without any noise a round rod may count as one of many sides.
+        assert!(!matches!(found.axes[0].order, AxisOrder::Finite(0..12)), "{found:?}");
+        assert!(found.axes[0].direction.z.abs() > 0.999, "{found:?}");
+        let off = found.center - DVec3::new(5.0 * MM, 0.0, 0.0);
+        assert!(off.length() < 1.0 * MM, "{found:?}");
+        assert_eq!(find(&readings[..PATCHES_MIN - 1]), Symmetry::NONE);
     }
 
     #[test]

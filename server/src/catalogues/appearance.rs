@@ -1,7 +1,7 @@
 //! What held-back readings say of a version's appearance.
 
 use palpate_schemas as wire;
-use palpate_store::model_codec::APPEARANCE_BLOCK;
+use palpate_store::model_codec::{APPEARANCE_BLOCK, ModelPart};
 
 use super::{Catalogues, number};
 use crate::refusal::Refusal;
@@ -16,7 +16,7 @@ impl Catalogues {
     ) -> Result<wire::AppearanceReport, Refusal> {
         let catalogue = self.find(name)?;
         let manifest = self.manifest(&catalogue, number(version)?)?;
-        let model = self.load(catalogue.id, manifest.version).await?;
+        let model = self.load(catalogue.id, manifest.version, ModelPart::Appearance).await?;
         let trained = model.appearance()?;
         let block = manifest.blocks.iter().find(|block| block.name == APPEARANCE_BLOCK);
         let hash = block.map_or([0; 32], |block| block.hash);

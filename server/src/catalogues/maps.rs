@@ -11,7 +11,7 @@ use palpate_schemas as wire;
 use palpate_schemas::PlyForm;
 use palpate_sim::render::occupancy::{cloud_ply, layer_png, surface_ply};
 use palpate_store::catalogue::Draft;
-use palpate_store::model_codec::model_to_blocks;
+use palpate_store::model_codec::{ModelPart, model_to_blocks};
 use uuid::Uuid;
 
 use super::{Catalogues, Model};
@@ -82,7 +82,7 @@ impl Catalogues {
         version: &str,
         object: &str,
     ) -> Result<Mapped, Refusal> {
-        let (model, place) = self.object_of(name, version, object).await?;
+        let (model, place) = self.object_of(name, version, object, ModelPart::Geometry).await?;
         let map = Arc::clone(&model.geometry()?.maps[place]);
         Ok(Mapped { model, map, place })
     }
@@ -94,14 +94,15 @@ impl Catalogues {
         request: &wire::MergeMaps,
     ) -> Result<wire::CatalogueVersion, Refusal> {
         let catalogue = self.find(name)?;
-        let ours = self.model(name, request.version).await?;
+        let ours = self.pin(name, request.version)?;
+        let ours = self.whole(ours.catalogue, ours.version).await?;
         let with = self
             .find(&request.with.catalogue)
             .map_err(|refusal| Refusal::field("/with/catalogue", refusal))?;
         let theirs = self
             .manifest(&with, request.with.version)
             .map_err(|refusal| Refusal::field("/with/version", refusal))?;
-        let theirs = self.load(with.id, theirs.version).await?;
+        let theirs = self.whole(with.id, theirs.version).await?;
         let manifest = self.manifest(&catalogue, ours.version)?;
         let mut parameters = training::parameters(&catalogue, &manifest)?;
         parameters.merged_from = vec![reference(&ours), reference(&theirs)];

@@ -62,7 +62,7 @@ impl Jobs {
             None => None,
             Some(version) => {
                 let (manifest, parameters) = self.catalogues.manifest_of(catalogue, version)?;
-                let model = self.catalogues.load(manifest.catalogue, version).await?;
+                let model = self.catalogues.whole(manifest.catalogue, version).await?;
                 Some(Base { model, reports: parameters.report.objects })
             }
         };

@@ -1,7 +1,7 @@
 //! The part of a training that learns the objects' surfaces, and how far they can be believed.
 //!
 //! A tenth of an object's readings has no part in its surface: on them the calibration is
-//! learnt. A training that extends a version uses its appearance space and its calibration.
+//! learnt. Symmetry is found in all of them. A training that extends a version uses its appearance space and its calibration.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,7 +13,7 @@ use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::reading::Reading;
 use palpate_core::surface::{AppearanceSpace, SurfaceMap};
 use palpate_core::train::TrainingSet;
-use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
+use palpate_core::train::surface::{SurfaceConfig, find_symmetry, learn_space, map_surface};
 use palpate_schemas::{JobStage, SurfaceReport};
 use rayon::prelude::*;
 
@@ -102,9 +102,10 @@ fn map_all(
         let map = map_surface(set, space, config, origin).map_err(|source| {
             TrainingFailure::Mapping { object: material.object.name.clone(), source }
         })?;
+        let symmetry = find_symmetry(&material.set(), map.origin_in_training());
         let now = done.fetch_add(1, Ordering::Relaxed) + 1;
         step(progress, JobStage::Surface, now, materials.len() + 1)?;
-        Ok(Arc::new(map))
+        Ok(Arc::new(map.with_symmetry(symmetry)))
     };
     materials.par_iter().zip(sets).enumerate().map(map_one).collect()
 }

@@ -2,14 +2,15 @@
 
 use palpate_core::belief::answer::{Answer, PoseMode};
 use palpate_schemas as wire;
-use palpate_schemas::{BeliefDetail, Method, SessionState};
+use palpate_schemas::{Method, SessionState};
 use palpate_store::entity::{Method as StoredMethod, Session};
+use palpate_store::model_codec::ModelPart;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use crate::catalogues::Model;
+use crate::catalogues::{Model, Pinned};
 use crate::refusal::Refusal;
-use crate::wire::{INTEGER_MAX, count, geometry, sensor, time};
+use crate::wire::{INTEGER_MAX, count, geometry, sensor, symmetry, time};
 
 /// How far probabilities may miss the sum 1.
 const SUM_TOLERANCE: f64 = 1e-6;
@@ -114,6 +115,7 @@ pub(crate) fn frame_id(session: &Session) -> Option<&str> {
 /// A new session from the wire, checked against the model it pins.
 pub(crate) fn new_session(
     request: &wire::CreateSession,
+    method: Method,
     model: &Model,
     id: Uuid,
     created_at_ms: u64,
@@ -124,7 +126,7 @@ pub(crate) fn new_session(
         return Err(Refusal::field("/frame_id", "came empty, expected a frame's name"));
     }
     let ttl_s = request.ttl_s.map(|ttl| super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX));
-    let options = checked_options(request, model)?;
+    let options = checked_options(request, method, model)?;
     let (method, is_geometric) = (options.method, is_geometric(options.method));
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     let options = serde_json::to_string(&options).expect("numbers and names can be written");
@@ -145,15 +147,31 @@ pub(crate) fn new_session(
     })
 }
 
-/// How a new session recognises that does not say how.
-fn default_method(model: &Model) -> Method {
-    if model.core.surface.is_some() { Method::Hybrid } else { Method::Sva }
+/// How a new session recognises: as it says, or by surfaces where there are any.
+pub(crate) fn method(request: &wire::CreateSession, pinned: &Pinned) -> Method {
+    let usual = if pinned.has_surfaces { Method::Hybrid } else { Method::Sva };
+    request.method.unwrap_or(usual)
+}
+
+/// The part of a model that a method recognises by.
+pub(crate) fn part(method: Method) -> ModelPart {
+    match method {
+        Method::Hybrid => ModelPart::Surfaces,
+        Method::Sva | Method::SvaLiteral => ModelPart::PairMaps,
+        Method::Appearance | Method::AppearanceLiteral => ModelPart::Appearance,
+        Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
+            ModelPart::Geometry
+        }
+    }
 }
 
 /// The options of a new session with every default filled in. What another method would use
 /// is a mistake.
-fn checked_options(request: &wire::CreateSession, model: &Model) -> Result<Options, Refusal> {
-    let method = request.method.unwrap_or_else(|| default_method(model));
+fn checked_options(
+    request: &wire::CreateSession,
+    method: Method,
+    model: &Model,
+) -> Result<Options, Refusal> {
     let only = |field: &str, methods: &str| {
         let detail = format!("came with the method {}, expected with {methods}", name(method));
         Refusal::field(field, detail)
@@ -251,14 +269,14 @@ fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>
     Ok(all.map(|(probability, object)| (object.id, probability.unwrap_or(share))).collect())
 }
 
-/// A belief for the wire.
+/// A belief for the wire, with every object and pose.
 pub(crate) fn belief(
-    session: Uuid,
+    session: &Session,
     revision: u64,
     answer: &Answer,
     model: &Model,
-    detail: BeliefDetail,
 ) -> wire::Belief {
+    let method = options(session).method;
     let mut objects: Vec<wire::ObjectProbability> = answer
         .probabilities
         .iter()
@@ -270,17 +288,29 @@ pub(crate) fn belief(
         })
         .collect();
     objects.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let poses = answer.modes.iter().map(|mode| hypothesis(mode, model)).collect();
-    let belief = wire::Belief {
-        session,
+    let poses = answer.modes.iter().map(|mode| hypothesis(mode, method, model)).collect();
+    wire::Belief {
+        session: session.id,
         revision: count(revision),
         n_readings: count(answer.n_readings),
         objects,
         unknown: answer.unknown,
         entropy_bits: answer.entropy_bits,
         poses,
-    };
-    if detail == BeliefDetail::Top { top(belief) } else { belief }
+    }
+}
+
+/// Whether a method answers poses modulo the objects' symmetries.
+pub(crate) fn knows_symmetry(method: Method) -> bool {
+    match method {
+        Method::Hybrid | Method::Sva => true,
+        Method::SvaLiteral
+        | Method::Geometric
+        | Method::GeometricHistogram
+        | Method::GeometricParticles
+        | Method::Appearance
+        | Method::AppearanceLiteral => false,
+    }
 }
 
 /// The same belief with its likeliest object and pose only.
@@ -290,8 +320,10 @@ pub(crate) fn top(mut belief: wire::Belief) -> wire::Belief {
     belief
 }
 
-fn hypothesis(mode: &PoseMode, model: &Model) -> wire::PoseHypothesis {
+fn hypothesis(mode: &PoseMode, method: Method, model: &Model) -> wire::PoseHypothesis {
     let object = &model.objects[mode.object.0 as usize];
+    let known = model.symmetries.get(mode.object.0 as usize);
+    let symmetry = known.filter(|_| knows_symmetry(method));
     let covariance = mode.covariance;
     wire::PoseHypothesis {
         object: object.id,
@@ -299,6 +331,8 @@ fn hypothesis(mode: &PoseMode, model: &Model) -> wire::PoseHypothesis {
         weight: mode.weight,
         pose: sensor::pose(&mode.session_from_object),
         covariance: (0..36).map(|index| covariance[(index / 6, index % 6)]).collect(),
+        symmetry: symmetry
+            .map_or_else(Vec::new, |known| symmetry::axes(known, &mode.session_from_object)),
     }
 }
 

@@ -55,8 +55,14 @@ impl Harness {
     }
 
     pub(crate) async fn restart(self) -> Self {
+        self.restart_with(|_| {}).await
+    }
+
+    pub(crate) async fn restart_with(self, change: impl FnOnce(&mut Config)) -> Self {
         self.server.shutdown().await;
-        let server = Server::start(config(self.folder.path())).await.unwrap();
+        let mut config = config(self.folder.path());
+        change(&mut config);
+        let server = Server::start(config).await.unwrap();
         Self { server, ..self }
     }
 

@@ -1,4 +1,5 @@
-//! Trained surfaces ↔ blocks: one shared by all objects, one for each object's touches.
+//! Trained surfaces ↔ blocks: one shared by all objects, one for each object's touches, and
+//! one for its symmetry.
 //!
 //! The shared block holds the appearance space and the calibration of evidence. What looks
 //! touches up (voxels, pairs) is built anew from the touches when a block is read: it follows
@@ -12,11 +13,13 @@ use palpate_core::sensor::TaxelGrid;
 use palpate_core::surface::appearance::{N_AXES, StoredFeature, raw_dimension};
 use palpate_core::surface::map::{PATCHES_MAX, SurfaceLayout};
 use palpate_core::surface::{AppearanceSpace, SurfaceMap, SurfacePatch};
+use palpate_core::symmetry::Symmetry;
 use palpate_core::vocabulary::discriminant::Discriminant;
 use rayon::prelude::*;
 use uuid::Uuid;
 
 use super::reader::Reader;
+use super::symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_block};
 use super::writer::{put_counts, put_floats, put_singles};
 use super::{CodecError, FORM, count};
 
@@ -35,24 +38,35 @@ pub fn surface_block_name(object: Uuid) -> String {
     format!("{SURFACE_BLOCK}/{object}")
 }
 
+/// What is stored of one object.
+pub(super) struct ObjectBlocks<'block> {
+    pub(super) surface: &'block [u8],
+    /// Not there in versions of old: the object is read as one without symmetry.
+    pub(super) symmetry: Option<&'block [u8]>,
+}
+
 /// The blocks of a catalogue's surfaces. `objects` are the ids of its objects, in its order.
 pub(super) fn to_blocks(model: &SurfaceModel, objects: &[Uuid]) -> Vec<(String, Vec<u8>)> {
     let shared = (SURFACE_BLOCK.to_owned(), shared_to_block(model));
-    let maps = objects
-        .iter()
-        .zip(&model.maps)
-        .map(|(object, map)| (surface_block_name(*object), map_to_block(map)));
+    let maps = objects.iter().zip(&model.maps).flat_map(|(object, map)| {
+        let symmetry = (symmetry_block_name(*object), symmetry_to_block(map.symmetry()));
+        [(surface_block_name(*object), map_to_block(map)), symmetry]
+    });
     std::iter::once(shared).chain(maps).collect()
 }
 
 /// The surfaces of a shared block and the objects' blocks, in the catalogue's order.
 pub(super) fn from_blocks<'block>(
     shared: &[u8],
-    maps: impl Iterator<Item = Result<&'block [u8], CodecError>>,
+    objects: impl Iterator<Item = Result<ObjectBlocks<'block>, CodecError>>,
 ) -> Result<SurfaceModel, CodecError> {
     let (space, calibration) = shared_from_block(shared)?;
-    let blocks: Vec<&[u8]> = maps.collect::<Result<_, _>>()?;
-    let maps = blocks.par_iter().map(|block| map_from_block(block).map(Arc::new));
+    let blocks: Vec<ObjectBlocks<'_>> = objects.collect::<Result<_, _>>()?;
+    let maps = blocks.par_iter().map(|block| {
+        let symmetry = block.symmetry.map(symmetry_from_block).transpose()?;
+        let map = map_from_block(block.surface)?;
+        Ok::<_, CodecError>(Arc::new(map.with_symmetry(symmetry.unwrap_or(Symmetry::NONE))))
+    });
     Ok(SurfaceModel { space, calibration, maps: maps.collect::<Result<_, _>>()? })
 }
 
@@ -163,7 +177,9 @@ fn features(reader: &mut Reader<'_>, n: usize) -> Result<Vec<StoredFeature>, Cod
 
 #[cfg(test)]
 pub(super) mod tests {
+    use glam::DVec3;
     use palpate_core::rng::{Purpose, Stream};
+    use palpate_core::symmetry::AxisOrder;
 
     use super::*;
 
@@ -180,8 +196,12 @@ pub(super) mod tests {
         SurfaceModel {
             space: AppearanceSpace::new(grid, projection, anywhere),
             calibration,
-            maps: vec![Arc::new(map(40, 1)), Arc::new(map(15, 2))],
+            maps: vec![Arc::new(map(40, 1).with_symmetry(half_turn())), Arc::new(map(15, 2))],
         }
+    }
+
+    fn half_turn() -> Symmetry {
+        Symmetry::through([0.0, 0.001, 0.0].into(), &[(DVec3::Z, AxisOrder::Finite(2))])
     }
 
     fn map(n: usize, seed: u64) -> SurfaceMap {
@@ -206,12 +226,24 @@ pub(super) mod tests {
         let objects = [Uuid::from_u128(1), Uuid::from_u128(2)];
         let blocks = to_blocks(&model(), &objects);
         let names: Vec<&str> = blocks.iter().map(|(name, _)| name.as_str()).collect();
-        assert_eq!(
-            names,
-            ["surface", &surface_block_name(objects[0]), &surface_block_name(objects[1])]
-        );
-        let maps = blocks[1..].iter().map(|(_, block)| Ok(block.as_slice()));
-        assert_eq!(from_blocks(&blocks[0].1, maps), Ok(model()));
+        let [first, second] =
+            objects.map(|object| [surface_block_name(object), symmetry_block_name(object)]);
+        assert_eq!(names, ["surface", &first[0], &first[1], &second[0], &second[1]]);
+        let parts = blocks[1..]
+            .chunks(2)
+            .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: Some(&object[1].1) }));
+        assert_eq!(from_blocks(&blocks[0].1, parts), Ok(model()));
+    }
+
+    #[test]
+    fn objects_stored_without_a_symmetry_have_none() {
+        let blocks = to_blocks(&model(), &[Uuid::from_u128(1), Uuid::from_u128(2)]);
+        let parts = blocks[1..]
+            .chunks(2)
+            .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: None }));
+        let found = from_blocks(&blocks[0].1, parts).unwrap();
+        assert_eq!(model().maps[0].symmetry(), &half_turn());
+        assert!(found.maps.iter().all(|map| map.symmetry().is_none()));
     }
 
     #[test]

@@ -84,7 +84,7 @@ fn a_model_with_surfaces_comes_back_and_needs_the_surface_of_every_object() {
     let model = Catalogue { surface, ..model() };
     let blocks = model_to_blocks(&model, &OBJECTS);
     assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
-    let missing = model_from_blocks(&blocks[..5], &OBJECTS).unwrap_err();
+    let missing = model_from_blocks(&blocks[..6], &OBJECTS).unwrap_err();
     assert_eq!(missing, CodecError::Missing { name: surface_block_name(OBJECTS[1]) });
 }
 

@@ -3,11 +3,11 @@
 
 use serde::Serialize;
 
-use crate::output::{self, PLAIN_ANGLES, median};
+use crate::output::{self, ERRORS_OF_POSE, median};
 use crate::trial::TrialResult;
 
 /// The line of `palpate demo --once --json`. Touches are those of all trials; errors those of
-/// the recognised objects, null when there is none; milliseconds those of every reading.
+/// the recognised objects modulo their symmetry (`plain…`: as they are), null when there is none; milliseconds those of every reading.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct Summary {
     trials: usize,
@@ -15,6 +15,7 @@ pub(super) struct Summary {
     touches_median: Option<f64>,
     position_error_mm_median: Option<f64>,
     angle_error_deg_median: Option<f64>,
+    plain_angle_error_deg_median: Option<f64>,
     ms_per_reading_median: Option<f64>,
 }
 
@@ -27,6 +28,8 @@ impl Summary {
             results.iter().map(|result| f64::from(result.last.touches)).collect();
         let position: Vec<f64> = right().filter_map(|last| last.position_error_mm()).collect();
         let angle: Vec<f64> = right().filter_map(|last| last.angle_error_deg()).collect();
+        let plain_angle: Vec<f64> =
+            right().filter_map(|last| last.plain_angle_error_deg()).collect();
         let ms: Vec<f64> = steps().map(|step| step.reading_ms).collect();
         Self {
             trials: results.len(),
@@ -34,6 +37,7 @@ impl Summary {
             touches_median: median(&touches),
             position_error_mm_median: median(&position),
             angle_error_deg_median: median(&angle),
+            plain_angle_error_deg_median: median(&plain_angle),
             ms_per_reading_median: median(&ms),
         }
     }
@@ -45,7 +49,7 @@ impl Summary {
         };
         format!(
             "recognised {} of {} objects; median {} touches, off by {} and {}, {} a reading\n\
-             {PLAIN_ANGLES}",
+             {ERRORS_OF_POSE}",
             self.recognised,
             self.trials,
             or_none(self.touches_median, ""),
@@ -93,6 +97,7 @@ mod tests {
             right,
             position_error: Some(position_error),
             angle_error: Some(0.1),
+            plain_angle_error: Some(0.2),
             reading_ms: 4.0,
         };
         TrialResult { truth: "mug".to_owned(), steps: vec![last.clone()], last }
@@ -117,6 +122,7 @@ mod tests {
             "touches_median",
             "position_error_mm_median",
             "angle_error_deg_median",
+            "plain_angle_error_deg_median",
             "ms_per_reading_median",
         ];
         expected.sort_unstable();

@@ -1,0 +1,160 @@
+//! Models in memory: of a version the part that a session's method needs, under a budget.
+//!
+//! Parts are read from the store when a session first needs them and shared by all sessions
+//! that pin the version. Trainings and merges read whole versions for the time that they
+//! take: these are not kept, and the budget does not know them.
+
+use std::sync::Arc;
+
+use palpate_core::geometric::PreparedGeometry;
+use palpate_core::model::Catalogue as CoreCatalogue;
+use palpate_core::symmetry::Symmetry;
+use palpate_store::catalogue::{Catalogues as Table, Manifest};
+use palpate_store::model_codec::ModelPart;
+use uuid::Uuid;
+
+use super::memory::NoRoom;
+use super::{Catalogues, Model, parameters_of};
+use crate::refusal::Refusal;
+
+/// A surface in memory has so many times the bytes of its block, where no report says more.
+const SURFACE_GROWTH: u64 = 16;
+
+/// A part of a version.
+pub(super) type Key = (Uuid, u32, ModelPart);
+
+impl Catalogues {
+    /// A part of a version's model, from memory or the store.
+    pub(crate) async fn load(
+        &self,
+        catalogue: Uuid,
+        version: u32,
+        part: ModelPart,
+    ) -> Result<Arc<Model>, Refusal> {
+        let key = (catalogue, version, part);
+        if let Some(model) = self.memory.get(&key) {
+            return Ok(model);
+        }
+        // One at a time: many sessions may want the same model at once, and there may be room
+        // for one of several.
+        let _loading = self.loading.lock().await;
+        if let Some(model) = self.memory.get(&key) {
+            return Ok(model);
+        }
+        let name = self.table.get(catalogue)?.name;
+        let manifest = self.table.manifest(catalogue, version)?;
+        if !manifest.has(part) {
+            return Err(untrained(part, name, version));
+        }
+        let no_room = |needed: u64, why: NoRoom| match why {
+            NoRoom::TooLarge => Refusal::ModelTooLarge {
+                catalogue: name.clone(),
+                version,
+                part: part_name(part),
+                needed,
+                budget: self.memory.budget(),
+            },
+            NoRoom::InUse { bytes } => Refusal::ModelsInUse {
+                catalogue: name.clone(),
+                version,
+                needed,
+                in_use: bytes,
+                budget: self.memory.budget(),
+            },
+        };
+        let expected = bytes_expected(&manifest, part);
+        self.memory.make_room(expected).map_err(|why| no_room(expected, why))?;
+        let (table, read_name) = (self.table.clone(), name.clone());
+        let read = move || read_part(&table, read_name, manifest, part);
+        let model = self.pool.place()?.run(read).await??;
+        let bytes = bytes_found(&model.core).unwrap_or(expected);
+        self.memory.keep(key, model, bytes).map_err(|why| no_room(bytes, why))
+    }
+
+    /// All parts of a version's model, read for the caller alone.
+    pub(crate) async fn whole(&self, catalogue: Uuid, version: u32) -> Result<Arc<Model>, Refusal> {
+        let table = self.table.clone();
+        let read = move || {
+            let name = table.get(catalogue)?.name;
+            let manifest = table.manifest(catalogue, version)?;
+            let core = table.model(&manifest)?;
+            let (core, objects) = (Arc::new(core), manifest.objects);
+            let (symmetries, prepared) = (Arc::default(), None);
+            Ok::<_, Refusal>(Model {
+                catalogue,
+                name,
+                version,
+                core,
+                objects,
+                symmetries,
+                prepared,
+            })
+        };
+        Ok(Arc::new(self.pool.place()?.run(read).await??))
+    }
+
+    /// The bytes of a part of all models in memory.
+    pub(crate) fn bytes_in_memory(&self, part: ModelPart) -> u64 {
+        self.memory.bytes(|key| key.2 == part)
+    }
+}
+
+/// A part's name for people and metrics.
+pub(crate) fn part_name(part: ModelPart) -> &'static str {
+    match part {
+        ModelPart::PairMaps => "pair maps",
+        ModelPart::Geometry => "geometry",
+        ModelPart::Appearance => "appearance",
+        ModelPart::Surfaces => "surfaces",
+    }
+}
+
+/// A version that was trained without a part.
+fn untrained(part: ModelPart, catalogue: String, version: u32) -> Refusal {
+    match part {
+        ModelPart::PairMaps => Refusal::NoPairMaps { catalogue, version },
+        ModelPart::Geometry => Refusal::NoGeometry { catalogue, version },
+        ModelPart::Appearance => Refusal::NoAppearance { catalogue, version },
+        ModelPart::Surfaces => Refusal::NoSurfaces { catalogue, version },
+    }
+}
+
+/// How much memory a part will take: what its blocks hold, and of surfaces what was reported
+/// when they were learnt, since their tables are built when they are read.
+fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
+    let blocks = manifest.blocks.iter().filter(|block| part.needs(&block.name));
+    let stored: u64 = blocks.map(|block| block.length).sum();
+    match part {
+        ModelPart::PairMaps | ModelPart::Geometry | ModelPart::Appearance => stored,
+        ModelPart::Surfaces => match parameters_of(manifest) {
+            Some(known) if known.report.surface_bytes > 0 => known.report.surface_bytes,
+            _ => SURFACE_GROWTH * stored,
+        },
+    }
+}
+
+/// How much memory the surfaces take that were read; other parts take what was expected.
+fn bytes_found(core: &CoreCatalogue) -> Option<u64> {
+    core.surface.as_ref().map(|surface| surface.bytes() as u64)
+}
+
+fn read_part(
+    table: &Table,
+    name: String,
+    manifest: Manifest,
+    part: ModelPart,
+) -> Result<Model, Refusal> {
+    let core = table.model_part(&manifest, part)?;
+    let (catalogue, version, n_objects) =
+        (manifest.catalogue, manifest.version, manifest.objects.len());
+    let what = part_name(part);
+    tracing::info!("Read {what} of {n_objects} objects, version {version} of catalogue {name:?}");
+    let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
+        (Some(surface), _) => surface.maps.iter().map(|map| map.symmetry().clone()).collect(),
+        (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
+        (None, _) => Arc::default(),
+    };
+    let prepared = core.geometry.clone().map(PreparedGeometry::new);
+    let (core, objects) = (Arc::new(core), manifest.objects);
+    Ok(Model { catalogue, name, version, core, objects, symmetries, prepared })
+}

@@ -1,0 +1,78 @@
+//! The parts of a model: what a method recognises by is read without the rest.
+
+use super::{
+    APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, GEOMETRY_BLOCK, SURFACE_BLOCK, VOCABULARY_BLOCK,
+};
+
+/// A part of a model that some methods need and others do not. The vocabulary of pair maps
+/// belongs to every part: it is small, and no model is without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ModelPart {
+    /// Maps of pairs of touches.
+    PairMaps,
+    /// Maps of contact and pressure.
+    Geometry,
+    /// Classes of appearance.
+    Appearance,
+    /// Surfaces and symmetries.
+    Surfaces,
+}
+
+impl ModelPart {
+    /// All parts.
+    pub const ALL: [Self; 4] = [Self::PairMaps, Self::Geometry, Self::Appearance, Self::Surfaces];
+
+    /// Whether a block, by its name, is of this part and of no other.
+    #[must_use]
+    pub fn owns(self, block: &str) -> bool {
+        let kind = block.split_once('/').map_or(block, |(kind, _)| kind);
+        match self {
+            Self::PairMaps => kind == "map",
+            Self::Geometry => kind == GEOMETRY_BLOCK,
+            Self::Appearance => kind == APPEARANCE_BLOCK || kind == APPEARANCE_REPORT_BLOCK,
+            Self::Surfaces => kind == SURFACE_BLOCK || kind == "symmetry",
+        }
+    }
+
+    /// Whether a block has to be read for this part.
+    #[must_use]
+    pub fn needs(self, block: &str) -> bool {
+        block == VOCABULARY_BLOCK || self.owns(block)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use uuid::Uuid;
+
+    use super::*;
+    use crate::model_codec::{
+        appearance_block_name, geometry_block_name, map_block_name, surface_block_name,
+        symmetry_block_name,
+    };
+
+    #[test]
+    fn every_block_of_a_model_but_the_vocabulary_is_of_one_part() {
+        let object = Uuid::from_u128(7);
+        let blocks = [
+            (map_block_name(object), ModelPart::PairMaps),
+            (GEOMETRY_BLOCK.to_owned(), ModelPart::Geometry),
+            (geometry_block_name(object), ModelPart::Geometry),
+            (APPEARANCE_BLOCK.to_owned(), ModelPart::Appearance),
+            (APPEARANCE_REPORT_BLOCK.to_owned(), ModelPart::Appearance),
+            (appearance_block_name(object), ModelPart::Appearance),
+            (SURFACE_BLOCK.to_owned(), ModelPart::Surfaces),
+            (surface_block_name(object), ModelPart::Surfaces),
+            (symmetry_block_name(object), ModelPart::Surfaces),
+        ];
+        for (block, owner) in blocks {
+            for part in ModelPart::ALL {
+                assert_eq!(part.owns(&block), part == owner, "{block} {part:?}");
+                assert_eq!(part.needs(&block), part == owner, "{block} {part:?}");
+            }
+        }
+        for part in ModelPart::ALL {
+            assert!(part.needs(VOCABULARY_BLOCK) && !part.owns(VOCABULARY_BLOCK));
+        }
+    }
+}
