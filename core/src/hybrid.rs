@@ -10,6 +10,7 @@
 pub mod calibrate;
 mod hypothesis;
 pub mod options;
+mod outlook;
 mod propose;
 mod refine;
 mod score;
@@ -23,6 +24,7 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 pub use options::HybridOptions;
+pub use outlook::Expected;
 
 use crate::belief::answer::{Answer, PoseMode};
 use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
