@@ -47,6 +47,8 @@ pub(super) struct Met {
     pub(super) position: Vec3,
     /// Which way the surface faces there, norm 1.
     pub(super) normal: Vec3,
+    /// How far normals of touches there scatter, rad.
+    pub(super) normal_deviation: f32,
     /// What it looks like.
     pub(super) feature: StoredFeature,
 }
@@ -89,7 +91,8 @@ pub(super) fn meet(map: &SurfaceMap, ray: &Ray, hand: &Hand) -> Option<(Met, Lie
         filled: (sum.levels / expected.max(1.0)).min(1.5),
     };
     let contact = contact_probability(&lie, hand.recenters);
-    Some((Met { contact, position, normal, feature: sum.feature }, lie))
+    let normal_deviation = sum.deviation / sum.weight;
+    Some((Met { contact, position, normal, normal_deviation, feature: sum.feature }, lie))
 }
 
 /// How far along the ray the foremost touch within the footprint is, metres.
@@ -117,6 +120,7 @@ struct Sum {
     position: Vec3,
     normal: Vec3,
     off: f32,
+    deviation: f32,
     heaviest: f32,
     feature: [i8; N_AXES],
 }
@@ -128,6 +132,7 @@ impl Sum {
         self.position += weight * patch.position;
         self.normal += weight * patch.normal;
         self.off += weight * off;
+        self.deviation += weight * patch.normal_deviation;
         if weight > self.heaviest {
             self.heaviest = weight;
             self.feature = patch.feature;

@@ -93,7 +93,8 @@ fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
     let miss = ((1.0 - a.contact()) * (1.0 - b.contact())).sqrt();
     let (Some(met), Some(other)) = (&a.met, &b.met) else { return miss.max(ALIKE_MIN) };
     let place = met.position.distance_squared(other.position) / scatter.position.powi(2);
-    let normal = met.normal.distance_squared(other.normal) / scatter.normal.powi(2);
+    let scattered = 0.5 * (met.normal_deviation.powi(2) + other.normal_deviation.powi(2));
+    let normal = met.normal.distance_squared(other.normal) / (scatter.normal.powi(2) + scattered);
     let mut looks = 0.0;
     for (value, other) in met.feature.iter().zip(&other.feature) {
         // Features are stored in sixteenths of a deviation.
