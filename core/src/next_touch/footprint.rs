@@ -72,11 +72,14 @@ pub(super) fn meet(map: &SurfaceMap, ray: &Ray, hand: &Hand) -> Option<(Met, Lie
     let thinning = (map.patches().len().max(1) as f32 / patches.len().max(1) as f32).sqrt();
     let spacing = map.spacing() * thinning;
     let radius = hand.half_width + 0.25 * spacing;
-    let foremost = foremost(patches, ray, radius)?;
+    let swept = swept(patches, ray, radius);
+    let foremost = swept.iter().map(|(_, along, _)| *along).fold(f32::INFINITY, f32::min);
+    if foremost > ray.reach {
+        return None;
+    }
     let mut sum = Sum::default();
     let inner = (0.7 * hand.half_width).max(0.5 * spacing).powi(2).recip();
-    for patch in patches {
-        let Some((along, square)) = swept(patch, ray, radius) else { continue };
+    for (patch, along, square) in swept {
         if along - foremost > 4.0 * DEPTH {
             continue;
         }
@@ -95,22 +98,24 @@ pub(super) fn meet(map: &SurfaceMap, ray: &Ray, hand: &Hand) -> Option<(Met, Lie
     Some((Met { contact, position, normal, normal_deviation, feature: sum.feature }, lie))
 }
 
-/// How far along the ray the foremost touch within the footprint is, metres.
-fn foremost(patches: &[SurfacePatch], ray: &Ray, radius: f32) -> Option<f32> {
-    let along = patches.iter().filter_map(|patch| Some(swept(patch, ray, radius)?.0));
-    let foremost = along.fold(f32::INFINITY, f32::min);
-    (foremost <= ray.reach).then_some(foremost)
-}
-
-/// How far along the ray a touch is, and the square of how far from it; `None` when the
-/// footprint passes it by, or it faces away.
-#[inline]
-fn swept(patch: &SurfacePatch, ray: &Ray, radius: f32) -> Option<(f32, f32)> {
-    let off = patch.position - ray.start;
-    let along = off.dot(ray.direction);
-    let square = off.length_squared() - along * along;
-    let faces = -patch.normal.dot(ray.direction) > FACING_MIN;
-    (square < radius * radius && along > 0.0 && faces).then_some((along, square.max(0.0)))
+/// The touches that the footprint sweeps over, facing it: how far along the ray each is, and
+/// the square of how far from it.
+fn swept<'a>(
+    patches: &'a [SurfacePatch],
+    ray: &Ray,
+    radius: f32,
+) -> Vec<(&'a SurfacePatch, f32, f32)> {
+    let mut swept = Vec::new();
+    for patch in patches {
+        let off = patch.position - ray.start;
+        let along = off.dot(ray.direction);
+        let square = (off.length_squared() - along * along).max(0.0);
+        let faces = -patch.normal.dot(ray.direction) > FACING_MIN;
+        if square < radius * radius && along > 0.0 && faces {
+            swept.push((patch, along, square));
+        }
+    }
+    swept
 }
 
 #[derive(Default)]

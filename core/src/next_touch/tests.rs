@@ -1,1 +1,1 @@
-//! placeholder
+//! Tests: what an approach meets, what outcomes say, and how approaches are ranked.

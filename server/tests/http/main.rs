@@ -9,6 +9,7 @@ mod calibration;
 mod geometry;
 mod harness;
 mod msgpack;
+mod next_touches;
 mod objects;
 mod sessions;
 mod site;
