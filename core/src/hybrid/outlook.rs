@@ -58,22 +58,24 @@ impl HybridBelief {
     }
 
     /// About `n` of the likeliest objects in poses; nothing before the first touch. The
-    /// probabilities sum to 1 less that of "none of these" and of what is left out.
+    /// probabilities are given that it is one of the known objects, and sum to 1 less what is
+    /// left out.
     #[must_use]
     pub fn expected(&self, n: usize, stream: &mut Stream) -> Vec<Expected> {
         if self.touches.is_empty() {
             return Vec::new();
         }
         let mut expected = Vec::with_capacity(n);
-        for (object, share) in self.probable_objects() {
+        let probable = self.probable_objects();
+        let hypotheses_of = |object: ObjectIdx| &self.objects[object.0 as usize].hypotheses;
+        let have_poses = probable.iter().any(|(object, _)| !hypotheses_of(*object).is_empty());
+        for (object, share) in probable {
             let wanted = ((n as f64 * share).round() as usize).max(POSES_MIN);
-            let hypotheses = &self.objects[object.0 as usize].hypotheses;
-            if hypotheses.is_empty() {
-                if self.objects.iter().all(|state| state.hypotheses.is_empty()) {
-                    self.lay_onto_first_touch(object, share, wanted, stream, &mut expected);
-                }
+            if !have_poses {
+                self.lay_onto_first_touch(object, share, wanted, stream, &mut expected);
                 continue;
             }
+            let hypotheses = hypotheses_of(object);
             let kept = &hypotheses[..wanted.min(hypotheses.len())];
             let logs: Vec<f64> =
                 kept.iter().map(|h| f64::from(h.score) / POSE_TEMPERATURE).collect();
@@ -87,11 +89,12 @@ impl HybridBelief {
         expected
     }
 
-    /// Objects worth a pose with their probabilities.
+    /// Objects worth a pose with their probabilities, given that it is a known one.
     fn probable_objects(&self) -> Vec<(ObjectIdx, f64)> {
         let mut shares = self.probabilities();
         shares.pop();
-        let shares = shares.into_iter().enumerate();
+        let known: f64 = shares.iter().sum();
+        let shares = shares.into_iter().map(|share| share / known.max(f64::MIN_POSITIVE)).enumerate();
         let probable = shares.filter(|(_, share)| *share >= PROBABILITY_MIN);
         probable.map(|(object, share)| (ObjectIdx(object as u32), share)).collect()
     }
