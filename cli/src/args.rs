@@ -5,8 +5,8 @@ use clap::{Parser, Subcommand};
 use crate::commands::{
     analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
     jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, next_touch::NextTouchArgs,
-    objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
-    train::TrainArgs,
+    objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs,
+    sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.

@@ -164,10 +164,7 @@ pub(crate) async fn run(
         let reading_ms = begun.elapsed().as_secs_f64() * 1e3;
         let before = steps.last();
         let n_misses = before.map_or(0, |step| step.misses) + u32::from(press.missed);
-        let step = Step {
-            misses: n_misses,
-            ..Step::new(tries, &belief, truth, reading_ms)
-        };
+        let step = Step { misses: n_misses, ..Step::new(tries, &belief, truth, reading_ms) };
         show(&step);
         sure = if step.probability >= rule.probability { sure + 1 } else { 0 };
         steps.push(step.clone());

@@ -70,7 +70,7 @@ pub struct NextTouchOptions {
 impl Default for NextTouchOptions {
     fn default() -> Self {
         Self {
-            n_hypotheses: 160,
+            n_hypotheses: 240,
             n_approaches: 48,
             half_width: 6.0 * MM,
             recenters: true,
@@ -221,8 +221,9 @@ fn outcomes(
 /// The probability of a contact if the object is a known one.
 fn contact_probability(outcomes: &[Outcome]) -> f64 {
     let total: f32 = outcomes.iter().map(|outcome| outcome.probability).sum();
-    let contact: f32 =
-        outcomes.iter().filter_map(|o| Some(o.probability * o.met?.contact)).sum();
+    let met = outcomes.iter().filter_map(|o| Some(o.probability * o.met?.contact));
+    // A sum of nothing is −0.
+    let contact = met.fold(0.0, |sum, contact| sum + contact);
     if total > 0.0 { f64::from(contact / total) } else { 0.0 }
 }
 

@@ -94,11 +94,7 @@ struct Played {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(
-    config: &NextTouch,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &NextTouch, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::new("next-touch", command, config.seed);
     let objects = objects::load(config.meshes.as_deref(), config.size)?;
     let model = train(&objects, config, progress)?;
@@ -136,7 +132,8 @@ fn train(
         progress("touching objects", done, objects.len());
         objects::touch(object, &sensor, config.train_readings, 2 * config.seed)
     };
-    let readings: anyhow::Result<Vec<Vec<Reading>>> = objects.iter().enumerate().map(touch).collect();
+    let readings: anyhow::Result<Vec<Vec<Reading>>> =
+        objects.iter().enumerate().map(touch).collect();
     progress("training", 0, 1);
     train_hybrid(&readings?, &sensor, &SurfaceConfig::default(), config.seed)
 }
@@ -281,8 +278,7 @@ fn report_objects(
 ) {
     let touches = counts(played, touches_for_good);
     for (index, object) in objects.iter().enumerate() {
-        let own: Vec<f64> =
-            touches.iter().copied().skip(index).step_by(objects.len()).collect();
+        let own: Vec<f64> = touches.iter().copied().skip(index).step_by(objects.len()).collect();
         if own.is_empty() {
             continue;
         }
@@ -353,14 +349,7 @@ mod tests {
     use super::*;
 
     fn step(sure: bool) -> Step {
-        Step {
-            right: sure,
-            sure,
-            touched: true,
-            approaches: 2,
-            choice_ms: 0.0,
-            expected: None,
-        }
+        Step { right: sure, sure, touched: true, approaches: 2, choice_ms: 0.0, expected: None }
     }
 
     #[test]
@@ -374,8 +363,13 @@ mod tests {
 
     #[test]
     fn a_small_run_reports_every_key_and_needs_fewer_touches_than_chance() {
-        let config =
-            NextTouch { seed: 101, trials: 10, train_readings: 250, readings: 8, ..NextTouch::default() };
+        let config = NextTouch {
+            seed: 101,
+            trials: 10,
+            train_readings: 250,
+            readings: 8,
+            ..NextTouch::default()
+        };
         let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["touches_ratio_to_random"] < 0.9, "{summary:?}");

@@ -201,9 +201,10 @@ impl Sessions {
         let live = self.live(self.parse(id)?).await?;
         let question = convert::next_touch::question(asked, &self.sensors)?;
         let sessions = Arc::clone(self);
-        let asking = tokio::spawn(async move {
-            live.next_touches(&sessions.tools(), question, begun).await
-        });
+        let asking =
+            tokio::spawn(
+                async move { live.next_touches(&sessions.tools(), question, begun).await },
+            );
         asking.await.unwrap_or(Err(Refusal::Panicked))
     }
 

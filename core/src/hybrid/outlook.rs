@@ -20,10 +20,6 @@ const PROBABILITY_MIN: f64 = 1e-3;
 /// The fewest poses of an object that gets some, as far as it has them.
 const POSES_MIN: usize = 4;
 
-/// Evidence for a pose beside the object's other poses is believed less than it says, by this
-/// divisor: the temperature of the third stage before calibration.
-const POSE_TEMPERATURE: f64 = 2.5;
-
 /// Turns of a mapped touch about its normal among which a pose is drawn.
 const N_TURNS: usize = 12;
 
@@ -77,8 +73,7 @@ impl HybridBelief {
             }
             let hypotheses = hypotheses_of(object);
             let kept = &hypotheses[..wanted.min(hypotheses.len())];
-            let logs: Vec<f64> =
-                kept.iter().map(|h| f64::from(h.score) / POSE_TEMPERATURE).collect();
+            let logs: Vec<f64> = kept.iter().map(|h| f64::from(h.score)).collect();
             let weighed = kept.iter().zip(normalize(&logs));
             expected.extend(weighed.map(|(hypothesis, weight)| Expected {
                 object,
@@ -94,7 +89,8 @@ impl HybridBelief {
         let mut shares = self.probabilities();
         shares.pop();
         let known: f64 = shares.iter().sum();
-        let shares = shares.into_iter().map(|share| share / known.max(f64::MIN_POSITIVE)).enumerate();
+        let shares =
+            shares.into_iter().map(|share| share / known.max(f64::MIN_POSITIVE)).enumerate();
         let probable = shares.filter(|(_, share)| *share >= PROBABILITY_MIN);
         probable.map(|(object, share)| (ObjectIdx(object as u32), share)).collect()
     }

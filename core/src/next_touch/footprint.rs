@@ -148,7 +148,7 @@ impl Sum {
 /// How probable it is that an approach ends in a valid contact.
 fn contact_probability(lie: &Lie, recenters: bool) -> f32 {
     let [bias, facing, off, filled] =
-        if recenters { [-1.0, 4.0, -0.5, 0.5] } else { [-2.0, 5.0, -3.0, 1.0] };
+        if recenters { [-0.2, 4.0, -0.5, 0.5] } else { [-2.0, 5.0, -3.0, 1.0] };
     let sum = bias + facing * lie.facing + off * lie.off + filled * lie.filled;
     (1.0 + (-sum).exp()).recip()
 }

@@ -111,21 +111,30 @@ impl Robot<'_> {
     ) -> (Approach, Option<Ranked>) {
         let Some(_) = contacts.first() else { return (self.random_ray(press), None) };
         let seed = self.stream(Purpose::NextTouch, press).bits();
-        let of_our_own = |n_approaches| {
-            let options = NextTouchOptions { n_approaches, seed, ..NextTouchOptions::default() };
-            let ranking = rank(belief, None, &options, &mut || false).ok()?;
+        let recenters = self.policy != Policy::Random;
+        let ranked = |given: Option<Approach>, n_approaches| {
+            let defaults = NextTouchOptions::default();
+            let options = NextTouchOptions { n_approaches, recenters, seed, ..defaults };
+            let given = given.as_ref().map(std::slice::from_ref);
+            let ranking = rank(belief, given, &options, &mut || false).ok()?;
             ranking.ranked.first().copied()
         };
-        let chosen = match self.policy {
-            Policy::Random | Policy::RandomRecentered | Policy::Sampler => None,
+        let given = match self.policy {
+            Policy::Random | Policy::RandomRecentered => Some(self.random_ray(press)),
             Policy::NearEarlier => {
                 let mut stream = self.stream(Purpose::NextTouch, press);
-                return (near(&contacts[stream.index(contacts.len())], &mut stream), None);
+                Some(near(&contacts[stream.index(contacts.len())], &mut stream))
             }
-            Policy::Directed => of_our_own(1),
-            Policy::Information => of_our_own(NextTouchOptions::default().n_approaches),
+            Policy::Sampler => return (self.random_ray(press), None),
+            Policy::Directed | Policy::Information => None,
         };
-        chosen.map_or((self.random_ray(press), None), |best| (best.approach, Some(best)))
+        let n_approaches = match self.policy {
+            Policy::Information => NextTouchOptions::default().n_approaches,
+            _ => 1,
+        };
+        let best = ranked(given, n_approaches);
+        let chosen = best.map(|best| best.approach).or(given);
+        (chosen.unwrap_or_else(|| self.random_ray(press)), best)
     }
 
     /// Presses along an approach.

@@ -57,7 +57,12 @@ pub(crate) fn question(
         ..NextTouchOptions::default()
     };
     let approaches = asked.candidates.as_deref().map(approaches).transpose()?;
-    Ok(Question { approaches, options, n: n as usize, deadline: Duration::from_millis(deadline_ms) })
+    Ok(Question {
+        approaches,
+        options,
+        n: n as usize,
+        deadline: Duration::from_millis(deadline_ms),
+    })
 }
 
 fn approaches(candidates: &[wire::TouchCandidate]) -> Result<Vec<Approach>, Refusal> {

@@ -12,8 +12,7 @@ fn resting_pose() -> Pose {
 
 /// An approach that begins at a point of the object frame and goes along a direction of it.
 fn candidate(start: DVec3, direction: DVec3) -> Value {
-    let object_from_sensor =
-        Pose::from_parts(DQuat::from_rotation_arc(DVec3::Z, direction), start);
+    let object_from_sensor = Pose::from_parts(DQuat::from_rotation_arc(DVec3::Z, direction), start);
     let pose = resting_pose() * object_from_sensor;
     json!({"reach_m": 0.2, "pose": {
         "position": pose.translation.to_array(), "orientation": pose.rotation.to_array()}})
@@ -42,7 +41,7 @@ async fn own_approaches_are_ranked_from_the_first_moment() {
     assert_eq!(answer["revision"], 1);
     let best = &answer["touches"][0];
     assert!(best["information_bits"].as_f64().unwrap() > 0.05, "{answer}");
-    assert!(best["contact_probability"].as_f64().unwrap() > 0.5, "{answer}");
+    assert!(best["contact_probability"].as_f64().unwrap() > 0.25, "{answer}");
     assert_eq!((&best["candidate"], &best["bits_per_cost"]), (&Value::Null, &Value::Null));
     assert_eq!(it.post(&path, &ask).await.expect(200), answer, "equal questions, equal answers");
     let mut other = ask.clone();
