@@ -166,7 +166,10 @@ pub(crate) async fn run(
         let n_misses = before.map_or(0, |step| step.misses) + u32::from(press.missed);
         let step = Step { misses: n_misses, ..Step::new(tries, &belief, truth, reading_ms) };
         show(&step);
-        sure = if step.probability >= rule.probability { sure + 1 } else { 0 };
+        let is_sure = step.probability >= rule.probability;
+        // A press that touched nothing confirms nothing.
+        let counts = u32::from(!press.missed);
+        sure = if is_sure { sure + counts } else { 0 };
         steps.push(step.clone());
         if sure >= rule.in_a_row || step.touches >= rule.touches_max {
             return Ok(TrialResult { truth: truth.object.clone(), steps, last: step });

@@ -70,7 +70,7 @@ pub struct NextTouchOptions {
 impl Default for NextTouchOptions {
     fn default() -> Self {
         Self {
-            n_hypotheses: 240,
+            n_hypotheses: 200,
             n_approaches: 48,
             half_width: 6.0 * MM,
             recenters: true,

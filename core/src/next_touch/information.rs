@@ -35,6 +35,9 @@ const UNKNOWN_ALIKE: f32 = 0.05;
 /// However unlike two outcomes are, this part of them is alike: no reading is beyond doubt.
 const ALIKE_MIN: f32 = 0.01;
 
+/// Squared deviations between places at which exp(−x/8) is below [`ALIKE_MIN`].
+const FAR: f32 = 37.0;
+
 /// Bits of information.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Bits {
@@ -66,9 +69,12 @@ pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter)
         }
     }
     let mut bits = Bits::default();
+    let mut prior = 0.0;
     let mut of_unknown = unknown;
     for (i, a) in outcomes.iter().enumerate() {
-        let prior: f32 = share_of(outcomes, a.object);
+        if i == 0 || outcomes[i - 1].object != a.object {
+            prior = share_of(&outcomes[i..], a.object);
+        }
         let both = ((1.0 - contact) * (1.0 - a.contact())).sqrt()
             + UNKNOWN_ALIKE * (contact * a.contact()).sqrt();
         let total = totals[i] + unknown * both;
@@ -83,8 +89,9 @@ pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter)
     Bits { identity: bits.identity.max(0.0), pose: bits.pose.max(0.0) }
 }
 
+/// The probability of the object whose outcomes come first.
 fn share_of(outcomes: &[Outcome], object: ObjectIdx) -> f32 {
-    outcomes.iter().filter(|o| o.object == object).map(|o| o.probability).sum()
+    outcomes.iter().take_while(|o| o.object == object).map(|o| o.probability).sum()
 }
 
 /// The Bhattacharyya coefficient of two outcomes, 1 for equal ones.
@@ -93,6 +100,10 @@ fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
     let miss = ((1.0 - a.contact()) * (1.0 - b.contact())).sqrt();
     let (Some(met), Some(other)) = (&a.met, &b.met) else { return miss.max(ALIKE_MIN) };
     let place = met.position.distance_squared(other.position) / scatter.position.powi(2);
+    // Places so far apart that a contact is at most as alike as any two outcomes are.
+    if place > FAR {
+        return miss.max(ALIKE_MIN);
+    }
     let scattered = 0.5 * (met.normal_deviation.powi(2) + other.normal_deviation.powi(2));
     let normal = met.normal.distance_squared(other.normal) / (scatter.normal.powi(2) + scattered);
     let mut looks = 0.0;

@@ -4,6 +4,8 @@
 //! recogniser told it. The n-th random ray of a trial is the same for every policy, and so is
 //! the noise of the n-th press. Rays are `session_from_sensor`, along +z.
 
+use std::f64::consts::TAU;
+
 use glam::{DQuat, DVec3};
 use palpate_core::hybrid::HybridBelief;
 use palpate_core::next_touch::{Approach, NextTouchOptions, Ranked, rank};
@@ -179,7 +181,7 @@ impl Robot<'_> {
 /// Against the normal of an earlier contact, moved along the surface and tilted.
 fn near(contact: &Reading, stream: &mut Stream) -> Approach {
     let at = contact.session_from_sensor();
-    let (along, angle) = (NEAR * stream.uniform(0.0, 1.0).sqrt(), stream.uniform(0.0, 6.283));
+    let (along, angle) = (NEAR * stream.uniform(0.0, 1.0).sqrt(), stream.uniform(0.0, TAU));
     let moved = DVec3::new(along * angle.cos(), along * angle.sin(), 0.0);
     let axis = DQuat::from_rotation_z(angle) * DVec3::Y;
     let tilt = DQuat::from_axis_angle(axis, NEAR_TILT * stream.uniform(-1.0, 1.0));
