@@ -110,7 +110,7 @@ fn grazing_and_edges_make_a_contact_less_probable_and_recentering_helps() {
         assert!(contact(square, recenters) > contact(tilted, recenters) + 0.1, "{recenters}");
         assert!(contact(square, recenters) > contact(edge, recenters) + 0.01, "{recenters}");
     }
-    assert!(contact(edge, true) > contact(edge, false) + 0.2);
+    assert!(contact(edge, true) > contact(edge, false) + 0.05);
 }
 
 fn outcome(object: u32, probability: f32, height: Option<f32>) -> Outcome {
@@ -169,7 +169,7 @@ fn the_press_that_tells_objects_apart_comes_first() {
     let order: Vec<usize> = ranking.ranked.iter().map(|ranked| ranked.index).collect();
     assert_eq!(order, [1, 0, 2], "{ranking:?}");
     let [best, shared, past] = [0, 1, 2].map(|place| ranking.ranked[place]);
-    assert!(best.identity_bits > shared.identity_bits + 0.2, "{ranking:?}");
+    assert!(best.identity_bits > shared.identity_bits + 0.1, "{ranking:?}");
     assert!(best.contact_probability > 0.7 && past.contact_probability.abs() < 1e-9);
     assert!(ranking.is_complete() && ranking.entropy_bits > 0.3);
     // What costs ten times as much comes last but for air.
