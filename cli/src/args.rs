@@ -4,9 +4,9 @@ use clap::{Parser, Subcommand};
 
 use crate::commands::{
     analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
-    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, objects::ObjectsArgs, report::ReportArgs,
-    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs,
-    train::TrainArgs,
+    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, next_touch::NextTouchArgs,
+    objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs,
+    sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -75,6 +75,8 @@ pub(crate) enum Command {
     Touch(TouchArgs),
     /// Let a simulated arm explore an object that it knows nothing of.
     Explore(ExploreArgs),
+    /// Where a robot would learn most about a session's object.
+    NextTouch(NextTouchArgs),
     /// Sessions: objects being touched, and what is known of them.
     Sessions(SessionsArgs),
     /// Rerun the tables and figures of docs/results.md.
@@ -133,6 +135,8 @@ mod tests {
             "palpate maps merge --catalogue lab-1 --with-catalogue lab-2 --with-version 3",
             "palpate sessions marginals 0198a0d0-0000-7000-8000-000000000000 --object A",
             "palpate sessions list --json",
+            "palpate next-touch 0198a0d0-0000-7000-8000-000000000000 -n 3 --recenters",
+            "palpate next-touch 0198a0d0-0000-7000-8000-000000000000 --workspace -0.1,0,0,0.2",
             "palpate jobs cancel 0198a0d0-0000-7000-8000-000000000000",
             "palpate sensors indent finger --out indentation.json --seed 3",
             "palpate sensors calibrate finger --file indentation.json",
@@ -164,6 +168,8 @@ mod tests {
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
             "palpate explore",
+            "palpate next-touch",
+            "palpate next-touch 0198a0d0-0000-7000-8000-000000000000 --workspace 1,2,3",
             "palpate explore --object mug --offline",
             "palpate explore --object mug --method geometric",
             "palpate explore --object mug --offline --out mug.json --method sva",

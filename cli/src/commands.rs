@@ -8,6 +8,7 @@ pub(crate) mod explore;
 pub(crate) mod jobs;
 pub(crate) mod letters;
 pub(crate) mod maps;
+pub(crate) mod next_touch;
 pub(crate) mod objects;
 pub(crate) mod openapi;
 pub(crate) mod report;
@@ -48,6 +49,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Jobs(args) => jobs::run(args, &context()?).await,
         Command::Touch(args) => touch::run(args, &context()?).await,
         Command::Explore(args) => explore::run(args, &context()?).await,
+        Command::NextTouch(args) => next_touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
         Command::Experiment(args) => experiment::run(args, output).await,
         Command::Openapi => openapi::run(),

@@ -1,5 +1,6 @@
 //! A simulated robot: it touches a mesh that lies somewhere in its session frame, guided to
-//! the surface as by a camera, and knows only its own poses and pressures.
+//! the surface as by a camera or told where to begin, and knows only its own poses and
+//! pressures.
 //!
 //! Where the object lies and how it is touched comes from a seed and the number of the trial,
 //! from streams that training never draws from.
@@ -10,11 +11,12 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use glam::{DQuat, DVec3};
-use palpate_client::schemas::{self, MeshUnit, PosePrior};
+use palpate_client::schemas::{self, MeshUnit, NextTouch, PosePrior, TouchWorkspace};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
+use palpate_sim::controller::{Landing, RecenterConfig, touch_recentered};
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{INDENTATION, PlanarPose};
@@ -29,6 +31,8 @@ pub(crate) struct Press {
     pub(crate) pose: Option<schemas::Pose>,
     /// Pressures, Pa.
     pub(crate) image: Vec<Option<f64>>,
+    /// Whether it touched nothing.
+    pub(crate) missed: bool,
 }
 
 /// How far from the middle of what a camera would say the object may lie, along each axis.
@@ -43,6 +47,8 @@ pub(crate) enum Approach {
     Anywhere,
     /// Straight down on an object that lies flat.
     StraightDown,
+    /// Along a ray that the server tells, from outside; a contact off the middle is centred.
+    AsTold,
 }
 
 /// A robot in front of one object.
@@ -57,9 +63,9 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
-    /// A robot whose object lies where `seed` and `trial` say.
+    /// A robot that is told where to touch; its object lies where `seed` and `trial` say.
     pub(crate) fn new(simulator: Arc<PressSimulator>, seed: u64, trial: u64) -> Self {
-        Self::approaching(simulator, Approach::Anywhere, seed, trial)
+        Self::approaching(simulator, Approach::AsTold, seed, trial)
     }
 
     /// A robot that touches as `approach` says.
@@ -89,10 +95,43 @@ impl Robot {
         Self { knows_poses: false, ..self }
     }
 
+    /// Whether the robot is to be told where to begin.
+    pub(crate) fn wants_to_be_told(&self) -> bool {
+        self.approach == Approach::AsTold
+    }
+
+    /// Presses along a ray; `None` when something was felt, but no rest was found.
+    pub(crate) fn touch_along(&mut self, told: &NextTouch) -> anyhow::Result<Option<Press>> {
+        let begin = Pose::new(told.pose.position, told.pose.orientation)?;
+        let noise_level = self.simulator.config().noise_level;
+        let mut config = RecenterConfig::for_sensor(self.simulator.sensor(), noise_level);
+        config.contact.approach_max = told.reach_m;
+        let mesh_from_sensor = self.session_from_mesh.inverse() * begin;
+        let landing =
+            touch_recentered(&self.simulator, mesh_from_sensor, &config, &mut self.touches);
+        let (at, pressures, missed) = match landing {
+            Landing::Converged { contact, .. } => {
+                (contact.object_from_sensor, contact.pressures, false)
+            }
+            Landing::Missed { miss, .. } => (miss.object_from_sensor, miss.pressures, true),
+            Landing::NoConvergence | Landing::Unreachable => return Ok(None),
+        };
+        let image = pressures.into_iter().map(Some).collect();
+        Ok(Some(Press { pose: Some(to_wire(self.session_from_mesh * at)), image, missed }))
+    }
+
+    /// A ball that the object lies in, as a camera would say.
+    pub(crate) fn workspace(&self) -> TouchWorkspace {
+        let (low, high) = self.simulator.mesh().bounds();
+        let center = self.session_from_mesh * (0.5 * (low + high));
+        let radius = 0.5 * low.distance(high) + SEEN_WITHIN;
+        TouchWorkspace { center: center.to_array(), radius }
+    }
+
     /// Touches the object once, somewhere.
     pub(crate) fn touch(&mut self) -> Result<Press, SampleError> {
         let reading = match self.approach {
-            Approach::Anywhere => {
+            Approach::Anywhere | Approach::AsTold => {
                 touch_anywhere(&self.simulator, SensorId(0), &self.config, &mut self.touches)?
             }
             Approach::StraightDown => self.press_down(),
@@ -101,7 +140,8 @@ impl Robot {
         let mesh_from_sensor = reading.session_from_sensor();
         let session_from_sensor = self.session_from_mesh * mesh_from_sensor;
         let image = reading.image().pressures.iter().copied().map(Some).collect();
-        Ok(Press { pose: self.knows_poses.then(|| to_wire(session_from_sensor)), image })
+        let pose = self.knows_poses.then(|| to_wire(session_from_sensor));
+        Ok(Press { pose, image, missed: false })
     }
 
     /// Presses straight down somewhere over the object.
@@ -142,7 +182,7 @@ impl Robot {
                     half_angle: None,
                 }
             }
-            Approach::Anywhere => {
+            Approach::Anywhere | Approach::AsTold => {
                 let axis = self.seen.direction();
                 let turn = DQuat::from_axis_angle(axis, self.seen.uniform(0.0, SEEN_WITHIN_ANGLE));
                 PosePrior::Bounded {

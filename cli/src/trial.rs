@@ -5,13 +5,19 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use palpate_client::TouchSession;
-use palpate_client::schemas::{Belief, TrainingReport};
+use palpate_client::schemas::{AskNextTouches, Belief, NextTouch, TrainingReport};
 use palpate_core::pose::Pose;
 use palpate_core::symmetry::Symmetry;
 use serde::Serialize;
 
 use crate::robot::Robot;
 use crate::symmetry::of_axes;
+
+/// Long enough that everything is evaluated, so that a run can be repeated, milliseconds.
+const DEADLINE_MS: u32 = 5_000;
+
+/// How often a robot may try in the mean before something is wrong with it.
+const TRIES_PER_TOUCH_MAX: u32 = 10;
 
 /// When a robot has touched enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,8 +69,10 @@ impl Truth {
 /// What is believed after one more touch, beside the truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Step {
-    /// How many touches so far.
+    /// How many touches so far: presses that missed or came to no rest are counted.
     pub(crate) touches: u32,
+    /// How many of them touched nothing.
+    pub(crate) misses: u32,
     /// The likeliest object.
     pub(crate) object: Option<String>,
     /// Its probability.
@@ -97,6 +105,7 @@ impl Step {
         let nearest = pose.map(|pose| truth.symmetry.nearest_to(&pose, &truth.session_from_object));
         Self {
             touches,
+            misses: 0,
             object: best.map(|best| best.name.clone()),
             probability: best.map_or(0.0, |best| best.probability),
             entropy_bits: belief.entropy_bits,
@@ -135,7 +144,8 @@ pub(crate) struct TrialResult {
     pub(crate) last: Step,
 }
 
-/// Touches until the rule says stop; `show` hears every step.
+/// Touches until the rule says stop; `show` hears every step. A robot that wants to be told
+/// asks before every touch where to begin.
 pub(crate) async fn run(
     mut robot: Robot,
     session: &mut TouchSession,
@@ -144,28 +154,64 @@ pub(crate) async fn run(
     rule: StopRule,
     mut show: impl FnMut(&Step),
 ) -> anyhow::Result<TrialResult> {
-    let (mut steps, mut sure) = (Vec::new(), 0);
+    let (mut steps, mut sure, mut tries) = (Vec::<Step>::new(), 0, 0);
     loop {
+        tries += 1;
+        let told = match robot.wants_to_be_told() {
+            true => Some(ask(session, sensor, &robot, tries).await?),
+            false => None,
+        };
         // The simulation is work for a processor, not for the threads that talk to the server.
         let (touched, press) = tokio::task::spawn_blocking(move || {
-            let press = robot.touch();
+            let press = match &told {
+                Some(told) => robot.touch_along(told),
+                None => robot.touch().map(Some).map_err(anyhow::Error::from),
+            };
             (robot, press)
         })
         .await?;
         robot = touched;
-        let press = press?;
+        let Some(press) = press? else {
+            anyhow::ensure!(tries < TRIES_PER_TOUCH_MAX * rule.touches_max, "no rest was found");
+            continue;
+        };
         let begun = Instant::now();
         let belief = session.touch(sensor, press.pose, press.image).await?;
         let reading_ms = begun.elapsed().as_secs_f64() * 1e3;
-        let step = Step::new(steps.len() as u32 + 1, &belief, truth, reading_ms);
+        let before = steps.last();
+        let n_misses = before.map_or(0, |step| step.misses) + u32::from(press.missed);
+        let step = Step { misses: n_misses, ..Step::new(tries, &belief, truth, reading_ms) };
         show(&step);
-        sure = if step.probability >= rule.probability { sure + 1 } else { 0 };
+        let is_sure = step.probability >= rule.probability;
+        // A press that touched nothing confirms nothing.
+        let counts = u32::from(!press.missed);
+        sure = if is_sure { sure + counts } else { 0 };
         steps.push(step.clone());
         if sure >= rule.in_a_row || step.touches >= rule.touches_max {
             return Ok(TrialResult { truth: truth.object.clone(), steps, last: step });
         }
         tokio::time::sleep(rule.pause).await;
     }
+}
+
+/// Asks where to touch; every try draws its own approaches.
+async fn ask(
+    session: &TouchSession,
+    sensor: &str,
+    robot: &Robot,
+    tries: u32,
+) -> anyhow::Result<NextTouch> {
+    let question = AskNextTouches {
+        sensor: sensor.to_owned(),
+        n: Some(1),
+        deadline_ms: Some(DEADLINE_MS),
+        recenters: Some(true),
+        workspace: Some(robot.workspace()),
+        seed: Some(u64::from(tries)),
+        candidates: None,
+    };
+    let answer = session.next_touches(&question).await?;
+    answer.touches.into_iter().next().context("the server knows no place to touch")
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Calls about sessions: readings in, beliefs out.
 
 use palpate_schemas::{
-    AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, Marginals, MarginalsQuery,
-    PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    AddReadings, AskNextTouches, Belief, BeliefDetail, BeliefQuery, CreateSession, Marginals,
+    MarginalsQuery, NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
 };
 use uuid::Uuid;
 
@@ -10,6 +10,7 @@ use crate::client::Client;
 use crate::error::Error;
 use crate::objects::repeat_of;
 use crate::request::Request;
+use crate::retry::Repeat;
 
 impl Client {
     /// Begins a session.
@@ -96,5 +97,19 @@ impl Client {
     ) -> Result<Marginals, Error> {
         let path = ["v1", "sessions", &session.to_string(), "marginals"];
         self.send(Request::get(path).query("object", query.object.as_ref())).await
+    }
+
+    /// Where to touch next: the robot's candidates, or the service's own, best first.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the session's method does not say, or nothing was touched
+    /// yet and no workspace is given.
+    pub async fn next_touches(
+        &self,
+        session: Uuid,
+        question: &AskNextTouches,
+    ) -> Result<NextTouches, Error> {
+        let path = ["v1", "sessions", &session.to_string(), "next-touches"];
+        self.send(Request::post(path).json(question).repeat(Repeat::Harmless)).await
     }
 }

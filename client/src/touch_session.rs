@@ -2,7 +2,8 @@
 //! sent again after a lost connection is not counted twice.
 
 use palpate_schemas::{
-    AddReadings, Belief, BeliefDetail, CreateSession, Pose, Reading, ReadingsQuery, Session,
+    AddReadings, AskNextTouches, Belief, BeliefDetail, CreateSession, NextTouches, Pose, Reading,
+    ReadingsQuery, Session,
 };
 use uuid::Uuid;
 
@@ -84,6 +85,14 @@ impl TouchSession {
             Some(belief) => Ok(belief),
             None => self.belief().await,
         }
+    }
+
+    /// Where to touch next, best first.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 as in [`Client::next_touches`].
+    pub async fn next_touches(&self, question: &AskNextTouches) -> Result<NextTouches, Error> {
+        self.client.next_touches(self.id(), question).await
     }
 
     /// What is known of the object now.

@@ -13,6 +13,7 @@ mod carried;
 mod evidence;
 mod hypothesis;
 pub mod options;
+mod outlook;
 mod pattern;
 mod propose;
 mod refine;
@@ -28,6 +29,7 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 pub use options::HybridOptions;
+pub use outlook::Expected;
 
 use crate::belief::answer::{Answer, PoseMode};
 use crate::belief::orbits::merge_orbits;

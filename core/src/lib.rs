@@ -50,6 +50,8 @@ pub mod recognise;
 
 pub mod hybrid;
 
+pub mod next_touch;
+
 pub mod geometric;
 
 pub mod appearance;

@@ -37,6 +37,10 @@ pub enum Purpose {
     Perturbation = 12,
     /// Gains of a simulated sensor's taxels.
     TaxelGains = 20,
+    /// Where to touch next: poses that are drawn, and approaches.
+    NextTouch = 30,
+    /// Which trials a bootstrap draws again.
+    Bootstrap = 31,
 }
 
 /// A reproducible stream of random numbers.

@@ -22,6 +22,7 @@ pub mod hybrid_scale;
 pub mod letter_presses;
 pub mod letters_appearance;
 pub mod letters_geometric;
+pub mod next_touch;
 pub mod noise;
 pub mod object_sessions;
 pub mod object_trials;

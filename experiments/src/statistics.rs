@@ -1,5 +1,10 @@
 //! Summaries of samples.
 
+use palpate_core::rng::{Purpose, Stream};
+
+/// How often a bootstrap draws.
+const DRAWS: u64 = 2_000;
+
 /// The mean; NaN for nothing.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
@@ -25,9 +30,30 @@ pub fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
+/// The interval in which 95 % of a statistic of `n` cases lies when cases are drawn again with
+/// replacement (Efron, 1979). `statistic` gets the drawn cases' indices.
+pub fn bootstrap_95(n: usize, seed: u64, statistic: impl Fn(&[usize]) -> f64) -> [f64; 2] {
+    let drawn = |draw| {
+        let mut stream = Stream::new(seed, Purpose::Bootstrap, draw);
+        statistic(&(0..n).map(|_| stream.index(n)).collect::<Vec<usize>>())
+    };
+    let drawn: Vec<f64> = (0..DRAWS).map(drawn).collect();
+    [quantile(&drawn, 0.025), quantile(&drawn, 0.975)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bootstrap_of_the_mean_is_as_wide_as_its_deviation() {
+        // 0 and 1 in equal numbers: the mean of 400 has deviation 0.5/20, so ±1.96 · 0.025.
+        let values: Vec<f64> = (0..400).map(|n| f64::from(n % 2)).collect();
+        let of = |cases: &[usize]| mean(&cases.iter().map(|n| values[*n]).collect::<Vec<_>>());
+        let [low, high] = bootstrap_95(400, 101, of);
+        assert!((high - low - 0.098).abs() < 0.01, "{low} {high}");
+        assert!((0.5 * (low + high) - 0.5).abs() < 0.005, "{low} {high}");
+    }
 
     #[test]
     fn quantiles_interpolate() {

@@ -9,6 +9,7 @@ pub mod appearance;
 pub mod calibration;
 pub mod geometry;
 pub mod health;
+pub mod next_touch;
 pub mod object;
 pub mod page;
 pub mod pose;
@@ -35,6 +36,7 @@ pub use geometry::{
     VersionReference,
 };
 pub use health::{Check, Liveness, Readiness, Version};
+pub use next_touch::{AskNextTouches, NextTouch, NextTouches, TouchCandidate, TouchWorkspace};
 pub use object::{
     AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshReport, MeshUnit,
     ObjectInfo, ObjectPage, StoredReading, StoredReadingPage, TrainingReadingsAdded, UpdateObject,

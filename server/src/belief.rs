@@ -16,6 +16,7 @@ use palpate_core::geometric::{
 use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::ObjectIdx;
 use palpate_core::model::appearance::AppearanceSource;
+use palpate_core::next_touch::{Ranking, rank};
 use palpate_core::reading::Reading;
 use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
@@ -28,6 +29,7 @@ use thiserror::Error;
 use crate::catalogues::Model;
 use crate::refusal::Refusal;
 use crate::wire::geometry::core_prior;
+use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
 use crate::wire::session::{Options, is_appearance, name, options};
 
@@ -160,6 +162,17 @@ impl SessionBelief {
         let object = object.or_else(|| answer.best_object())?;
         let probability = answer.probabilities[object.0 as usize];
         Some(ObjectMarginals { object, probability, marginals: belief.marginals(object)? })
+    }
+
+    /// Where to touch next; `None` when the method does not know, or nothing says where the
+    /// object is.
+    pub(crate) fn next_touches(
+        &self,
+        question: &Question,
+        should_stop: &mut dyn FnMut() -> bool,
+    ) -> Option<Ranking> {
+        let Self::Hybrid(belief) = self else { return None };
+        rank(belief, question.approaches.as_deref(), &question.options, should_stop).ok()
     }
 }
 

@@ -7,11 +7,12 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use palpate_core::belief::answer::Answer;
 use palpate_core::model::ObjectIdx;
 use palpate_schemas as wire;
-use palpate_schemas::{BeliefDetail, SessionEvent};
+use palpate_schemas::{BeliefDetail, Method, SessionEvent};
 use palpate_store::database::Database;
 use palpate_store::entity::{ReadingId, Session, StoredReading};
 use palpate_store::error::StoreError;
@@ -26,8 +27,9 @@ use crate::refusal::Refusal;
 use crate::repeats::new_readings;
 use crate::sensors::Sensors;
 use crate::sessions::{POSES, Tools, status};
+use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::reading::{Incoming, from_store};
-use crate::wire::session::{Status, belief, top};
+use crate::wire::session::{Status, belief, name, options, top};
 use crate::wire::{count, geometry};
 
 /// How many answers are remembered for robots that repeat a reading.
@@ -183,6 +185,29 @@ impl Live {
         let found = self.ask(&mut state, tools, place, length, ask).await?;
         let marginals = found.ok_or(Refusal::NoMarginals { session: self.session.id })?;
         Ok(Some(geometry::marginals(self.session.id, length, &marginals, &self.model)))
+    }
+
+    /// Where to touch next. `begun` is when the question came: its deadline counts from there.
+    pub(crate) async fn next_touches(
+        &self,
+        tools: &Tools<'_>,
+        question: Question,
+        begun: Instant,
+    ) -> Result<wire::NextTouches, Refusal> {
+        let (session, method) = (self.session.id, options(&self.session).method);
+        if method != Method::Hybrid {
+            return Err(Refusal::NoNextTouches { session, method: name(method) });
+        }
+        let mut state = self.state.lock().await;
+        let length = tools.store.journal().len(session)?;
+        let place = tools.pool.place()?;
+        let ask = move |belief: &SessionBelief| {
+            let mut is_late = || begun.elapsed() >= question.deadline;
+            (belief.next_touches(&question, &mut is_late), question)
+        };
+        let (ranking, question) = self.ask(&mut state, tools, place, length, ask).await?;
+        let ranking = ranking.ok_or(Refusal::NoTouch { session })?;
+        Ok(next_touches(session, length, &ranking, &question))
     }
 
     /// The belief after the session's first `at` readings, folded anew; `None` when that

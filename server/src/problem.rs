@@ -117,6 +117,8 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::NoPairMaps { .. }
         | Refusal::NoSurfaces { .. }
         | Refusal::NoMarginals { .. }
+        | Refusal::NoNextTouches { .. }
+        | Refusal::NoTouch { .. }
         | Refusal::ReadingsFull { .. }
         | Refusal::JobFinished { .. }
         | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,

@@ -53,6 +53,16 @@ pub(crate) enum Refusal {
          readings rule the object out"
     )]
     NoMarginals { session: Uuid },
+    #[error(
+        "session {session} has the method {method}, which does not say where to touch next: \
+         expected `hybrid`"
+    )]
+    NoNextTouches { session: Uuid, method: &'static str },
+    #[error(
+        "session {session} has no touch yet: expected a `workspace` (center and radius of a ball \
+         in which the object lies), or a first reading that touches it"
+    )]
+    NoTouch { session: Uuid },
     #[error("reading {seq} of robot {robot:?} was stored with other content")]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]

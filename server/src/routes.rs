@@ -56,6 +56,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::add_readings))
         .routes(routes!(sessions::get_belief))
         .routes(routes!(sessions::get_marginals))
+        .routes(routes!(sessions::ask_next_touches))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
 }

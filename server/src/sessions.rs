@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use dashmap::DashMap;
 use palpate_schemas as wire;
@@ -190,6 +191,23 @@ impl Sessions {
             let object = query.object.as_deref();
             live.marginals(&sessions.tools(), object, known_revision).await
         });
+        asking.await.unwrap_or(Err(Refusal::Panicked))
+    }
+
+    /// Where to touch next, as the belief is now.
+    pub(crate) async fn next_touches(
+        self: &Arc<Self>,
+        id: &str,
+        asked: &wire::AskNextTouches,
+    ) -> Result<wire::NextTouches, Refusal> {
+        let begun = Instant::now();
+        let live = self.live(self.parse(id)?).await?;
+        let question = convert::next_touch::question(asked, &self.sensors)?;
+        let sessions = Arc::clone(self);
+        let asking =
+            tokio::spawn(
+                async move { live.next_touches(&sessions.tools(), question, begun).await },
+            );
         asking.await.unwrap_or(Err(Refusal::Panicked))
     }
 

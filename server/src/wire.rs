@@ -8,6 +8,7 @@ pub(crate) mod analysis;
 pub(crate) mod appearance;
 pub(crate) mod calibration;
 pub(crate) mod geometry;
+pub(crate) mod next_touch;
 pub(crate) mod object;
 pub(crate) mod reading;
 pub(crate) mod sensor;

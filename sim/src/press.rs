@@ -226,8 +226,12 @@ impl PressSimulator {
         self.reading(id, object_from_sensor, &pressures)
     }
 
-    /// Makes a reading of pressures in the sensor frame's order.
-    pub(crate) fn reading(&self, id: SensorId, pose: Pose, pressures: &[f64]) -> Reading {
+    /// Makes a reading of pressures (Pa, row-major in the sensor frame's order) at a pose.
+    ///
+    /// # Panics
+    /// When the pressures are not those of this simulator's sensor.
+    #[must_use]
+    pub fn reading(&self, id: SensorId, pose: Pose, pressures: &[f64]) -> Reading {
         let pressures: Vec<Option<f64>> = pressures.iter().copied().map(Some).collect();
         Reading::new(id, &self.row_major_sensor, &pressures, pose)
             .expect("a simulated image has the sensor's shape and finite pressures")

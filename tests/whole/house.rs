@@ -48,6 +48,7 @@ const CORE_ORDER: &[&str] = &[
     "train",
     "recognise",
     "hybrid",
+    "next_touch",
     "geometric",
     "appearance",
 ];

@@ -1,8 +1,8 @@
 //! `palpate demo`: the whole of it at once, over real HTTP.
 //!
 //! An embedded server on a temporary folder, ten example objects as meshes, a training, then
-//! four simulated robots that touch objects in poses they do not know. Every step goes through
-//! the SDK, as it would for a robot elsewhere.
+//! four simulated robots that touch objects in poses they do not know, each where it is told to
+//! touch next. Every step goes through the SDK, as it would for a robot elsewhere.
 
 mod screen;
 mod summary;

@@ -5,8 +5,8 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
-    AddReadings, Belief, BeliefQuery, CreateSession, Marginals, MarginalsQuery, PageQuery,
-    ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    AddReadings, AskNextTouches, Belief, BeliefQuery, CreateSession, Marginals, MarginalsQuery,
+    NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
 };
 
 use crate::app::App;
@@ -148,4 +148,24 @@ pub(crate) async fn get_marginals(
     };
     let etag = [(header::ETAG, format!("\"{}\"", marginals.revision))];
     Ok((etag, Json(marginals)).into_response())
+}
+
+/// Ask where to touch next
+///
+/// In sessions with the method `hybrid`: ranks the `candidates`, or approaches of the service's
+/// own, by what their outcomes are expected to say about which object it is, times the
+/// probability of a contact, and per `cost` when there is one. What was evaluated by
+/// `deadline_ms` is ranked; equal questions that are evaluated completely get equal answers.
+/// Nothing is stored. 409 with other methods, and before the first touch without a `workspace`.
+#[utoipa::path(post, path = "/v1/sessions/{session}/next-touches",
+    operation_id = "ask_next_touches", tag = "sessions", request_body = AskNextTouches,
+    params(("session" = String, Path, description = "The session's id")),
+    responses((status = 200, description = "Approaches, best first", body = NextTouches),
+        Conflict))]
+pub(crate) async fn ask_next_touches(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    JsonBody(request): JsonBody<AskNextTouches>,
+) -> Result<Json<NextTouches>, Refusal> {
+    Ok(Json(app.sessions().next_touches(&session, &request).await?))
 }

@@ -10,6 +10,7 @@ mod geometry;
 mod harness;
 mod memory;
 mod msgpack;
+mod next_touches;
 mod objects;
 mod sessions;
 mod site;

@@ -6,13 +6,15 @@ use serde::Serialize;
 use crate::output::{self, ERRORS_OF_POSE, median};
 use crate::trial::TrialResult;
 
-/// The line of `palpate demo --once --json`. Touches are those of all trials; errors those of
-/// the recognised objects modulo their symmetry (`plain…`: as they are), null when there is none; milliseconds those of every reading.
+/// The line of `palpate demo --once --json`. Touches are those of all trials, and `misses` how
+/// many of them touched nothing; errors those of the recognised objects modulo their symmetry
+/// (`plain…`: as they are), null when there is none; milliseconds those of every reading.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct Summary {
     trials: usize,
     recognised: usize,
     touches_median: Option<f64>,
+    misses: u32,
     position_error_mm_median: Option<f64>,
     angle_error_deg_median: Option<f64>,
     plain_angle_error_deg_median: Option<f64>,
@@ -35,6 +37,7 @@ impl Summary {
             trials: results.len(),
             recognised: right().count(),
             touches_median: median(&touches),
+            misses: results.iter().map(|result| result.last.misses).sum(),
             position_error_mm_median: median(&position),
             angle_error_deg_median: median(&angle),
             plain_angle_error_deg_median: median(&plain_angle),
@@ -48,11 +51,12 @@ impl Summary {
             value.map_or("–".to_owned(), |value| format!("{value:.1}{unit}"))
         };
         format!(
-            "recognised {} of {} objects; median {} touches, off by {} and {}, {} a reading\n\
-             {ERRORS_OF_POSE}",
+            "recognised {} of {} objects; median {} touches ({} in all touched nothing), off by {} \
+             and {}, {} a reading\n{ERRORS_OF_POSE}",
             self.recognised,
             self.trials,
             or_none(self.touches_median, ""),
+            self.misses,
             or_none(self.position_error_mm_median, " mm"),
             or_none(self.angle_error_deg_median, "°"),
             or_none(self.ms_per_reading_median, " ms"),
@@ -65,7 +69,17 @@ pub(super) fn table(results: &[TrialResult]) -> String {
     let mut sorted: Vec<&TrialResult> = results.iter().collect();
     sorted.sort_by(|a, b| a.truth.cmp(&b.truth));
     output::table(
-        ["object", "", "believed", "probability", "touches", "position", "angle", "ms a reading"],
+        [
+            "object",
+            "",
+            "believed",
+            "probability",
+            "touches",
+            "missed",
+            "position",
+            "angle",
+            "ms a reading",
+        ],
         sorted.into_iter().map(|result| {
             let last = &result.last;
             let ms: Vec<f64> = result.steps.iter().map(|step| step.reading_ms).collect();
@@ -75,6 +89,7 @@ pub(super) fn table(results: &[TrialResult]) -> String {
                 last.object.clone().unwrap_or_default(),
                 format!("{:.1} %", last.probability * 100.0),
                 last.touches.to_string(),
+                last.misses.to_string(),
                 last.position_error.map_or("–".to_owned(), output::mm),
                 last.angle_error.map_or("–".to_owned(), output::degrees),
                 median(&ms).map_or("–".to_owned(), |ms| format!("{ms:.1}")),
@@ -91,6 +106,7 @@ mod tests {
     fn result(right: bool, touches: u32, position_error: f64) -> TrialResult {
         let last = Step {
             touches,
+            misses: 1,
             object: Some("mug".to_owned()),
             probability: 1.0,
             entropy_bits: 0.0,
@@ -108,7 +124,7 @@ mod tests {
         let results = [result(true, 4, 0.002), result(true, 8, 0.004), result(false, 20, 9.0)];
         let summary = Summary::of(&results);
         assert_eq!((summary.trials, summary.recognised), (3, 2));
-        assert_eq!(summary.touches_median, Some(8.0));
+        assert_eq!((summary.touches_median, summary.misses), (Some(8.0), 3));
         assert!((summary.position_error_mm_median.unwrap() - 3.0).abs() < 1e-9);
     }
 
@@ -120,6 +136,7 @@ mod tests {
             "trials",
             "recognised",
             "touches_median",
+            "misses",
             "position_error_mm_median",
             "angle_error_deg_median",
             "plain_angle_error_deg_median",

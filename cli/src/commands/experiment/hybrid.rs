@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 use palpate_core::units::MM;
 use palpate_experiments::hybrid_objects::{self, HybridObjects};
 use palpate_experiments::hybrid_scale::{self, HybridScale};
+use palpate_experiments::next_touch::{self, NextTouch};
 use palpate_experiments::report::{Outcome, Progress};
 
 use super::{count, meshes_of, millimetres};
@@ -35,6 +36,24 @@ pub(super) enum HybridExperiment {
     },
     /// Catalogues of fifty, a hundred and on demand a thousand objects.
     HybridScale(ScaleArgs),
+    /// Presses until an object is recognised for good, by how they are chosen.
+    NextTouch {
+        /// A folder of meshes; the built-in objects when not given.
+        #[arg(long, value_name = "DIR")]
+        meshes: Option<PathBuf>,
+        /// Largest dimension to which every object is scaled.
+        #[arg(long, default_value_t = 80.0, value_parser = millimetres)]
+        size_mm: f64,
+        /// Trials of all objects together.
+        #[arg(long, default_value_t = 300, value_parser = count)]
+        trials: usize,
+        /// Training readings an object.
+        #[arg(long, default_value_t = 1_000, value_parser = count)]
+        train_readings: usize,
+        /// Presses of a trial at most.
+        #[arg(long, default_value_t = 20, value_parser = count)]
+        readings: usize,
+    },
 }
 
 /// Which objects catalogues are made of, and how large they are.
@@ -128,6 +147,11 @@ impl HybridExperiment {
                 hybrid_objects::run(&config, command, progress)
             }
             Self::HybridScale(args) => hybrid_scale::run(&args.config(seed), command, progress),
+            Self::NextTouch { meshes, size_mm, trials, train_readings, readings } => {
+                let size = size_mm * MM;
+                let config = NextTouch { meshes, size, seed, trials, train_readings, readings };
+                next_touch::run(&config, command, progress)
+            }
         }
     }
 
@@ -147,6 +171,11 @@ impl HybridExperiment {
                 meshes_of(meshes)
             ),
             Self::HybridScale(args) => args.line(),
+            Self::NextTouch { meshes, size_mm, trials, train_readings, readings } => format!(
+                "next-touch{} --size-mm {size_mm} --trials {trials} --train-readings \
+                 {train_readings} --readings {readings}",
+                meshes_of(meshes)
+            ),
         }
     }
 }

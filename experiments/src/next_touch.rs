@@ -1,0 +1,381 @@
+//! Where to touch next: presses until the object is recognised for good, by how they are
+//! chosen, on a robot that comes from outside and may miss.
+//!
+//! A trial is an object in a drawn pose and up to `readings` presses; trials are paired: equal
+//! objects, poses, noise and first ray for every policy. A press counts one whether it touches
+//! or misses, and so does one that is centred; how often the sensor went out in all is reported
+//! beside it. The count is of the presses from which on the right object has 95 % or more
+//! until the trial's end; a trial that never gets there counts one more than it has.
+
+pub mod robot;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+use palpate_core::hybrid::{HybridBelief, HybridOptions};
+use palpate_core::model::surface::SurfaceModel;
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::train::surface::SurfaceConfig;
+use palpate_core::units::MM;
+use palpate_sim::press::PressSimulator;
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::object_sessions::train_hybrid;
+use crate::objects::{self, TestObject};
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::statistics::{bootstrap_95, mean, quantile};
+use robot::{Policy, Robot};
+
+/// The probability at which an object is recognised.
+const SURE: f64 = 0.95;
+
+/// How far from the session's origin objects are placed along each axis, metres.
+const PLACE: f64 = 200.0 * MM;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct NextTouch {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Trials of all objects together, one object after the other.
+    pub trials: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Presses of a trial at most.
+    pub readings: usize,
+}
+
+impl Default for NextTouch {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            size: 80.0 * MM,
+            seed: 1,
+            trials: 300,
+            train_readings: 1_000,
+            readings: 20,
+        }
+    }
+}
+
+/// One press of a trial.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    /// Whether the right object was named.
+    right: bool,
+    /// Whether it had 95 % or more.
+    sure: bool,
+    touched: bool,
+    approaches: usize,
+    /// How long it took to be told where to press, milliseconds.
+    choice_ms: f64,
+    /// What was expected: probability of a contact and bits on the identity.
+    expected: Option<[f64; 2]>,
+}
+
+/// All trials of a policy.
+struct Played {
+    policy: Policy,
+    trials: Vec<Vec<Step>>,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, or training fails.
+pub fn run(config: &NextTouch, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("next-touch", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+    let model = train(&objects, config, progress)?;
+    let sensor = SensorDescription::digitacts_6x6();
+    let simulators: Vec<PressSimulator> = objects
+        .iter()
+        .map(|object| PressSimulator::new(object.mesh.clone(), sensor.clone()))
+        .collect();
+    let mut all = Vec::with_capacity(Policy::ALL.len());
+    for (done, policy) in Policy::ALL.into_iter().enumerate() {
+        progress(policy.name(), done, Policy::ALL.len());
+        let play = |trial| play(config, &model, &simulators, policy, trial);
+        // What is timed has a core for itself.
+        let trials: anyhow::Result<Vec<_>> = match policy {
+            Policy::Information => (0..config.trials).map(play).collect(),
+            _ => (0..config.trials).into_par_iter().map(play).collect(),
+        };
+        all.push(Played { policy, trials: trials? });
+    }
+    for played in &all {
+        report_policy(&mut report, config, played);
+        report_objects(&mut report, config, &objects, played);
+    }
+    report_ratios(&mut report, config, &all);
+    Ok(Outcome { report, plot: plot(config, &all), pictures: Vec::new() })
+}
+
+fn train(
+    objects: &[TestObject],
+    config: &NextTouch,
+    progress: Progress<'_>,
+) -> anyhow::Result<Arc<SurfaceModel>> {
+    let sensor = SensorDescription::digitacts_6x6();
+    let touch = |(done, object)| {
+        progress("touching objects", done, objects.len());
+        objects::touch(object, &sensor, config.train_readings, 2 * config.seed)
+    };
+    let readings: anyhow::Result<Vec<Vec<Reading>>> =
+        objects.iter().enumerate().map(touch).collect();
+    progress("training", 0, 1);
+    train_hybrid(&readings?, &sensor, &SurfaceConfig::default(), config.seed)
+}
+
+fn true_pose(seed: u64, trial: usize) -> Pose {
+    let mut stream = Stream::new(seed, Purpose::ObjectPose, trial as u64);
+    let position = DVec3::from_array([0; 3].map(|_| stream.uniform(-PLACE, PLACE)));
+    Pose::from_parts(stream.rotation(), position)
+}
+
+/// Plays one trial.
+fn play(
+    config: &NextTouch,
+    model: &Arc<SurfaceModel>,
+    simulators: &[PressSimulator],
+    policy: Policy,
+    trial: usize,
+) -> anyhow::Result<Vec<Step>> {
+    let object = trial % simulators.len();
+    let simulator = &simulators[object];
+    let session_from_object = true_pose(config.seed, trial);
+    let robot = Robot { simulator, session_from_object, policy, seed: config.seed, trial };
+    let mut belief = HybridBelief::new(Arc::clone(model), HybridOptions::default(), None)?;
+    let mut contacts: Vec<Reading> = Vec::new();
+    let mut steps = Vec::with_capacity(config.readings);
+    for press in 0..config.readings {
+        let begun = Instant::now();
+        let (approach, expected) = robot.choose(press, &belief, &contacts);
+        let choice_ms = begun.elapsed().as_secs_f64() * 1e3;
+        let pressed = robot.press(press, &approach);
+        if let Some(reading) = pressed.reading {
+            belief.add(&reading, simulator.sensor());
+            if pressed.touched {
+                contacts.push(reading);
+            }
+        }
+        let answer = belief.answer(0);
+        let named = answer.best_object().map(|object| object.0 as usize);
+        let right = named == Some(object);
+        steps.push(Step {
+            right,
+            sure: right && answer.probabilities[object] >= SURE,
+            touched: pressed.touched,
+            approaches: pressed.approaches,
+            choice_ms,
+            expected: expected.map(|best| [best.contact_probability, best.identity_bits]),
+        });
+    }
+    Ok(steps)
+}
+
+/// The presses from which on the trial is right and sure until its end.
+fn touches_for_good(steps: &[Step]) -> usize {
+    steps.iter().rposition(|step| !step.sure).map_or(1, |last| last + 2)
+}
+
+/// How often the sensor went out until then.
+fn approaches_for_good(steps: &[Step]) -> usize {
+    let touches = touches_for_good(steps);
+    steps.iter().take(touches).map(|step| step.approaches).sum()
+}
+
+fn counts(played: &Played, of: fn(&[Step]) -> usize) -> Vec<f64> {
+    played.trials.iter().map(|steps| of(steps) as f64).collect()
+}
+
+fn report_policy(report: &mut Report, config: &NextTouch, played: &Played) {
+    let name = played.policy.name();
+    let touches = counts(played, touches_for_good);
+    let approaches = counts(played, approaches_for_good);
+    let steps = || played.trials.iter().flatten();
+    let share = |values: Vec<bool>| {
+        mean(&values.into_iter().map(|value| f64::from(u8::from(value))).collect::<Vec<_>>())
+    };
+    let resampled = |cases: &[usize]| mean(&cases.iter().map(|n| touches[*n]).collect::<Vec<_>>());
+    let [low, high] = bootstrap_95(touches.len(), config.seed, resampled);
+    let never = touches.iter().map(|n| *n > config.readings as f64).collect();
+    // The first press is blind for all: what was chosen are the others.
+    let chosen = played.trials.iter().flat_map(|steps| &steps[1..]).map(|step| step.touched);
+    report.row(vec![
+        ("policy", json!(name)),
+        ("trials", json!(touches.len())),
+        ("touches_mean", json!(mean(&touches))),
+        ("touches_low", json!(low)),
+        ("touches_high", json!(high)),
+        ("touches_median", json!(quantile(&touches, 0.5))),
+        ("touches_p90", json!(quantile(&touches, 0.9))),
+        ("touches_max", json!(quantile(&touches, 1.0))),
+        ("never_share", json!(share(never))),
+        ("approaches_mean", json!(mean(&approaches))),
+        ("touching_share", json!(share(chosen.collect()))),
+    ]);
+    report.summarise(&format!("{name}_touches_mean"), mean(&touches));
+    report.summarise(&format!("{name}_approaches_mean"), mean(&approaches));
+    for n in 1..=config.readings {
+        let after = || played.trials.iter().map(|steps| steps[n - 1]);
+        let for_good = touches.iter().map(|touches| *touches <= n as f64).collect();
+        report.row(vec![
+            ("policy", json!(name)),
+            ("presses", json!(n)),
+            ("accuracy", json!(share(after().map(|step| step.right).collect()))),
+            ("sure_for_good", json!(share(for_good))),
+        ]);
+    }
+    if played.policy == Policy::Information {
+        let times: Vec<f64> =
+            steps().filter(|step| step.expected.is_some()).map(|step| step.choice_ms).collect();
+        report.summarise("p99_ms", quantile(&times, 0.99));
+        report.summarise("median_ms", quantile(&times, 0.5));
+    }
+    report_expected(report, played);
+}
+
+/// Rows of presses by what contact was expected, beside how many of them touched.
+fn report_expected(report: &mut Report, played: &Played) {
+    const BINS: usize = 5;
+    let steps = || played.trials.iter().flatten();
+    for bin in 0..BINS {
+        let within = |expected: f64| ((expected * BINS as f64) as usize).min(BINS - 1) == bin;
+        let found: Vec<(f64, f64)> = steps()
+            .filter_map(|step| Some((step.expected?[0], f64::from(u8::from(step.touched)))))
+            .filter(|(expected, _)| within(*expected))
+            .collect();
+        if found.is_empty() {
+            continue;
+        }
+        let (expected, touched): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
+        report.row(vec![
+            ("policy", json!(played.policy.name())),
+            ("trials", json!(expected.len())),
+            ("contact_expected", json!(mean(&expected))),
+            ("touching_share", json!(mean(&touched))),
+        ]);
+    }
+}
+
+fn report_objects(
+    report: &mut Report,
+    config: &NextTouch,
+    objects: &[TestObject],
+    played: &Played,
+) {
+    let touches = counts(played, touches_for_good);
+    for (index, object) in objects.iter().enumerate() {
+        let own: Vec<f64> = touches.iter().copied().skip(index).step_by(objects.len()).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let never = own.iter().filter(|n| **n > config.readings as f64).count();
+        report.row(vec![
+            ("policy", json!(played.policy.name())),
+            ("object", json!(object.name)),
+            ("trials", json!(own.len())),
+            ("touches_mean", json!(mean(&own))),
+            ("never_share", json!(never as f64 / own.len() as f64)),
+        ]);
+    }
+}
+
+fn report_ratios(report: &mut Report, config: &NextTouch, all: &[Played]) {
+    let of = |policy: Policy| {
+        let found = all.iter().find(|played| played.policy == policy);
+        found.map(|played| counts(played, touches_for_good)).unwrap_or_default()
+    };
+    let ours = of(Policy::Information);
+    for (key, policy) in [
+        ("touches_ratio_to_random", Policy::Random),
+        ("touches_ratio_to_random_recentered", Policy::RandomRecentered),
+        ("touches_ratio_to_directed", Policy::Directed),
+        ("touches_ratio_to_sampler", Policy::Sampler),
+    ] {
+        let other = of(policy);
+        let ratio = |cases: &[usize]| {
+            let sum = |values: &[f64]| cases.iter().map(|n| values[*n]).sum::<f64>();
+            sum(&ours) / sum(&other)
+        };
+        report.summarise(key, mean(&ours) / mean(&other));
+        let [low, high] = bootstrap_95(ours.len(), config.seed, ratio);
+        report.summarise(&format!("{key}_low"), low);
+        report.summarise(&format!("{key}_high"), high);
+    }
+}
+
+fn plot(config: &NextTouch, all: &[Played]) -> String {
+    let lines = |value: &dyn Fn(&Played, usize) -> f64| -> Vec<Line> {
+        let line = |played: &Played| Line {
+            name: played.policy.name().replace('_', " "),
+            points: (1..=config.readings).map(|n| (n as f64, value(played, n))).collect(),
+        };
+        all.iter().map(line).collect()
+    };
+    let panel = |title: &str, lines| Panel {
+        title: title.to_owned(),
+        x: "presses, misses included".to_owned(),
+        y: "% of trials".to_owned(),
+        lines,
+    };
+    let percent = |played: &Played, is: &dyn Fn(&Vec<Step>) -> bool| {
+        let n = played.trials.iter().filter(|steps| is(steps)).count();
+        100.0 * n as f64 / played.trials.len() as f64
+    };
+    svg(&[
+        panel(
+            "right with 95 % for good",
+            lines(&|played, n| percent(played, &|steps| touches_for_good(steps) <= n)),
+        ),
+        panel("right", lines(&|played, n| percent(played, &|steps| steps[n - 1].right))),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(sure: bool) -> Step {
+        Step { right: sure, sure, touched: true, approaches: 2, choice_ms: 0.0, expected: None }
+    }
+
+    #[test]
+    fn what_was_sure_and_doubted_again_does_not_count() {
+        let steps = |sure: [bool; 4]| sure.map(step).to_vec();
+        assert_eq!(touches_for_good(&steps([true; 4])), 1);
+        assert_eq!(touches_for_good(&steps([false, true, false, true])), 4);
+        assert_eq!(touches_for_good(&steps([true, true, true, false])), 5, "never");
+        assert_eq!(approaches_for_good(&steps([false, true, true, true])), 4);
+    }
+
+    #[test]
+    fn a_small_run_reports_every_key_and_needs_fewer_touches_than_chance() {
+        let config = NextTouch {
+            seed: 101,
+            trials: 10,
+            train_readings: 250,
+            readings: 8,
+            ..NextTouch::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["touches_ratio_to_random"] < 0.9, "{summary:?}");
+        for key in ["touches_ratio_to_directed", "p99_ms", "sampler_touches_mean"] {
+            assert!(summary[key] > 0.0, "{key}: {summary:?}");
+        }
+        assert_eq!(outcome.plot.matches("polyline").count(), 2 * Policy::ALL.len());
+    }
+}
