@@ -8,15 +8,19 @@
 //! change a bit.
 
 pub mod calibrate;
+mod carried;
+mod evidence;
 mod hypothesis;
 pub mod options;
 mod outlook;
+mod pattern;
 mod propose;
 mod refine;
 mod score;
 mod sighting;
 #[cfg(test)]
 mod test_support;
+mod usual;
 
 use std::sync::Arc;
 
@@ -31,12 +35,15 @@ use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
 use crate::model::ObjectIdx;
 use crate::model::surface::SurfaceModel;
 use crate::pose::Pose;
-use crate::reading::Reading;
+use crate::reading::{Looseness, Reading};
 use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
+use carried::Carried;
+use evidence::{Evidence, Known};
 use hypothesis::{Hypothesis, merge};
+use pattern::{Miss, Pattern};
 use propose::{Proposal, partners, propose};
 use score::{Kernel, Turned};
 use sighting::Sighting;
@@ -50,9 +57,11 @@ const PAIR_OUTLIERS: f32 = 0.03;
 /// Of the stored pairs whose cells a query visits, what their geometry weighs in the mean.
 const VISITED_WEIGHT: f32 = 0.03;
 
-/// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
-/// mapped touches instead of between them.
-const WORSE_MAX: f32 = 3.0;
+/// No object is ruled out for good when what is known is carried over.
+const SURE: f64 = 1e-12;
+
+/// A pose more probable than this is likelier than not.
+const LIKELY: f64 = 0.5;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
@@ -64,10 +73,18 @@ pub struct HybridBelief {
     /// The first touch: poses are relative to it, since single precision ends somewhere.
     anchor: DVec3,
     touches: Vec<Sighting>,
+    /// Of all presses: what they say of free and occupied space.
+    patterns: Vec<Pattern>,
+    /// Presses that met nothing, before there was an anchor.
+    misses: Vec<Miss>,
     objects: Vec<ObjectState>,
     /// What the objects' evidence is of: 0 nothing, 1 looks, 2 a pair, 3 hypotheses.
     stage: usize,
     n_readings: usize,
+    /// The probability that it is none of them, before the touches.
+    unknown: f64,
+    /// Whether the object may have moved since its first touch.
+    may_have_moved: bool,
 }
 
 /// What is believed of one object.
@@ -79,6 +96,8 @@ struct ObjectState {
     log_evidence: f64,
     /// What the first pair of touches said.
     pair: PairEvidence,
+    /// Where it was before it may have moved.
+    carried: Carried,
 }
 
 /// What a pair of touches says of an object without asking for a pose.
@@ -106,28 +125,42 @@ impl HybridBelief {
             kernel: Kernel::new(&options),
             anchor: DVec3::ZERO,
             touches: Vec::new(),
+            patterns: Vec::new(),
+            misses: Vec::new(),
             stage: 0,
             n_readings: 0,
+            unknown: options.unknown,
+            may_have_moved: false,
             model,
             options,
         })
     }
 
-    /// Takes a reading into account. A press that touched nothing counts as a reading.
+    /// Takes a reading into account. A press that touched nothing says where the object is not.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
         self.n_readings += 1;
         let Some(touch) = observe_touch(reading, sensor, &self.model.space) else {
+            self.add_miss(reading, sensor);
             return;
         };
-        if self.touches.is_empty() {
+        if self.touches.is_empty() && !self.may_have_moved {
             self.anchor = touch.position;
         }
+        if self.touches.is_empty() {
+            let misses = std::mem::take(&mut self.misses);
+            self.patterns.extend(misses.iter().map(|miss| miss.pattern(self.anchor)));
+        }
+        self.patterns.push(Pattern::of_touch(reading, sensor, self.anchor));
         let (space, scale) = (&self.model.space, &self.options.scale);
-        let sighting = Sighting::new(&touch, self.anchor, space, scale);
+        let sighting = Sighting::new(&touch, self.anchor, space, scale).from_base(reading.base());
         self.touches.push(sighting.weighed(&self.touches));
         match self.touches.len() {
-            1 => self.compare_looks(),
+            1 => {
+                self.compare_looks();
+                self.follow();
+            }
             2 => {
+                self.follow();
                 self.propose(&[0], f64::INFINITY);
                 self.compare_pairs();
             }
@@ -139,6 +172,71 @@ impl HybridBelief {
             }
         }
         self.bound();
+    }
+
+    /// The object may have moved since the last touch, by deviations of `motion`: which one it
+    /// is stays as probable, its pose becomes loose by so much.
+    pub fn loosen(&mut self, motion: &Looseness) {
+        self.may_have_moved |= !self.touches.is_empty();
+        if self.touches.is_empty() {
+            self.misses.clear();
+            self.objects.iter_mut().for_each(|state| state.carried.loosen(motion));
+            return;
+        }
+        let mut probabilities = self.probabilities();
+        self.unknown = probabilities.pop().unwrap_or(0.0).clamp(SURE, 1.0 - SURE);
+        let known: f64 = probabilities.iter().sum();
+        let share = |p: f64| (p / known.max(f64::MIN_POSITIVE)).max(SURE).ln();
+        self.log_prior = probabilities.into_iter().map(share).collect();
+        for state in &mut self.objects {
+            state.carried = Carried::of(&state.hypotheses, motion);
+            state.hypotheses.truncate(carried::POSES_MAX);
+            let best = state.hypotheses.first().map_or(0.0, |best| best.score);
+            state.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
+            state.log_evidence = 0.0;
+        }
+        self.touches.clear();
+        self.patterns.clear();
+        self.stage = 0;
+    }
+
+    /// Lays the poses of before a motion onto the touches since.
+    fn follow(&mut self) {
+        let (objects, evidence) = self.parts();
+        for_each_object(objects, evidence.maps, |state, map| {
+            let ObjectState { hypotheses, carried, .. } = state;
+            let known = Known { map, carried };
+            for hypothesis in &mut *hypotheses {
+                let score = evidence.score(known, &hypothesis.pose(), f32::NEG_INFINITY);
+                hypothesis.score = score.unwrap_or(f32::NEG_INFINITY);
+                evidence.settle(hypothesis, known);
+            }
+            merge(hypotheses, evidence.options);
+        });
+    }
+
+    /// A press that met nothing makes poses less likely that had something there.
+    fn add_miss(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        if self.touches.is_empty() {
+            self.misses.push(Miss { reading: reading.clone(), sensor: sensor.clone() });
+            return;
+        }
+        self.patterns.push(Pattern::of_miss(reading, sensor, self.anchor));
+        self.judge_newest_pattern();
+        if self.stage == 3 {
+            self.weigh();
+        }
+    }
+
+    /// What the newest press says of free and occupied space scores every hypothesis.
+    fn judge_newest_pattern(&mut self) {
+        let (objects, evidence) = self.parts();
+        for_each_object(objects, evidence.maps, |state, map| {
+            for hypothesis in &mut state.hypotheses {
+                hypothesis.score += evidence.newest_pattern(map, &hypothesis.pose());
+            }
+            merge(&mut state.hypotheses, evidence.options);
+        });
     }
 
     /// After one touch only its appearance tells objects apart.
@@ -171,14 +269,12 @@ impl HybridBelief {
 
     /// The newest touch scores every hypothesis.
     fn verify(&mut self) {
-        let (kernel, options) = (self.kernel, self.options);
-        let Some(touch) = self.touches.last() else { return };
-        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
+        let (objects, evidence) = self.parts();
+        for_each_object(objects, evidence.maps, |state, map| {
             for hypothesis in &mut state.hypotheses {
-                let pose = Turned::new(hypothesis.rotation, hypothesis.translation);
-                hypothesis.score += kernel.score(map, &pose, touch);
+                hypothesis.score += evidence.newest(map, &hypothesis.pose());
             }
-            merge(&mut state.hypotheses, &options);
+            merge(&mut state.hypotheses, evidence.options);
         });
         self.weigh();
     }
@@ -189,11 +285,16 @@ impl HybridBelief {
         let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
         let best = best.fold(f32::NEG_INFINITY, f32::max);
         let poor = f64::from(best) < f64::from(self.options.poor) * self.counted();
-        if !poor && n > 3 && self.share_of_best_pose() >= self.options.certain {
+        let share = self.share_of_best_pose();
+        if !poor && n > 3 && share >= self.options.certain {
             return;
         }
         let budget = &self.options.budget;
-        let n_partners = if poor { budget.partners_if_poor } else { budget.partners };
+        let n_partners = match (poor, share > LIKELY) {
+            (true, _) => budget.partners_if_poor,
+            (false, false) => budget.partners,
+            (false, true) => budget.partners_if_likely,
+        };
         let partners = partners(&self.touches, n_partners);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
         self.propose(&partners, reach);
@@ -211,23 +312,24 @@ impl HybridBelief {
     /// The newest touch and each partner propose poses of the objects that are at most
     /// `reach` (ln) less likely than the best.
     fn propose(&mut self, partners: &[usize], reach: f64) {
-        let (kernel, options) = (self.kernel, self.options);
-        let touches = self.touches.as_slice();
-        let [earlier @ .., newest] = touches else { return };
-        let (bar, refining) = match touches.len() {
+        let (bar, refining) = match self.touches.len() {
             0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
             _ => (
-                self.bar(reach, options.budget.objects),
-                self.bar(f64::from(options.drop_between), options.budget.refined_objects),
+                self.bar(reach, self.options.budget.objects),
+                self.bar(f64::from(self.options.drop_between), self.options.budget.refined_objects),
             ),
         };
-        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
+        let (objects, evidence) = self.parts();
+        let (touches, options) = (evidence.touches, evidence.options);
+        let [earlier @ .., newest] = touches else { return };
+        for_each_object(objects, evidence.maps, |state, map| {
             if state.log_evidence < bar {
                 return;
             }
+            let known = Known { map, carried: &state.carried };
             for partner in partners {
                 let pair = [newest, &earlier[*partner]];
-                let Some(proposed) = propose(map, pair, &options) else { continue };
+                let Some(proposed) = propose(map, pair, options) else { continue };
                 state.pair = PairEvidence {
                     geometry: proposed.geometry,
                     evidence: proposed.evidence,
@@ -237,20 +339,20 @@ impl HybridBelief {
                 let mut bar = f32::NEG_INFINITY;
                 for Proposal { rotation, translation } in proposed.proposals {
                     let pose = Turned::new(rotation, translation);
-                    let Some(score) = kernel.score_all(map, &pose, touches, bar) else { continue };
+                    let Some(score) = evidence.score(known, &pose, bar) else { continue };
                     bar = bar.max(score - options.drop_within);
                     new.push(Hypothesis { rotation, translation, score });
                 }
                 if touches.len() > 2 && state.log_evidence >= refining {
-                    merge(&mut new, &options);
+                    merge(&mut new, options);
                     new.truncate(options.budget.refined_proposals);
                     for hypothesis in &mut new {
-                        settle(hypothesis, map, touches, &kernel, &options);
+                        evidence.settle(hypothesis, known);
                     }
                 }
                 state.hypotheses.extend(new);
             }
-            merge(&mut state.hypotheses, &options);
+            merge(&mut state.hypotheses, options);
         });
     }
 
@@ -274,14 +376,27 @@ impl HybridBelief {
         let top = best.first().map_or(0.0, |best| best.0);
         best.retain(|found| found.0 > top - self.options.drop_between);
         best.truncate(self.options.budget.refined);
+        let (objects, evidence) = self.parts();
         for (_, object, index) in best {
-            let map = &self.model.maps[object];
-            let hypothesis = &mut self.objects[object].hypotheses[index];
-            settle(hypothesis, map, &self.touches, &self.kernel, &self.options);
+            let ObjectState { hypotheses, carried, .. } = &mut objects[object];
+            let known = Known { map: &evidence.maps[object], carried };
+            evidence.settle(&mut hypotheses[index], known);
         }
-        for state in &mut self.objects {
-            merge(&mut state.hypotheses, &self.options);
+        for state in objects {
+            merge(&mut state.hypotheses, evidence.options);
         }
+    }
+
+    /// What changes with a touch, and what it is judged by.
+    fn parts(&mut self) -> (&mut [ObjectState], Evidence<'_>) {
+        let evidence = Evidence {
+            maps: &self.model.maps,
+            kernel: &self.kernel,
+            touches: &self.touches,
+            patterns: &self.patterns,
+            options: &self.options,
+        };
+        (&mut self.objects, evidence)
     }
 
     /// Sums up what the hypotheses of each object say, and that all touches fit nowhere.
@@ -316,16 +431,36 @@ impl HybridBelief {
     /// The probability of each object, then of none of them.
     fn probabilities(&self) -> Vec<f64> {
         if self.stage == 0 {
-            let logs = self.log_prior.iter().map(|log| log + (1.0 - self.options.unknown).ln());
-            return normalize(&logs.chain([self.options.unknown.ln()]).collect::<Vec<f64>>());
+            let logs = self.log_prior.iter().map(|log| log + (1.0 - self.unknown).ln());
+            return normalize(&logs.chain([self.unknown.ln()]).collect::<Vec<f64>>());
         }
         let stage = self.model.calibration.stage(self.stage);
-        let known = (1.0 - self.options.unknown).ln() + (self.objects.len() as f64).ln();
+        let known = (1.0 - self.unknown).ln() + (self.objects.len() as f64).ln();
         let both = self.objects.iter().zip(&self.log_prior);
         let logs =
             both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
-        let unknown = stage.log_unknown(self.counted()) / stage.temperature;
-        normalize(&logs.chain([unknown + self.options.unknown.ln()]).collect::<Vec<f64>>())
+        let unknown = (stage.log_unknown(self.counted()) + self.unusual()) / stage.temperature;
+        normalize(&logs.chain([unknown + self.unknown.ln()]).collect::<Vec<f64>>())
+    }
+
+    /// How much better (ln) "none of these" explains the touches than it does beside an object
+    /// that explains its own as well as most: more where the touches look like an object that
+    /// should explain them better.
+    fn unusual(&self) -> f64 {
+        if self.stage < 3 {
+            return 0.0;
+        }
+        let temperature = self.model.calibration.stage(3).temperature;
+        let logs = self.objects.iter().map(|state| state.log_evidence);
+        usual::excess(logs.enumerate(), temperature, |object| self.usual_score(object))
+            * self.counted()
+    }
+
+    /// How well an object usually explains its own touches, ln a touch.
+    fn usual_score(&self, object: usize) -> f64 {
+        let (map, space) = (&self.model.maps[object], &self.model.space);
+        let find = || usual::usual_score(map, space, &self.kernel, &self.options);
+        f64::from(map.usual_score(find))
     }
 
     /// How many touches there are, by what they count.
@@ -357,7 +492,8 @@ impl HybridBelief {
             PoseMode {
                 object: ObjectIdx(object as u32),
                 session_from_object: self.session_from_object(&refined),
-                covariance: refine::covariance(&refined, map, &self.touches, kernel, options),
+                covariance: refine::covariance(&refined, map, &self.touches, kernel, options)
+                    + self.objects[object].carried.covariance(self.touches.len()),
                 weight,
             }
         };
@@ -374,25 +510,6 @@ impl HybridBelief {
     #[must_use]
     pub fn n_readings(&self) -> usize {
         self.n_readings
-    }
-}
-
-/// Refines a hypothesis and scores it anew; one that becomes clearly worse stays as it was.
-fn settle(
-    hypothesis: &mut Hypothesis,
-    map: &SurfaceMap,
-    touches: &[Sighting],
-    kernel: &Kernel,
-    options: &HybridOptions,
-) {
-    let mut tried = *hypothesis;
-    refine::refine(&mut tried, map, touches, kernel, options);
-    let pose = Turned::new(tried.rotation, tried.translation);
-    let bar = hypothesis.score - WORSE_MAX;
-    if let Some(score) = kernel.score_all(map, &pose, touches, bar)
-        && score >= bar
-    {
-        *hypothesis = Hypothesis { score, ..tried };
     }
 }
 

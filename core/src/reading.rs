@@ -38,6 +38,25 @@ impl TactileImage {
     }
 }
 
+/// How far things may be from where they are said to be: standard deviations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Looseness {
+    /// In each direction, metres.
+    pub position: f64,
+    /// About each axis, rad.
+    pub angle: f64,
+}
+
+/// The base of a robot whose place is known to a stated looseness: it shifts all readings of
+/// that robot alike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Base {
+    /// Which robot of the session.
+    pub robot: u32,
+    /// How loosely its readings are placed, where the object is.
+    pub looseness: Looseness,
+}
+
 /// One press: the image, where the sensor was, and which sensor it was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
@@ -45,6 +64,8 @@ pub struct Reading {
     session_from_sensor: Pose,
     image: TactileImage,
     missing: Vec<bool>,
+    approach: f64,
+    base: Option<Base>,
 }
 
 /// Why numbers are not a reading.
@@ -123,7 +144,7 @@ impl Reading {
         }
         let pressures = fill_missing(&ordered, rows, cols);
         let image = TactileImage { rows, cols, pressures };
-        Ok(Self { sensor, session_from_sensor, image, missing })
+        Ok(Self { sensor, session_from_sensor, image, missing, approach: 0.0, base: None })
     }
 
     /// Which sensor took the reading.
@@ -148,6 +169,34 @@ impl Reading {
     #[must_use]
     pub fn missing(&self) -> &[bool] {
         &self.missing
+    }
+
+    /// How far the sensor came along its own +z with nothing in touch, metres; 0 when nobody
+    /// said.
+    #[must_use]
+    pub fn approach(&self) -> f64 {
+        self.approach
+    }
+
+    /// The same press after a way of so many metres along the sensor's +z on which nothing
+    /// touched; what is not a positive number counts as 0.
+    #[must_use]
+    pub fn after_approach(mut self, metres: f64) -> Self {
+        self.approach = if metres.is_finite() { metres.max(0.0) } else { 0.0 };
+        self
+    }
+
+    /// The robot's base, where its place is not exact.
+    #[must_use]
+    pub fn base(&self) -> Option<Base> {
+        self.base
+    }
+
+    /// The same press by a robot whose base is known so well.
+    #[must_use]
+    pub fn from_base(mut self, base: Base) -> Self {
+        self.base = Some(base);
+        self
     }
 
     /// The same press seen from another frame: `other_from_session`.

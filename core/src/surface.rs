@@ -1,7 +1,8 @@
 //! The surface of an object as touches know it: what the hybrid recogniser looks things up in.
 //!
 //! A [`SurfaceMap`] holds thinned touches ([`SurfacePatch`]), a grid of voxels that finds the
-//! touches near a point, and a table of touch pairs by their geometry (`pair_table`). What a
+//! touches near a point, a grid of what is material (`solid`), and a table of touch pairs by
+//! their geometry (`pair_table`). What a
 //! touch looks like is a point of a catalogue-wide [`AppearanceSpace`].
 //! Frames: the object's. Lengths in metres, single precision: 80 mm are known to 10 nm.
 //! Beyond the dissertation; sections 5.6.3–5.6.6 name the idea.
@@ -9,6 +10,7 @@
 pub mod appearance;
 pub mod map;
 pub mod pair_table;
+pub mod solid;
 pub mod thinning;
 pub mod touch;
 pub mod voxels;

@@ -10,7 +10,7 @@ use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::ObjectIdx;
 use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::pose::Pose;
-use palpate_core::reading::{Reading, SensorId};
+use palpate_core::reading::{Base, Looseness, Reading, SensorId};
 use palpate_core::recognise::RecogniseError;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
@@ -277,4 +277,61 @@ fn two_touches_of_one_place_differ_by_one_deviation_along_each_axis() {
     assert!(n > 100.0, "{n} pairs");
     let deviation = f64::sqrt(squares / n);
     assert!((0.5..2.0).contains(&deviation), "{deviation}");
+}
+
+#[test]
+fn an_object_that_may_have_moved_keeps_its_name_and_is_found_again() {
+    let before = some_pose(1);
+    let mut belief = recognise(1, before, 10);
+    let sure = belief.answer(1);
+    let motion = Looseness { position: 5.0 * MM, angle: 0.1 };
+    belief.loosen(&motion);
+    let loose = belief.answer(3);
+    assert!((loose.probabilities[1] - sure.probabilities[1]).abs() < 1e-6, "{loose:?}");
+    assert!((loose.unknown - sure.unknown).abs() < 1e-6);
+    let deviation = loose.modes[0].covariance[(0, 0)].sqrt();
+    assert!(deviation > 5.0 * MM, "{deviation} m");
+    assert!(loose.modes[0].session_from_object.distance_to(&before) < 1.0 * MM);
+    // It moved by 4 mm and 5°: five touches of where it is now.
+    let turn = DQuat::from_rotation_z(0.087) * before.rotation;
+    let after = Pose::from_parts(turn, before.translation + DVec3::X * 4.0 * MM);
+    for (n, reading) in touches(1, 5, 3).into_iter().enumerate() {
+        belief.add(&reading.moved_by(after), &six_by_six());
+        let answer = belief.answer(1);
+        assert!(answer.probabilities[1] > 0.9, "after {} touches: {answer:?}", n + 1);
+    }
+    let mode = belief.answer(1).modes.remove(0);
+    let error = mode.session_from_object.distance_to(&after);
+    assert!(error < 1.5 * MM, "{error} m");
+    assert_eq!(belief.answer(1).n_readings, 15);
+}
+
+#[test]
+fn a_base_that_is_off_spoils_nothing_when_its_looseness_is_stated() {
+    let truth = some_pose(2);
+    let off = Pose::from_parts(DQuat::from_rotation_z(0.03), DVec3::new(0.003, -0.003, 0.002));
+    let looseness = Looseness { position: 3.0 * MM, angle: 0.05 };
+    let run = |stated: bool| {
+        let mut belief = belief();
+        for (n, reading) in touches(2, 16, 4).into_iter().enumerate() {
+            let seen = reading.moved_by(truth);
+            // The second robot's readings are all shifted about the object by one wrong base.
+            let shifted = Pose::from_parts(DQuat::IDENTITY, truth.translation)
+                * off
+                * Pose::from_parts(DQuat::IDENTITY, -truth.translation);
+            let seen = match (n % 2, stated) {
+                (0, _) => seen,
+                (_, true) => seen.moved_by(shifted).from_base(Base { robot: 1, looseness }),
+                (_, false) => seen.moved_by(shifted),
+            };
+            belief.add(&seen, &six_by_six());
+        }
+        belief.answer(1)
+    };
+    let (stated, silent) = (run(true), run(false));
+    assert_eq!(stated.best_object(), Some(ObjectIdx(2)));
+    assert!(stated.probabilities[2] > 0.99, "{stated:?}");
+    let error = |answer: &Answer| answer.modes[0].session_from_object.distance_to(&truth);
+    assert!(error(&stated) < 1.0 * MM, "{} m", error(&stated));
+    assert!(error(&stated) < 0.6 * error(&silent), "{} {}", error(&stated), error(&silent));
 }

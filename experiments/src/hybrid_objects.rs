@@ -19,6 +19,7 @@ use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
 use serde_json::json;
 
+use crate::disturbance::Disturbance;
 use crate::object_sessions::{
     Played, PoseError, Recogniser, Sessions, symmetry_of, train_hybrid, train_sva,
 };
@@ -105,6 +106,7 @@ pub fn run(
         seed: config.seed,
         readings: config.readings,
         threads: 1,
+        disturbance: Disturbance::None,
     };
     let play = |name, prefix, recogniser: &Recogniser, trials, train_seconds| {
         let played = sessions.play(recogniser, objects.len(), trials * objects.len(), progress)?;

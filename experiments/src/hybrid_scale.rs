@@ -24,6 +24,7 @@ use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::MM;
 use serde_json::json;
 
+use crate::disturbance::Disturbance;
 use crate::object_sessions::{Played, Recogniser, Sessions, Step, train_hybrid, train_sva};
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
@@ -207,6 +208,7 @@ fn one_catalogue(
         seed: config.seed,
         readings: config.readings,
         threads: 1,
+        disturbance: Disturbance::None,
     };
     let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
     let played = sessions.play(&hybrid, count, config.trials * count, progress)?;

@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use palpate_core::belief::answer::Answer;
+use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
 use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::model::{Catalogue, MapPatch, ObjectIdx};
@@ -25,6 +26,7 @@ use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_obj
 use palpate_core::units::MM;
 use rayon::prelude::*;
 
+use crate::disturbance::Disturbance;
 use crate::report::Progress;
 use crate::statistics::mean;
 
@@ -143,6 +145,32 @@ pub fn train_hybrid(
     Ok(Arc::new(SurfaceModel { space, calibration, maps: maps? }))
 }
 
+/// Trains the hybrid recogniser as the service does: every tenth reading is held back, and on
+/// those the calibration is learnt.
+///
+/// # Errors
+/// When the readings cannot be learnt from.
+pub fn train_calibrated(
+    readings: &[Vec<Reading>],
+    sensor: &SensorDescription,
+    surface: &SurfaceConfig,
+    seed: u64,
+) -> anyhow::Result<Arc<SurfaceModel>> {
+    let part = |held_back: bool| -> Vec<Vec<Reading>> {
+        let of = |readings: &Vec<Reading>| {
+            let every = readings.iter().enumerate();
+            every.filter(|(at, _)| (at % 10 == 9) == held_back).map(|(_, r)| r.clone()).collect()
+        };
+        readings.iter().map(of).collect()
+    };
+    let model = train_hybrid(&part(false), sensor, surface, seed)?;
+    let held_back = part(true);
+    let sets: Vec<HeldBack<'_>> =
+        held_back.iter().map(|readings| HeldBack { readings, sensor }).collect();
+    let calibration = calibrate(&model, &sets, HybridOptions::default(), seed);
+    Ok(Arc::new(SurfaceModel { calibration, ..(*model).clone() }))
+}
+
 /// The symmetry of an object as its map shows it.
 #[must_use]
 pub fn symmetry_of(map: &SurfaceMap) -> Symmetry {
@@ -206,6 +234,8 @@ pub struct Sessions<'a> {
     pub readings: usize,
     /// Threads that a reading may be worked on with.
     pub threads: usize,
+    /// What comes between the touches and the session.
+    pub disturbance: Disturbance,
 }
 
 /// All steps of some trials.
@@ -236,7 +266,7 @@ impl Sessions<'_> {
         for done in 0..n {
             progress("trials", done, n);
             let (object, trial) = (done % n_objects, done / n_objects);
-            let readings = self.readings_of(object, trial);
+            let readings = self.presented(object, trial);
             let (played, seconds) = pool.install(|| {
                 let begun = thread_seconds();
                 let played = self.trial(recogniser, object, trial, &readings);
@@ -249,6 +279,27 @@ impl Sessions<'_> {
         Ok(Played { steps, cpu_ms })
     }
 
+    /// What is stated after each touch of a trial: the probability of each object, then that of
+    /// none of these.
+    ///
+    /// # Errors
+    /// When the sensor does not fit what was trained.
+    pub fn probabilities(
+        &self,
+        recogniser: &Recogniser,
+        object: usize,
+        trial: usize,
+    ) -> anyhow::Result<Vec<Vec<f64>>> {
+        let mut belief = recogniser.begin()?;
+        let mut stated = Vec::with_capacity(self.readings);
+        for (reading, _) in self.presented(object, trial) {
+            let mut answer = belief.add(&reading, self.sensor)?;
+            answer.probabilities.push(answer.unknown);
+            stated.push(answer.probabilities);
+        }
+        Ok(stated)
+    }
+
     fn index(&self, object: usize, trial: usize) -> u64 {
         (trial * self.test.len() + object) as u64
     }
@@ -259,11 +310,30 @@ impl Sessions<'_> {
         Pose::from_parts(stream.rotation(), position)
     }
 
-    fn readings_of(&self, object: usize, trial: usize) -> Vec<Reading> {
-        let pose = self.true_pose(object, trial);
-        let mut choice = Stream::new(self.seed, Purpose::ReadingChoice, self.index(object, trial));
+    /// The readings of a trial, each with where the object was.
+    #[must_use]
+    pub fn presented(&self, object: usize, trial: usize) -> Vec<(Reading, Pose)> {
+        let index = self.index(object, trial);
+        let mut choice = Stream::new(self.seed, Purpose::ReadingChoice, index);
         let test = &self.test[object];
-        (0..self.readings).map(|_| test[choice.index(test.len())].moved_by(pose)).collect()
+        let readings = (0..self.readings).map(|_| test[choice.index(test.len())].clone());
+        let mut stream = Stream::new(self.seed, Purpose::Perturbation, index);
+        let pose = self.true_pose(object, trial);
+        self.disturbance.present(readings.collect(), pose, &mut stream)
+    }
+
+    /// How far a pose is from that of the object in a trial.
+    #[must_use]
+    pub fn error(&self, object: usize, trial: usize, found: &Pose) -> PoseError {
+        self.error_from(object, &self.true_pose(object, trial), found)
+    }
+
+    fn error_from(&self, object: usize, truth: &Pose, found: &Pose) -> PoseError {
+        PoseError {
+            translation: found.distance_to(truth),
+            angle: self.symmetries[object].distance(found, truth).1,
+            plain_angle: found.angle_to(truth),
+        }
     }
 
     fn trial(
@@ -271,25 +341,18 @@ impl Sessions<'_> {
         recogniser: &Recogniser,
         object: usize,
         trial: usize,
-        readings: &[Reading],
+        presented: &[(Reading, Pose)],
     ) -> anyhow::Result<Vec<Step>> {
         let mut belief = recogniser.begin()?;
-        let truth = self.true_pose(object, trial);
-        let mut steps = Vec::with_capacity(readings.len());
-        for (before, reading) in readings.iter().enumerate() {
+        let mut steps = Vec::with_capacity(presented.len());
+        for (before, (reading, truth)) in presented.iter().enumerate() {
             let started = Instant::now();
             let answer = belief.add(reading, self.sensor)?;
             let wall_ms = started.elapsed().as_secs_f64() * 1e3;
             let named = answer.best_object().unwrap_or(ObjectIdx(0)).0 as usize;
             let mode = answer.modes.iter().find(|mode| mode.object.0 as usize == object);
-            let error = mode.filter(|_| named == object).map(|mode| {
-                let found = mode.session_from_object;
-                PoseError {
-                    translation: found.distance_to(&truth),
-                    angle: self.symmetries[object].distance(&found, &truth).1,
-                    plain_angle: found.angle_to(&truth),
-                }
-            });
+            let found = mode.filter(|_| named == object).map(|mode| mode.session_from_object);
+            let error = found.map(|found| self.error_from(object, truth, &found));
             let (readings, probability) = (before + 1, answer.probabilities[named]);
             steps.push(Step { object, trial, readings, named, probability, error, wall_ms });
         }

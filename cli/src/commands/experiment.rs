@@ -6,6 +6,7 @@
 mod appearance;
 mod exploration;
 mod hybrid;
+mod robustness;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,6 +30,7 @@ use crate::progress::StepProgress;
 use appearance::AppearanceExperiment;
 use exploration::ExplorationExperiment;
 use hybrid::HybridExperiment;
+use robustness::RobustnessExperiment;
 
 /// The page that states every figure.
 const RESULTS: &str = "docs/results.md";
@@ -107,6 +109,8 @@ enum Experiment {
     Appearance(AppearanceExperiment),
     #[command(flatten)]
     Hybrid(HybridExperiment),
+    #[command(flatten)]
+    Robustness(RobustnessExperiment),
     #[command(flatten)]
     Exploration(ExplorationExperiment),
     /// Readings per second through a whole server, at 1, 8 and 64 sessions.
@@ -207,6 +211,9 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
         Experiment::Hybrid(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
+        Experiment::Robustness(experiment) => {
+            on_a_thread(move || experiment.run(seed, command, &show)).await?
+        }
         Experiment::Exploration(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
@@ -251,6 +258,7 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::Symmetry { meshes } => format!("symmetry{}", meshes_of(meshes)),
         Experiment::Appearance(experiment) => experiment.line(),
         Experiment::Hybrid(experiment) => experiment.line(),
+        Experiment::Robustness(experiment) => experiment.line(),
         Experiment::Exploration(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")

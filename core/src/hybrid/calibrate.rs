@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::{HybridBelief, HybridOptions};
+use super::{HybridBelief, HybridOptions, usual};
 use crate::log_prob::log_sum_exp;
 use crate::model::surface::{EvidenceCalibration, EvidenceStage, SurfaceModel};
 use crate::reading::Reading;
@@ -43,8 +43,11 @@ struct Sample {
     /// What the touches count.
     counted: f64,
     own: f64,
-    /// ln evidence of all other objects, likeliest first, cut where it no longer matters.
-    others: Vec<f64>,
+    /// How well the object usually explains its own touches, ln a touch.
+    own_usual: f64,
+    /// ln evidence of all other objects, likeliest first, cut where it no longer matters, and
+    /// how well they usually explain their own.
+    others: Vec<[f64; 2]>,
 }
 
 /// Learns the calibration of a model from `held_back` readings, one set an object in the
@@ -101,13 +104,14 @@ fn run_trial(
         belief.add(reading, held_back.sensor);
         let Some(stage) = belief.stage.checked_sub(1) else { continue };
         let evidence = |o: usize| belief.objects[o].log_evidence;
-        let mut others: Vec<f64> =
-            (0..model.maps.len()).filter(|o| *o != object).map(evidence).collect();
-        others.sort_unstable_by(|a, b| b.total_cmp(a));
-        let best = others[0];
-        others.retain(|log| *log > best - 60.0);
-        let counted = belief.counted();
-        samples.push(Sample { stage, counted, own: evidence(object), others });
+        let mut likely: Vec<(f64, usize)> =
+            (0..model.maps.len()).filter(|o| *o != object).map(|o| (evidence(o), o)).collect();
+        likely.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let best = likely[0].0;
+        likely.retain(|(log, _)| *log > best - 60.0);
+        let others = likely.iter().map(|(log, o)| [*log, belief.usual_score(*o)]).collect();
+        let (counted, own_usual) = (belief.counted(), belief.usual_score(object));
+        samples.push(Sample { stage, counted, own: evidence(object), own_usual, others });
     }
     samples
 }
@@ -156,12 +160,28 @@ fn fit(samples: &[&Sample], start: EvidenceStage, with_slope: bool) -> EvidenceS
 fn loss(samples: &[&Sample], stage: &EvidenceStage) -> f64 {
     let each = |sample: &&Sample| {
         let heat = |log: f64| log / stage.temperature;
-        let unknown = heat(stage.log_unknown(sample.counted));
-        let others = log_sum_exp(sample.others.iter().map(|log| heat(*log)));
+        let others = log_sum_exp(sample.others.iter().map(|other| heat(other[0])));
         let own = heat(sample.own);
-        let with = log_sum_exp([own, others, unknown].into_iter());
+        let [unknown_with, unknown] = [Some(sample.own), None].map(|own| {
+            let excess =
+                if sample.stage == 2 { sample.excess(own, stage.temperature) } else { 0.0 };
+            heat(stage.log_unknown(sample.counted) + excess * sample.counted)
+        });
+        let with = log_sum_exp([own, others, unknown_with].into_iter());
         let without = log_sum_exp([others, unknown].into_iter());
         (with - own) + (without - unknown)
     };
     samples.iter().map(each).sum::<f64>() / samples.len() as f64
+}
+
+impl Sample {
+    /// [`usual::excess`] over the other objects and, when its evidence is given, the own one.
+    fn excess(&self, own: Option<f64>, temperature: f64) -> f64 {
+        let n = self.others.len();
+        let others = self.others.iter().map(|other| other[0]).enumerate();
+        let all = others.chain(own.map(|log| (n, log)));
+        usual::excess(all, temperature, |at| {
+            self.others.get(at).map_or(self.own_usual, |other| other[1])
+        })
+    }
 }

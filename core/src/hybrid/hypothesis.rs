@@ -3,6 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::options::HybridOptions;
+use super::score::Turned;
 
 /// A pose of an object, relative to the session's anchor, and how well it explains all
 /// touches so far.
@@ -12,6 +13,13 @@ pub(super) struct Hypothesis {
     pub(super) translation: Vec3,
     /// Sum over the touches of the ln density ratios.
     pub(super) score: f32,
+}
+
+impl Hypothesis {
+    /// The pose, ready for look-ups.
+    pub(super) fn pose(&self) -> Turned {
+        Turned::new(self.rotation, self.translation)
+    }
 }
 
 /// Merges hypotheses that are (nearly) one pose, best first, and keeps the best few.

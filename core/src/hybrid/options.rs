@@ -1,5 +1,6 @@
 //! How the hybrid recogniser works: its deviations, tolerances and budgets.
 
+use super::pattern::PatternScale;
 use crate::surface::pair_table::PairTolerance;
 use crate::units::MM;
 
@@ -42,8 +43,10 @@ pub struct RefinementScale {
 pub struct Budget {
     /// Poses that one pair may propose for an object.
     pub proposals_per_object: usize,
-    /// Earlier touches that a new one is paired with.
+    /// Earlier touches that a new one is paired with while no pose is likelier than not.
     pub partners: usize,
+    /// The same once one is.
+    pub partners_if_likely: usize,
     /// The same while no hypothesis explains the touches well.
     pub partners_if_poor: usize,
     /// Objects that a pair proposes poses for after the second touch, likeliest first.
@@ -65,6 +68,8 @@ pub struct Budget {
 pub struct HybridOptions {
     /// How touches deviate from a map.
     pub scale: TouchScale,
+    /// How contradictions of free and occupied space count.
+    pub pattern: PatternScale,
     /// How poses are refined.
     pub refinement: RefinementScale,
     /// How far a stored pair may be from an observed one.
@@ -93,6 +98,23 @@ pub struct HybridOptions {
     pub poor: f32,
 }
 
+impl HybridOptions {
+    /// For an object that may move between touches: by about `shift` (m) and `angle` (rad).
+    /// Poses of touches are believed less by as much; what is known of the identity stays.
+    #[must_use]
+    pub fn loosened(mut self, shift: f32, angle: f32) -> Self {
+        let scale = &mut self.scale;
+        (scale.across, scale.along) = (scale.across.hypot(shift), scale.along.hypot(shift));
+        scale.normal = scale.normal.hypot(angle);
+        self.refinement.across = self.refinement.across.hypot(shift);
+        for (pair, by) in [(&mut self.pairs, 1.5), (&mut self.pair_deviation, 1.0)] {
+            pair.distance = pair.distance.hypot(by * shift);
+            pair.cosine = pair.cosine.hypot(by * angle);
+        }
+        self
+    }
+}
+
 impl Default for HybridOptions {
     fn default() -> Self {
         let mm = MM as f32;
@@ -107,17 +129,19 @@ impl Default for HybridOptions {
                 appearance: 1.0,
                 appearance_of_pose: 4.0,
             },
+            pattern: PatternScale { point: 0.5, press_max: 3.0 },
             refinement: RefinementScale {
-                across: 0.3 * mm,
-                smoothing: 2.0 * mm,
+                across: 0.6 * mm,
+                smoothing: 1.0 * mm,
                 normal_factor: 1.5,
             },
             pairs: PairTolerance { distance: 2.5 * mm, cosine: 0.22 },
             pair_deviation: PairTolerance { distance: 1.0 * mm, cosine: 0.1 },
-            appearance_min: 0.1,
+            appearance_min: 0.3,
             budget: Budget {
                 proposals_per_object: 60,
                 partners: 2,
+                partners_if_likely: 1,
                 partners_if_poor: 3,
                 objects: 300,
                 per_object: 60,
@@ -134,5 +158,23 @@ impl Default for HybridOptions {
             unknown: 0.05,
             poor: 6.0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moving_object_loosens_places_and_normals_as_deviations_add_up() {
+        let rests = HybridOptions::default();
+        assert_eq!(rests.loosened(0.0, 0.0), rests);
+        let moves = rests.loosened(0.003, 0.05);
+        // 3-4-5 along the surface, 5-12-13 in the normal.
+        assert!((moves.scale.along - 0.005).abs() < 1e-7);
+        assert!((moves.scale.normal - 0.13).abs() < 1e-6);
+        assert!(moves.pairs.distance > rests.pairs.distance);
+        assert!(moves.pair_deviation.cosine > rests.pair_deviation.cosine);
+        assert!((moves.scale.outliers - rests.scale.outliers).abs() < 1e-9);
     }
 }

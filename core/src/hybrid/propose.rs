@@ -10,11 +10,14 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 use super::options::HybridOptions;
 use super::score::log_aligned;
 use super::sighting::Sighting;
-use crate::surface::pair_table::PairGeometry;
+use crate::surface::pair_table::{PairGeometry, PairTolerance};
 use crate::surface::{SurfaceMap, SurfacePatch};
 
 /// Turns about the axis that are tried when the normals do not fix it.
 const FREE_TURNS: usize = 8;
+
+/// Where two bases may be so far apart (m) a pair of theirs is worth half of one of a single base.
+const SHARP: f32 = 0.002;
 
 /// A pose that a pair of touches proposes.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +53,7 @@ pub(super) fn propose(
     options: &HybridOptions,
 ) -> Option<Proposed> {
     let place = |touch: &Sighting| (touch.position, touch.normal);
+    let options = &loosened(options, touches[0].looseness_to(touches[1]));
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
     let patches = map.patches();
     let paired = &patches[..map.layout().pair_patches_max.min(patches.len())];
@@ -95,6 +99,21 @@ pub(super) fn propose(
     Some(Proposed { geometry, evidence: total / n_pairs, looks, proposals })
 }
 
+/// The options for two touches between which there are variances of position (m²) and angle
+/// (rad²).
+fn loosened(options: &HybridOptions, (position, angle): (f32, f32)) -> HybridOptions {
+    let mut options = *options;
+    let wider = |known: PairTolerance| PairTolerance {
+        distance: known.distance.hypot(2.0 * position.sqrt()),
+        cosine: known.cosine.hypot(2.0 * angle.sqrt()),
+    };
+    if position > 0.0 || angle > 0.0 {
+        options.pairs = wider(options.pairs);
+        options.pair_deviation = wider(options.pair_deviation);
+    }
+    options
+}
+
 /// The `n` earlier touches whose pair with the newest, the last, fixes a pose best: a long way
 /// off, and with a normal that is not along the way.
 pub(super) fn partners(touches: &[Sighting], n: usize) -> Vec<usize> {
@@ -105,7 +124,10 @@ pub(super) fn partners(touches: &[Sighting], n: usize) -> Vec<usize> {
         let axis = offset / distance.max(1e-6);
         let across = |normal: Vec3| normal.cross(axis).length();
         let fixed = across(newest.normal).max(across(touch.normal));
-        (distance.min(0.05) * (0.1 + fixed), index)
+        // A pair of two bases says less.
+        let (position, _) = newest.looseness_to(touch);
+        let sharp = SHARP / (SHARP + position.sqrt());
+        (distance.min(0.05) * (0.1 + fixed) * sharp, index)
     };
     let mut rated: Vec<(f32, usize)> = earlier.iter().enumerate().map(rate).collect();
     rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

@@ -11,6 +11,7 @@ use super::hypothesis::Hypothesis;
 use super::options::HybridOptions;
 use super::score::{Kernel, Turned};
 use super::sighting::Sighting;
+use crate::reading::Base;
 use crate::surface::SurfaceMap;
 
 /// The most passes of Gauss–Newton.
@@ -32,6 +33,24 @@ const OUTLIER: f32 = 3.0;
 struct System {
     hessian: Matrix6<f64>,
     gradient: Vector6<f64>,
+}
+
+impl Default for System {
+    fn default() -> Self {
+        Self { hessian: Matrix6::zeros(), gradient: Vector6::zeros() }
+    }
+}
+
+impl System {
+    /// Adds the touches of one robot, all shifted by its base. The base's own six unknowns are
+    /// eliminated (Schur complement): moving a base moves its touches as moving the object the
+    /// other way would, so with prior information Λ what is left is Λ (H + Λ)⁻¹ of H and g.
+    fn add_loose(&mut self, system: &Self, base: &Base) {
+        let prior = diagonal((base.looseness.position, base.looseness.angle), -2);
+        let Some(factor) = (system.hessian + prior).cholesky() else { return };
+        self.hessian += prior * factor.solve(&system.hessian);
+        self.gradient += prior * factor.solve(&system.gradient);
+    }
 }
 
 /// Lays a hypothesis onto the map; its score is to be computed anew.
@@ -88,18 +107,22 @@ fn linearise(
     kernel: &Kernel,
     options: &HybridOptions,
 ) -> System {
-    let mut system = System { hessian: Matrix6::zeros(), gradient: Vector6::zeros() };
+    let mut exact = System::default();
+    let mut loose: Vec<(Base, System)> = Vec::new();
     let pose = Turned::new(hypothesis.rotation, hypothesis.translation);
     let session_from_object = pose.object_from_session.transpose();
     let along = kernel.along(map);
     let across = options.refinement.across.powi(-2);
     for touch in touches {
         let Some(place) = kernel.place(map, &pose, touch) else { continue };
+        let (position, angle) = touch.looseness();
+        let system = system_of(touch, &mut exact, &mut loose);
         let outward = session_from_object * place.normal;
         let off = session_from_object * place.offset;
         // The surface at the touch moves by m + ω × arm; it is to move by `off`.
         let moves = moves(touch.position - hypothesis.translation);
-        let trust = trust(off.dot(outward).powi(2) * across);
+        let expected = (across.recip() + position).recip();
+        let trust = trust(off.dot(outward).powi(2) * expected);
         let n = column(outward);
         let information = (n * n.transpose() * f64::from(across - along)
             + Matrix3::identity() * f64::from(along))
@@ -109,15 +132,35 @@ fn linearise(
         system.gradient += weighted * column(off);
         let deviation =
             options.refinement.normal_factor * (place.normal_deviation + options.scale.normal);
-        turn_normal(&mut system, outward, touch.normal - outward, deviation);
+        let wrong = deviation.powi(2) + angle;
+        turn_normal(system, outward, touch.normal - outward, deviation, wrong);
     }
-    system
+    for (base, system) in &loose {
+        exact.add_loose(system, base);
+    }
+    exact
+}
+
+/// Where a touch counts: with the exact ones, or with those of its base.
+fn system_of<'a>(
+    touch: &Sighting,
+    exact: &'a mut System,
+    loose: &'a mut Vec<(Base, System)>,
+) -> &'a mut System {
+    let Some(base) = touch.base else { return exact };
+    let known = loose.iter().position(|(other, _)| other.robot == base.robot);
+    let place = known.unwrap_or_else(|| {
+        loose.push((base, System::default()));
+        loose.len() - 1
+    });
+    &mut loose[place].1
 }
 
 /// Adds that the surface's normal is to turn by `bent`: a turn ω moves it by ω × outward.
-fn turn_normal(system: &mut System, outward: Vec3, bent: Vec3, deviation: f32) {
+/// Its trust is judged by the variance with which it may be `wrong`.
+fn turn_normal(system: &mut System, outward: Vec3, bent: Vec3, deviation: f32, wrong: f32) {
     let information = deviation.powi(-2);
-    let weight = f64::from(trust(bent.length_squared() * information) * information);
+    let weight = f64::from(trust(bent.length_squared() / wrong) * information);
     let n = column(outward);
     let mut gradient = system.gradient.fixed_rows_mut::<3>(3);
     gradient += column(outward.cross(bent)) * weight;

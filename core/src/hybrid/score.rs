@@ -32,8 +32,17 @@ pub(super) struct Kernel {
     refinement: RefinementScale,
 }
 
+/// How wide the kernel of one touch is: inverse variances across and along the surface (m⁻²),
+/// and the variance of its normal (rad²).
+#[derive(Clone, Copy)]
+struct Width {
+    across: f32,
+    along: f32,
+    normal_variance: f32,
+}
+
 /// A pose ready for look-ups, relative to the session's anchor.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turned {
     pub(super) object_from_session: Mat3,
     pub(super) translation: Vec3,
@@ -42,6 +51,13 @@ pub(super) struct Turned {
 impl Turned {
     pub(super) fn new(rotation: Quat, translation: Vec3) -> Self {
         Self { object_from_session: Mat3::from_quat(rotation.conjugate()), translation }
+    }
+
+    /// The angle of the turn between two poses, rad.
+    pub(super) fn angle_to(&self, other: &Self) -> f32 {
+        let turn = self.object_from_session.transpose() * other.object_from_session;
+        let trace = turn.x_axis.x + turn.y_axis.y + turn.z_axis.z;
+        (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos()
     }
 
     /// A touch in the object frame.
@@ -99,19 +115,49 @@ impl Kernel {
         self.along.max(map.spacing()).powi(-2)
     }
 
+    /// How wide a touch's kernel is on a map.
+    #[inline]
+    fn about(&self, map: &SurfaceMap, touch: &Sighting) -> Width {
+        let (across, along) = (self.across, self.along(map));
+        if touch.base.is_none() {
+            return Width { across, along, normal_variance: self.normal_variance };
+        }
+        let (position, angle) = touch.looseness();
+        let wider = |inverse: f32| (inverse.recip() + position).recip();
+        let normal_variance = self.normal_variance + angle;
+        Width { across: wider(across), along: wider(along), normal_variance }
+    }
+
     /// The score of one touch under a pose.
     #[inline]
     pub(super) fn score(&self, map: &SurfaceMap, pose: &Turned, touch: &Sighting) -> f32 {
+        // No map has so many patches.
+        self.score_without(map, pose, touch, usize::MAX)
+    }
+
+    /// The same as if the map had no patch `left_out`.
+    #[inline]
+    pub(super) fn score_without(
+        &self,
+        map: &SurfaceMap,
+        pose: &Turned,
+        touch: &Sighting,
+        left_out: usize,
+    ) -> f32 {
         let contact = pose.contact(touch);
         let patches = map.patches();
-        let along = self.along(map);
+        let scale = self.about(map, touch);
         let mut sum = 0.0;
         for index in map.voxels().near(contact.point) {
+            if usize::from(index) == left_out {
+                continue;
+            }
             let patch = &patches[usize::from(index)];
-            let log = self.log_kernel([self.across, along], patch, &contact, touch);
+            let log = self.log_kernel(scale, patch, &contact, touch);
             sum += log.exp() * touch.appearance_of_pose(&patch.feature);
         }
-        let peak = self.peak * along / patches.len() as f32;
+        let peak = self.peak * scale.along * (scale.across / self.across).sqrt();
+        let peak = peak / patches.len() as f32;
         touch.weight * (peak * sum + self.outliers).ln()
     }
 
@@ -140,11 +186,12 @@ impl Kernel {
         let contact = pose.contact(touch);
         let (mut offset, mut normal, mut deviation, mut total) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
         let (mut height, mut heights) = (0.0, 0.0);
-        let along = self.along(map);
+        // As wide across as along: what matters is which patches, not how high.
+        let scale = self.about(map, touch);
+        let scale = Width { across: scale.along, ..scale };
         for index in map.voxels().near(contact.point) {
             let patch = &map.patches()[usize::from(index)];
-            // As wide across as along: what matters is which patches, not how high.
-            let log = self.log_kernel([along, along], patch, &contact, touch);
+            let log = self.log_kernel(scale, patch, &contact, touch);
             let weight = log.exp() * touch.appearance_of_pose(&patch.feature) + 1e-12;
             let off = contact.point - patch.position;
             normal += weight * patch.normal;
@@ -174,7 +221,7 @@ impl Kernel {
     #[inline]
     fn log_kernel(
         &self,
-        [across, along]: [f32; 2],
+        width: Width,
         patch: &SurfacePatch,
         contact: &Contact,
         touch: &Sighting,
@@ -182,9 +229,9 @@ impl Kernel {
         let off = contact.point - patch.position;
         let height = off.dot(patch.normal);
         let square = height * height;
-        let spatial = square * across + (off.length_squared() - square) * along;
+        let spatial = square * width.across + (off.length_squared() - square) * width.along;
         // Von Mises–Fisher relative to an even distribution of normals: 2κ exp κ(cos − 1).
-        let kappa = (patch.normal_deviation.powi(2) + self.normal_variance).recip();
+        let kappa = (patch.normal_deviation.powi(2) + width.normal_variance).recip();
         let facing = kappa * (patch.normal.dot(contact.normal) - 1.0);
         let stretch = self.direction * patch.elongation * touch.elongation;
         let cosine = contact.direction.dot(patch.direction);

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::options::TouchScale;
+use crate::reading::{Base, Looseness};
 use crate::surface::appearance::{Feature, StoredFeature, ratio};
 use crate::surface::{AppearanceSpace, Touch};
 
@@ -24,6 +25,8 @@ pub(super) struct Sighting {
     pub(super) elongation: f32,
     /// How much its evidence counts: 1 for a new place, less where it was touched before.
     pub(super) weight: f32,
+    /// Whose robot's base shifts it, when that is not exact.
+    pub(super) base: Option<Base>,
     feature: Feature,
     /// For finding where a touch may be: as sharp as touches of one place are alike.
     sharp: Looks,
@@ -61,10 +64,34 @@ impl Sighting {
             direction: touch.direction.as_vec3(),
             elongation: touch.elongation as f32,
             weight: 1.0,
+            base: None,
             feature: touch.feature,
             sharp,
             soft,
         }
+    }
+
+    /// The touch of a robot whose base is known so well.
+    pub(super) fn from_base(mut self, base: Option<Base>) -> Self {
+        self.base = base;
+        self
+    }
+
+    /// Variances that the base adds: of positions (m²) and of normals (rad²).
+    #[inline]
+    pub(super) fn looseness(&self) -> (f32, f32) {
+        let Some(base) = self.base else { return (0.0, 0.0) };
+        let Looseness { position, angle } = base.looseness;
+        (position.powi(2) as f32, angle.powi(2) as f32)
+    }
+
+    /// Variances between this touch and another one: none when one base shifts both.
+    pub(super) fn looseness_to(&self, other: &Self) -> (f32, f32) {
+        if self.base.map(|base| base.robot) == other.base.map(|base| base.robot) {
+            return (0.0, 0.0);
+        }
+        let ((a, b), (c, d)) = (self.looseness(), other.looseness());
+        (a + c, b + d)
     }
 
     /// The touch with what it counts beside `earlier` ones.

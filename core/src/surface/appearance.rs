@@ -106,6 +106,12 @@ pub fn stored(feature: &Feature) -> StoredFeature {
     feature.map(|value| (value * STEPS).round() as i8)
 }
 
+/// The feature that is stored, to half a step.
+#[must_use]
+pub fn unstored(feature: &StoredFeature) -> Feature {
+    feature.map(|steps| f32::from(steps) / STEPS)
+}
+
 /// How well two touches agree: Student's t with three degrees of freedom in eight dimensions,
 /// not normalised; `softness` scales the variance.
 #[inline]

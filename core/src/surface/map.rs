@@ -1,9 +1,12 @@
 //! The surface of one object: thinned touches with all that looks them up.
 
+use std::sync::OnceLock;
+
 use glam::{DVec3, Vec3};
 
 use super::appearance::StoredFeature;
 use super::pair_table::PairTable;
+use super::solid::Solid;
 use super::voxels::Voxels;
 
 /// The most touches of a map: a pair names them by two bytes.
@@ -65,7 +68,20 @@ pub struct SurfaceMap {
     layout: SurfaceLayout,
     spacing: f32,
     voxels: Voxels,
+    solid: Solid,
     pairs: PairTable,
+    usual_score: Memo,
+}
+
+/// A number that follows from the map and the space it was learnt in, found when it is first
+/// asked for: maps are equal with and without it.
+#[derive(Clone, Debug, Default)]
+struct Memo(OnceLock<f32>);
+
+impl PartialEq for Memo {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl SurfaceMap {
@@ -89,7 +105,9 @@ impl SurfaceMap {
         let edge = layout.voxel.max(EDGE_SPACINGS * spacing);
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
-        Self { origin_in_training, patches, layout, spacing, voxels, pairs }
+        let solid = Solid::of_patches(&patches, spacing, reach);
+        let usual_score = Memo::default();
+        Self { origin_in_training, patches, layout, spacing, voxels, solid, pairs, usual_score }
     }
 
     /// Where the object frame's origin lies in the training frame, metres.
@@ -122,10 +140,22 @@ impl SurfaceMap {
         &self.voxels
     }
 
+    /// Where there is material.
+    #[must_use]
+    pub fn solid(&self) -> &Solid {
+        &self.solid
+    }
+
     /// The pairs of touches.
     #[must_use]
     pub fn pairs(&self) -> &PairTable {
         &self.pairs
+    }
+
+    /// How well the map usually explains touches of its object (ln), by `find` when it is not
+    /// known yet; the answer must follow from the map and the space it was learnt in.
+    pub(crate) fn usual_score(&self, find: impl FnOnce() -> f32) -> f32 {
+        *self.usual_score.0.get_or_init(find)
     }
 
     /// Bytes in memory.
@@ -134,6 +164,7 @@ impl SurfaceMap {
         size_of::<Self>()
             + size_of_val(self.patches.as_slice())
             + self.voxels.bytes()
+            + self.solid.bytes()
             + self.pairs.bytes()
     }
 }
@@ -186,7 +217,7 @@ mod tests {
         let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
         let map = SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default());
         // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch.
-        let parts = map.voxels().bytes() + map.pairs().bytes() + 5 * 52;
+        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 52;
         assert_eq!(map.bytes(), parts + size_of::<SurfaceMap>());
         assert!(map.pairs().bytes() >= 10 * 4, "ten pairs of two numbers");
     }

@@ -19,6 +19,7 @@ use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
 use serde_json::json;
 
 use super::HybridScale;
+use crate::disturbance::Disturbance;
 use crate::families::families;
 use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
@@ -162,6 +163,7 @@ fn measure(
         seed: config.seed,
         readings: READINGS,
         threads: 1,
+        disturbance: Disturbance::None,
     };
     let played = sessions.play(&hybrid, count, growth.sessions, progress)?;
     let wall = mean(&played.wall_ms());

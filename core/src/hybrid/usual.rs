@@ -1,0 +1,116 @@
+//! How well an object's map explains touches of its own: what "none of these" is held against.
+//!
+//! A small object, or one that looks like no other, explains its touches far better than a
+//! large plain one; an object that is not in the catalogue and merely resembles it explains
+//! them worse than usual. Measured on the map itself, each touch without its own patch.
+
+use glam::{DVec3, Quat, Vec3};
+
+use super::options::HybridOptions;
+use super::score::{Kernel, Turned};
+use super::sighting::Sighting;
+use crate::surface::appearance::unstored;
+use crate::surface::{AppearanceSpace, SurfaceMap, Touch};
+
+/// So many touches of a map say how well it usually explains its own.
+const SAMPLES: usize = 48;
+
+/// How well most maps explain a touch of their own, ln.
+const MOST: f64 = 12.0;
+
+/// The part of what an object explains better than most that counts for "none of these".
+const SHARE: f64 = 0.8;
+
+/// Objects less likely than this, beside the best, have no say.
+const LEAST: f64 = 0.01;
+
+/// How much better than [`MOST`] the objects that touches may be of explain their own, ln a
+/// touch, in the mean over what their evidence (ln, with the object) says at a temperature.
+pub(super) fn excess(
+    evidence: impl Iterator<Item = (usize, f64)> + Clone,
+    temperature: f64,
+    usual_score: impl Fn(usize) -> f64,
+) -> f64 {
+    let best = evidence.clone().map(|(_, log)| log).fold(f64::NEG_INFINITY, f64::max);
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (object, log) in evidence {
+        let weight = ((log - best) / temperature).exp();
+        if weight >= LEAST {
+            sum += weight * (usual_score(object) - MOST);
+            total += weight;
+        }
+    }
+    if total > 0.0 { SHARE * sum / total } else { 0.0 }
+}
+
+/// Mean score (ln) of touches of the object under its true pose.
+pub(super) fn usual_score(
+    map: &SurfaceMap,
+    space: &AppearanceSpace,
+    kernel: &Kernel,
+    options: &HybridOptions,
+) -> f32 {
+    let patches = map.patches();
+    let n = SAMPLES.min(patches.len());
+    let pose = Turned::new(Quat::IDENTITY, Vec3::ZERO);
+    let score = |sample: usize| {
+        let index = sample * patches.len() / n;
+        let patch = &patches[index];
+        let touch = Touch {
+            position: patch.position.as_dvec3(),
+            normal: patch.normal.as_dvec3(),
+            direction: patch.direction.as_dvec3(),
+            elongation: f64::from(patch.elongation),
+            normal_confidence: 1.0,
+            feature: unstored(&patch.feature),
+        };
+        let sighting = Sighting::new(&touch, DVec3::ZERO, space, &options.scale);
+        kernel.score_without(map, &pose, &sighting, index)
+    };
+    (0..n).map(score).sum::<f32>() / n.max(1) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::descriptor::Descriptor as _;
+    use crate::hybrid::test_support::{map_of, places};
+    use crate::sensor::SensorDescription;
+    use crate::surface::appearance::{N_AXES, raw_descriptor};
+    use crate::vocabulary::discriminant::Discriminant;
+
+    /// A space in which everything looks alike.
+    fn space() -> AppearanceSpace {
+        let grid = *SensorDescription::digitacts_6x6().grid();
+        let dimension = raw_descriptor(&grid).dimension() + 1;
+        let projection =
+            Discriminant { mean: vec![0.0; dimension], axes: vec![vec![1.0; dimension]] };
+        AppearanceSpace::new(grid, projection, vec![[0; N_AXES]])
+    }
+
+    #[test]
+    fn the_excess_is_that_of_the_objects_that_it_may_be() {
+        let usual = |object: usize| [14.0, 10.0, f64::NAN][object];
+        let excess = |logs: [f64; 3]| excess(logs.into_iter().enumerate(), 2.0, usual);
+        // Alone, 2 above most: 0.8 · 2; the third is too unlikely to be asked.
+        assert!((excess([50.0, 0.0, 0.0]) - 1.6).abs() < 1e-9);
+        // As likely as the other, 2 below most: nothing.
+        assert!(excess([50.0, 50.0, 0.0]).abs() < 1e-9);
+        // 2 ln 3 less at a temperature of 2 is a third: 0.8 · (2 − 2/3)/(4/3).
+        let third = excess([50.0, 50.0 - 2.0 * 3f64.ln(), 0.0]);
+        assert!((third - 0.8).abs() < 1e-9, "{third}");
+    }
+
+    #[test]
+    fn a_map_explains_its_own_touches_by_the_others_and_remembers_how_well() {
+        let options = HybridOptions::default();
+        let kernel = Kernel::new(&options);
+        let score = |n: usize| usual_score(&map_of(&places(n, 0)), &space(), &kernel, &options);
+        // One patch has no other: what is left is the share of outliers, 1 %.
+        assert!((score(1) - 0.01f32.ln()).abs() < 1e-5);
+        assert!((6.0..14.0).contains(&score(500)), "{}", score(500));
+        let map = map_of(&places(20, 0));
+        assert_eq!(map.usual_score(|| 3.0), map.usual_score(|| 4.0), "found once");
+        assert_eq!(map, map_of(&places(20, 0)), "knowing it is no difference");
+    }
+}

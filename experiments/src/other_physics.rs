@@ -1,0 +1,330 @@
+//! Trained on the point spread, tested on an elastic covering: has the recogniser merely
+//! learnt our own blur?
+//!
+//! Tests take the readings of a covering whose contact is solved (`sim::press::Physics`), with
+//! its own gains, noise and converter; its controllers feel them too. What breaks first is
+//! found by giving the elastic sensor's readings one aspect of the other simulator's at a
+//! time: its images at the elastic poses (what is left is where the controllers come to rest)
+//! and elastic images at its poses; and by leaving an aspect of the touch out of the score.
+//! Differences of touches at the same poses are in rows (`differences`).
+//! In the same run the printed method (`literal`) plays a few sessions.
+
+mod differences;
+
+use std::path::PathBuf;
+
+use palpate_core::hybrid::HybridOptions;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::recognise::SvaOptions;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::train::TrainingConfig;
+use palpate_core::train::surface::SurfaceConfig;
+use palpate_core::units::{DEG, MM};
+use palpate_sim::press::{CoveringConfig, Physics};
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::disturbance::Disturbance;
+use crate::object_sessions::{Played, Recogniser, Sessions, symmetry_of, train_hybrid, train_sva};
+use crate::objects::{self, TestObject};
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::sensing::Sensing;
+use crate::statistics::{mean, median};
+
+/// The summary states figures after so many readings.
+const STATED_AT: [usize; 5] = [2, 3, 4, 6, 10];
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct OtherPhysics {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Trials an object.
+    pub trials: usize,
+    /// Sessions of the printed method in each physics; 0 for none.
+    pub literal_sessions: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Readings a trial.
+    pub readings: usize,
+    /// The sensor's preset.
+    pub sensor: SensorDescription,
+}
+
+impl Default for OtherPhysics {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            size: 80.0 * MM,
+            seed: 1,
+            trials: 30,
+            literal_sessions: 10,
+            train_readings: 1_000,
+            test_readings: 100,
+            readings: 10,
+            sensor: SensorDescription::digitacts_6x6(),
+        }
+    }
+}
+
+/// Readings of every object in one world, and what they are called.
+struct World {
+    key: &'static str,
+    test: Vec<Vec<Reading>>,
+}
+
+/// How a world is recognised.
+struct Tried {
+    world: &'static str,
+    method: &'static str,
+    played: Played,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, or training fails.
+pub fn run(
+    config: &OtherPhysics,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("other-physics", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+    let preset = Sensing::with(config.sensor.clone());
+    progress("touching objects", 0, 2);
+    let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
+    let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
+    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| symmetry_of(map)).collect();
+    progress("pressing elastic coverings", 1, 2);
+    let worlds = worlds(config, &objects, &preset, &model.space, &mut report)?;
+    let play = |world: &World, method, recogniser: &Recogniser, n| {
+        progress(world.key, 0, 1);
+        let sessions = Sessions {
+            sensor: &config.sensor,
+            test: &world.test,
+            symmetries: &symmetries,
+            seed: config.seed,
+            readings: config.readings,
+            threads: 1,
+            disturbance: Disturbance::None,
+        };
+        let played = sessions.play(recogniser, objects.len(), n, progress)?;
+        anyhow::Ok(Tried { world: world.key, method, played })
+    };
+    let hybrid = |options| Recogniser::Hybrid { model: model.clone(), options };
+    let whole = hybrid(HybridOptions::default());
+    let n = config.trials * objects.len();
+    let mut tried = Vec::new();
+    for world in &worlds {
+        tried.push(play(world, "hybrid", &whole, n)?);
+    }
+    for (method, options) in ablations() {
+        tried.push(play(&worlds[1], method, &hybrid(options), n)?);
+    }
+    if config.literal_sessions > 0 {
+        let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
+        let literal = train_sva(&train, &config.sensor, &training, options, config.seed)?;
+        for world in &worlds[..3] {
+            tried.push(play(world, "literal", &literal, config.literal_sessions)?);
+        }
+    }
+    for one in &tried {
+        report_one(&mut report, config, one, &objects);
+    }
+    Ok(Outcome { report, plot: svg(&panels(config, &tried)), pictures: Vec::new() })
+}
+
+/// The point spread, both coverings, and the bonded layer with one aspect of the point spread.
+fn worlds(
+    config: &OtherPhysics,
+    objects: &[TestObject],
+    preset: &Sensing,
+    space: &palpate_core::surface::AppearanceSpace,
+    report: &mut Report,
+) -> anyhow::Result<Vec<World>> {
+    let (n, seed) = (config.test_readings, 2 * config.seed + 1);
+    let elastic =
+        |covering| Sensing { physics: Physics::ElasticCovering(covering), ..preset.clone() };
+    let layer = elastic(CoveringConfig::bonded_layer(&config.sensor));
+    let half_space = elastic(CoveringConfig::half_space(&config.sensor));
+    let same = preset.touch_all(objects, n, seed)?;
+    let bonded = layer.touch_all(objects, n, seed)?;
+    let unbounded = half_space.touch_all(objects, n, seed)?;
+    let layer_at_same = pressed_at(&layer, objects, &same, seed);
+    let half_space_at_same = pressed_at(&half_space, objects, &same, seed);
+    let own_at_bonded = pressed_at(preset, objects, &bonded, seed);
+    for (name, readings) in [("layer", &layer_at_same), ("half_space", &half_space_at_same)] {
+        differences::report(report, name, &same, readings, &config.sensor, space);
+    }
+    for (name, readings) in
+        [("point_spread", &same), ("layer", &bonded), ("half_space", &unbounded)]
+    {
+        differences::report_heights(report, name, objects, readings, &config.sensor, space);
+    }
+    let world = |key, test| World { key, test };
+    Ok(vec![
+        world("point_spread", same),
+        world("layer", bonded),
+        world("half_space", unbounded),
+        world("layer_images_only", layer_at_same),
+        world("layer_poses_only", own_at_bonded),
+    ])
+}
+
+/// What a sensor reads at the poses of other readings.
+fn pressed_at(
+    sensing: &Sensing,
+    objects: &[TestObject],
+    readings: &[Vec<Reading>],
+    seed: u64,
+) -> Vec<Vec<Reading>> {
+    let both = objects.par_iter().zip(readings).enumerate();
+    both.map(|(at, (object, readings))| {
+        let simulator = sensing.simulator(object);
+        let mut stream = Stream::new(seed, Purpose::SensorNoise, at as u64);
+        let press = |reading: &Reading| {
+            simulator.read(SensorId(0), reading.session_from_sensor(), &mut stream)
+        };
+        readings.iter().map(press).collect()
+    })
+    .collect()
+}
+
+/// The recogniser without one aspect of a touch each.
+fn ablations() -> [(&'static str, HybridOptions); 3] {
+    let whole = HybridOptions::default();
+    let mut without_looks = whole;
+    // Everything looks alike.
+    (without_looks.scale.appearance, without_looks.scale.appearance_of_pose) = (1e6, 1e6);
+    let mut without_stretch = whole;
+    without_stretch.scale.direction = 0.0;
+    let mut loose = whole;
+    loose.scale.across *= 2.0;
+    loose.refinement.across *= 2.0;
+    [
+        ("without_appearance", without_looks),
+        ("without_stretch", without_stretch),
+        ("height_loosened", loose),
+    ]
+}
+
+fn report_one(report: &mut Report, config: &OtherPhysics, one: &Tried, objects: &[TestObject]) {
+    let Tried { world, method, played } = one;
+    for readings in 1..=config.readings {
+        let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
+        let errors = |of: fn(&crate::object_sessions::PoseError) -> f64| {
+            median(&played.errors(readings, of))
+        };
+        report.row(vec![
+            ("world", json!(world)),
+            ("method", json!(method)),
+            ("readings", json!(readings)),
+            ("trials", json!(stated.len())),
+            ("accuracy", json!(played.accuracy(readings))),
+            ("stated_probability_mean", json!(mean(&stated))),
+            ("position_error_mm_median", json!(errors(|e| e.translation / MM))),
+            ("angle_error_deg_median", json!(errors(|e| e.angle / DEG))),
+        ]);
+    }
+    // The bonded layer by the recogniser as it is: what goals are stated for.
+    let prefix = match (*world, *method) {
+        ("layer", "hybrid") => String::new(),
+        (world, "hybrid") => format!("{world}_"),
+        ("layer", method) => format!("{method}_"),
+        (world, method) => format!("{method}_{world}_"),
+    };
+    for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+        let key = format!("{prefix}accuracy_at_{readings}");
+        report.summarise(&key, played.accuracy(readings));
+    }
+    let last = config.readings.min(10);
+    let moved = median(&played.errors(last, |e| e.translation / MM));
+    report.summarise(&format!("{prefix}position_error_mm_median_at_{last}"), moved);
+    let angle = median(&played.errors(last, |e| e.angle / DEG));
+    report.summarise(&format!("{prefix}angle_error_deg_median_at_{last}"), angle);
+    for step in played.after(last).filter(|step| !step.is_right()) {
+        report.row(vec![
+            ("world", json!(world)),
+            ("method", json!(method)),
+            ("readings", json!(last)),
+            ("object", json!(objects[step.object].name)),
+            ("trial", json!(step.trial)),
+            ("confused_with", json!(objects[step.named].name)),
+            ("stated_probability", json!(step.probability)),
+        ]);
+    }
+}
+
+fn panels(config: &OtherPhysics, tried: &[Tried]) -> Vec<Panel> {
+    let panel = |title: &str,
+                 y: &str,
+                 keep: &dyn Fn(&&Tried) -> bool,
+                 of: &dyn Fn(&Tried, usize) -> f64| {
+        let line = |one: &Tried| {
+            let name = match one.method {
+                "hybrid" => one.world.to_owned(),
+                method => format!("{method}, {}", one.world),
+            };
+            let points = (1..=config.readings).map(|n| (n as f64, of(one, n))).collect();
+            Line { name: name.replace('_', " "), points }
+        };
+        let lines = tried.iter().filter(keep).map(line).collect();
+        Panel { title: title.to_owned(), x: "readings".to_owned(), y: y.to_owned(), lines }
+    };
+    let accuracy = |one: &Tried, n: usize| one.played.accuracy(n);
+    let position = |one: &Tried, n: usize| median(&one.played.errors(n, |e| e.translation / MM));
+    let is_world = |one: &&Tried| {
+        ["point_spread", "layer", "half_space"].contains(&one.world)
+            && ["hybrid", "literal"].contains(&one.method)
+    };
+    let is_aspect = |one: &&Tried| one.world.starts_with("layer") && one.method != "literal";
+    let is_hybrid = |one: &&Tried| one.method == "hybrid";
+    vec![
+        panel("recognised", "share right", &is_world, &accuracy),
+        panel("what breaks, layer", "share right", &is_aspect, &accuracy),
+        panel("position", "median error (mm)", &is_hybrid, &position),
+        panel("position, layer", "median error (mm)", &is_aspect, &position),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_run_names_what_breaks() {
+        let config = OtherPhysics {
+            seed: 101,
+            trials: 1,
+            literal_sessions: 2,
+            train_readings: 200,
+            test_readings: 8,
+            readings: 4,
+            ..OtherPhysics::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["point_spread_accuracy_at_4"] >= 0.7, "{summary:?}");
+        assert!(summary["accuracy_at_4"] >= 0.4, "{summary:?}");
+        for key in [
+            "half_space_accuracy_at_4",
+            "without_appearance_accuracy_at_4",
+            "layer_images_only_position_error_mm_median_at_4",
+            "literal_accuracy_at_4",
+            "layer_contact_shift_mm_median",
+            "half_space_height_mm_mean",
+        ] {
+            assert!(summary.contains_key(key), "{key}: {summary:?}");
+        }
+    }
+}

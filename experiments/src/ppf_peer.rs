@@ -1,0 +1,348 @@
+//! A peer on the same touches: OpenCV contrib's `ppf_match_3d` and its ICP.
+//!
+//! Both know each object by the same training touches (point and normal), and get the same
+//! test touches, of which the hybrid recogniser also has the images; in a further row it goes
+//! without appearance. The peer is a script (`tests/peers/ppf_opencv.py`) that reads the
+//! touches from a folder and writes what it named; without its module it says so and its rows
+//! are left out. Time is wall time of one core for naming an object after so many touches: for
+//! the hybrid recogniser the sum over the touches.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, bail};
+use glam::{DQuat, DVec3};
+use palpate_core::hybrid::HybridOptions;
+use palpate_core::model::surface::SurfaceModel;
+use palpate_core::pose::Pose;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::surface::touch::observe_touch;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::train::surface::SurfaceConfig;
+use palpate_core::units::{DEG, MM};
+use serde_json::json;
+
+use crate::disturbance::Disturbance;
+use crate::object_sessions::{
+    Played, PoseError, Recogniser, Sessions, Step, symmetry_of, train_hybrid,
+};
+use crate::objects;
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::sensing::Sensing;
+use crate::statistics::{mean, median};
+
+/// The script's exit code when its module is missing.
+const MODULE_MISSING: i32 = 3;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct PpfPeer {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// The Python that has the peer's module.
+    pub python: PathBuf,
+    /// The peer's script.
+    pub script: PathBuf,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Trials an object.
+    pub trials: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// After so many touches, rising, both are asked.
+    pub counts: Vec<usize>,
+    /// The sensor's preset.
+    pub sensor: SensorDescription,
+}
+
+impl Default for PpfPeer {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            python: PathBuf::from("python3"),
+            script: PathBuf::from("tests/peers/ppf_opencv.py"),
+            size: 80.0 * MM,
+            seed: 1,
+            trials: 5,
+            train_readings: 1_000,
+            test_readings: 100,
+            counts: vec![5, 10, 20],
+            sensor: SensorDescription::digitacts_6x6(),
+        }
+    }
+}
+
+/// What a method answered after one of the counts.
+struct Named {
+    count: usize,
+    object: usize,
+    named: usize,
+    error: Option<PoseError>,
+    ms: f64,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, training fails, or the peer's script breaks off
+/// for another reason than its missing module.
+pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("ppf-peer", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+    progress("touching objects", 0, 1);
+    let preset = Sensing::with(config.sensor.clone());
+    let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
+    let test = preset.touch_all(&objects, config.test_readings, 2 * config.seed + 1)?;
+    let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
+    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| symmetry_of(map)).collect();
+    let sessions = Sessions {
+        sensor: &config.sensor,
+        test: &test,
+        symmetries: &symmetries,
+        seed: config.seed,
+        readings: config.counts.iter().copied().max().unwrap_or(0),
+        threads: 1,
+        disturbance: Disturbance::None,
+    };
+    let n = objects.len();
+    let mut found = Vec::new();
+    let mut blind = HybridOptions::default();
+    // Everything looks alike.
+    (blind.scale.appearance, blind.scale.appearance_of_pose) = (1e6, 1e6);
+    for (method, options) in [("hybrid", HybridOptions::default()), ("hybrid_blind", blind)] {
+        let hybrid = Recogniser::Hybrid { model: model.clone(), options };
+        let played = sessions.play(&hybrid, n, config.trials * n, progress)?;
+        found.push((method, of_ours(config, &played)));
+    }
+    progress("the peer", 0, 1);
+    match ask_peer(config, &model, &sessions, n)? {
+        Some(named) => found.push(("ppf_match_3d", named)),
+        None => report.row(vec![
+            ("method", json!("ppf_match_3d")),
+            (
+                "left_out",
+                json!("its module is missing: pip install opencv-contrib-python-headless"),
+            ),
+        ]),
+    }
+    let mut lines: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
+    for (method, named) in &found {
+        let [right, time] = report_method(&mut report, config, method, named);
+        lines[0].push(Line { name: (*method).to_owned(), points: right });
+        lines[1].push(Line { name: (*method).to_owned(), points: time });
+    }
+    let [right, time] = lines;
+    let panel = |title: &str, y: &str, lines| Panel {
+        title: title.to_owned(),
+        x: "touches".to_owned(),
+        y: y.to_owned(),
+        lines,
+    };
+    let panels = [
+        panel("recognised", "share right", right),
+        panel("time to name, log10", "log10 of 1 + mean ms", time),
+    ];
+    Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
+}
+
+fn of_ours(config: &PpfPeer, played: &Played) -> Vec<Named> {
+    let of = |step: &Step| {
+        let same = |other: &&Step| other.object == step.object && other.trial == step.trial;
+        let so_far = played.steps.iter().filter(same).filter(|o| o.readings <= step.readings);
+        Named {
+            count: step.readings,
+            object: step.object,
+            named: step.named,
+            error: step.error,
+            ms: so_far.map(|other| other.wall_ms).sum(),
+        }
+    };
+    played.steps.iter().filter(|step| config.counts.contains(&step.readings)).map(of).collect()
+}
+
+/// Writes the touches, runs the script and reads what it named; `None` without its module.
+fn ask_peer(
+    config: &PpfPeer,
+    model: &SurfaceModel,
+    sessions: &Sessions<'_>,
+    n_objects: usize,
+) -> anyhow::Result<Option<Vec<Named>>> {
+    let folder = std::env::temp_dir().join(format!("palpate-ppf-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot create folder {}", folder.display()))?;
+    let asked = write_touches(config, model, sessions, n_objects, &folder)
+        .and_then(|()| run_script(config, &folder))
+        .and_then(|ran| if ran { read_named(sessions, &folder).map(Some) } else { Ok(None) });
+    let removed = std::fs::remove_dir_all(&folder);
+    let asked = asked?;
+    removed.with_context(|| format!("cannot remove folder {}", folder.display()))?;
+    Ok(asked)
+}
+
+/// `models.csv`: object, point and normal a line; `scenes.csv`: object, trial, point, normal.
+/// Millimetres.
+fn write_touches(
+    config: &PpfPeer,
+    model: &SurfaceModel,
+    sessions: &Sessions<'_>,
+    n_objects: usize,
+    folder: &Path,
+) -> anyhow::Result<()> {
+    let (mut models, mut scenes) = (String::new(), String::new());
+    let numbers = |point: DVec3, normal: DVec3| {
+        let [point, normal] = [point / MM, normal].map(|v| v.to_array());
+        point.into_iter().chain(normal).map(|v| format!(",{v:.6}")).collect::<String>()
+    };
+    for (object, map) in model.maps.iter().enumerate() {
+        for patch in map.patches() {
+            let place = numbers(patch.position.as_dvec3(), patch.normal.as_dvec3());
+            writeln!(models, "{object}{place}")?;
+        }
+    }
+    for done in 0..config.trials * n_objects {
+        let (object, trial) = (done % n_objects, done / n_objects);
+        for (reading, _) in sessions.presented(object, trial) {
+            let touch = observe_touch(&reading, &config.sensor, &model.space)
+                .context("a converged touch touches")?;
+            writeln!(scenes, "{object},{trial}{}", numbers(touch.position, touch.normal))?;
+        }
+    }
+    for (name, text) in [("models.csv", models), ("scenes.csv", scenes)] {
+        std::fs::write(folder.join(name), text)
+            .with_context(|| format!("cannot write {name} to {}", folder.display()))?;
+    }
+    Ok(())
+}
+
+fn run_script(config: &PpfPeer, folder: &Path) -> anyhow::Result<bool> {
+    let counts = config.counts.iter().map(usize::to_string);
+    let status = Command::new(&config.python)
+        .arg(&config.script)
+        .arg(folder)
+        .args(counts)
+        .status()
+        .with_context(|| format!("cannot run {}", config.python.display()))?;
+    match status.code() {
+        Some(0) => Ok(true),
+        Some(MODULE_MISSING) => Ok(false),
+        _ => bail!("{} ended with {status}", config.script.display()),
+    }
+}
+
+/// `named.csv`: object, trial, touches, the object named, milliseconds, then
+/// `session_from_object` as millimetres and a quaternion x, y, z, w.
+fn read_named(sessions: &Sessions<'_>, folder: &Path) -> anyhow::Result<Vec<Named>> {
+    let file = folder.join("named.csv");
+    let text = std::fs::read_to_string(&file)
+        .with_context(|| format!("cannot read {}", file.display()))?;
+    text.lines().map(|line| named_in(sessions, line)).collect()
+}
+
+fn named_in(sessions: &Sessions<'_>, line: &str) -> anyhow::Result<Named> {
+    let values: Vec<f64> = line
+        .split(',')
+        .map(|value| value.parse().with_context(|| format!("{value} is not a number")))
+        .collect::<anyhow::Result<_>>()?;
+    let [object, trial, count, named, ms, x, y, z, qx, qy, qz, qw] = values[..] else {
+        bail!("the peer wrote {} values in a line, expected 12", values.len());
+    };
+    let [object, trial, count, named] = [object, trial, count, named].map(|v| v as usize);
+    anyhow::ensure!(object < sessions.test.len(), "the peer speaks of object {object}");
+    let rotation = DQuat::from_xyzw(qx, qy, qz, qw).normalize();
+    let found = Pose::from_parts(rotation, DVec3::new(x, y, z) * MM);
+    let error = (named == object).then(|| sessions.error(object, trial, &found));
+    Ok(Named { count, object, named, error, ms })
+}
+
+/// Rows and figures of a method; gives its points of accuracy and of time.
+fn report_method(
+    report: &mut Report,
+    config: &PpfPeer,
+    method: &str,
+    named: &[Named],
+) -> [Vec<(f64, f64)>; 2] {
+    let mut points: [Vec<(f64, f64)>; 2] = [Vec::new(), Vec::new()];
+    for count in &config.counts {
+        let own = || named.iter().filter(|one| one.count == *count);
+        let right = |one: &Named| f64::from(u8::from(one.named == one.object));
+        let accuracy = mean(&own().map(right).collect::<Vec<_>>());
+        let ms = mean(&own().map(|one| one.ms).collect::<Vec<_>>());
+        let error = |of: fn(&PoseError) -> f64| {
+            median(&own().filter_map(|one| one.error.as_ref().map(of)).collect::<Vec<_>>())
+        };
+        let (moved, angle) = (error(|e| e.translation / MM), error(|e| e.angle / DEG));
+        report.row(vec![
+            ("method", json!(method)),
+            ("touches", json!(count)),
+            ("trials", json!(own().count())),
+            ("accuracy", json!(accuracy)),
+            ("position_error_mm_median", json!(moved)),
+            ("angle_error_deg_median", json!(angle)),
+            ("ms_to_name_mean", json!(ms)),
+        ]);
+        report.summarise(&format!("{method}_accuracy_at_{count}"), accuracy);
+        report.summarise(&format!("{method}_ms_at_{count}"), ms);
+        report.summarise(&format!("{method}_position_error_mm_median_at_{count}"), moved);
+        points[0].push((*count as f64, accuracy));
+        points[1].push((*count as f64, (1.0 + ms).log10()));
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A small run against a "peer" that is a shell script of this text.
+    fn small(name: &str, script: &str) -> anyhow::Result<Outcome> {
+        let path = std::env::temp_dir().join(format!("palpate-{name}-{}.sh", std::process::id()));
+        std::fs::write(&path, script).unwrap();
+        let config = PpfPeer {
+            python: PathBuf::from("sh"),
+            script: path.clone(),
+            seed: 101,
+            trials: 1,
+            train_readings: 150,
+            test_readings: 10,
+            counts: vec![3, 6],
+            ..PpfPeer::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ());
+        std::fs::remove_file(path).unwrap();
+        outcome
+    }
+
+    #[test]
+    fn a_peer_is_asked_about_the_same_touches_and_reported_beside_us() {
+        // It gets 10 × 150 training and 10 × 6 test touches of 7 and 8 values; and names the
+        // first object, 20 ms later, wherever.
+        let script = "test $(wc -l < $1/models.csv) = 1500 && test $(wc -l < $1/scenes.csv) = 60 \
+            && test $(head -1 $1/scenes.csv | tr ',' '\\n' | wc -l) = 8 || exit 1\n\
+            for object in 0 1 2 3 4 5 6 7 8 9; do for n in $2 $3; do \
+            echo $object,0,$n,0,20,0,0,0,0,0,0,1; done; done > $1/named.csv";
+        let outcome = small("ppf-names", script).unwrap();
+        let summary = &outcome.report.summary;
+        assert!((summary["ppf_match_3d_accuracy_at_6"] - 0.1).abs() < 1e-12, "{summary:?}");
+        assert!((summary["ppf_match_3d_ms_at_3"] - 20.0).abs() < 1e-12);
+        // Objects are up to 200 mm from the origin along each axis.
+        assert!((1.0..350.0).contains(&summary["ppf_match_3d_position_error_mm_median_at_3"]));
+        assert!(summary["hybrid_accuracy_at_6"] >= 0.7, "{summary:?}");
+        assert!(summary["hybrid_ms_at_6"] > summary["hybrid_ms_at_3"]);
+    }
+
+    #[test]
+    fn without_its_module_the_peer_is_left_out_and_a_failure_is_an_error() {
+        let outcome = small("ppf-missing", "exit 3").unwrap();
+        let rows = &outcome.report.rows;
+        assert!(rows.iter().any(|row| row.get("left_out").is_some()), "{rows:?}");
+        assert!(!outcome.report.summary.contains_key("ppf_match_3d_accuracy_at_6"));
+        let error = small("ppf-fails", "exit 1").err().unwrap().to_string();
+        assert!(error.contains("ended with exit status: 1"), "{error}");
+    }
+}

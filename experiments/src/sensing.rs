@@ -1,0 +1,125 @@
+//! Sensors that are not what was trained with: another covering, another physics, taxels
+//! that answer too much, too little or not at all.
+
+use std::ops::ControlFlow;
+
+use anyhow::Context as _;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_sim::noise::NoiseLevel;
+use palpate_sim::press::{Physics, PressConfig, PressSimulator};
+use palpate_sim::sampler::{SamplerConfig, sample};
+use rayon::prelude::*;
+
+use crate::objects::TestObject;
+
+/// How readings are taken.
+#[derive(Clone, Debug)]
+pub struct Sensing {
+    /// The sensor as it is built.
+    pub sensor: SensorDescription,
+    /// Noise beyond its own, which the controllers feel too.
+    pub noise_level: NoiseLevel,
+    /// What happens in its covering.
+    pub physics: Physics,
+    /// Standard deviation of the taxels' gains about 1; the controllers do not feel it.
+    pub gain_spread: f64,
+    /// Row-major indices of taxels that read nothing, and nobody knows.
+    pub dead: Vec<usize>,
+    /// Row-major indices of taxels that are known to be missing.
+    pub missing: Vec<usize>,
+}
+
+impl Sensing {
+    /// A sensor as it is described, in the physics of training.
+    #[must_use]
+    pub fn with(sensor: SensorDescription) -> Self {
+        Self {
+            sensor,
+            noise_level: NoiseLevel::NONE,
+            physics: Physics::PointSpread,
+            gain_spread: 0.0,
+            dead: Vec::new(),
+            missing: Vec::new(),
+        }
+    }
+
+    /// The simulator of an object under this sensor.
+    #[must_use]
+    pub fn simulator(&self, object: &TestObject) -> PressSimulator {
+        let press = PressConfig {
+            noise_level: self.noise_level,
+            physics: self.physics,
+            ..PressConfig::for_sensor(&self.sensor)
+        };
+        PressSimulator::with_config(object.mesh.clone(), self.sensor.clone(), press)
+    }
+
+    /// `n` converged readings of each object by the training sampler, from one seed; gains are
+    /// drawn from the seed too.
+    ///
+    /// # Errors
+    /// When the sampler gives up: an object cannot be touched often enough.
+    pub fn touch_all(
+        &self,
+        objects: &[TestObject],
+        n: usize,
+        seed: u64,
+    ) -> anyhow::Result<Vec<Vec<Reading>>> {
+        let gains = self.gains(seed);
+        let touch = |object: &TestObject| {
+            let simulator = self.simulator(object);
+            let config = SamplerConfig::for_simulator(&simulator);
+            let mut go_on = |_done: usize, _total: usize| ControlFlow::Continue(());
+            let readings = sample(&simulator, SensorId(0), n, seed, &config, &mut go_on)
+                .with_context(|| format!("cannot touch {} {n} times", object.name))?;
+            readings.iter().map(|reading| self.altered(reading, &gains)).collect()
+        };
+        objects.par_iter().map(touch).collect()
+    }
+
+    fn gains(&self, seed: u64) -> Vec<f64> {
+        let mut stream = Stream::new(seed, Purpose::TaxelGains, 0);
+        let gain = |_| (1.0 + self.gain_spread * stream.normal().clamp(-3.0, 3.0)).max(0.0);
+        (0..self.sensor.grid().n_taxels()).map(gain).collect()
+    }
+
+    /// A reading as the taxels give it.
+    fn altered(&self, reading: &Reading, gains: &[f64]) -> anyhow::Result<Reading> {
+        let saturation = self.sensor.parameters().saturation;
+        let taxel = |(at, pressure): (usize, &f64)| match at {
+            at if self.missing.contains(&at) => None,
+            at if self.dead.contains(&at) => Some(0.0),
+            at => Some((gains[at] * pressure).min(saturation)),
+        };
+        let pressures: Vec<Option<f64>> =
+            reading.image().pressures.iter().enumerate().map(taxel).collect();
+        let (id, pose) = (reading.sensor(), reading.session_from_sensor());
+        Reading::new(id, &self.sensor, &pressures, pose).context("an altered image fits")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_core::units::MM;
+
+    use super::*;
+    use crate::objects::load;
+
+    #[test]
+    fn dead_taxels_read_nothing_missing_ones_their_neighbours_and_gains_what_they_are() {
+        let objects = &load(None, 80.0 * MM).unwrap()[..1];
+        let plain = Sensing::with(SensorDescription::digitacts_6x6());
+        let odd = Sensing { dead: vec![14], missing: vec![21], gain_spread: 0.2, ..plain.clone() };
+        let [felt, altered] = [&plain, &odd].map(|s| s.touch_all(objects, 20, 7).unwrap());
+        let gains = odd.gains(7);
+        assert!(gains.iter().any(|gain| (gain - 1.0).abs() > 0.1), "{gains:?}");
+        for (before, after) in felt[0].iter().zip(&altered[0]) {
+            let (was, is) = (&before.image().pressures, &after.image().pressures);
+            assert!(is[14].abs() < 1e-12 && after.missing()[21] && !after.missing()[14]);
+            assert!((is[0] - (gains[0] * was[0]).min(20e3)).abs() < 1e-9);
+            assert_eq!(before.session_from_sensor(), after.session_from_sensor());
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! How well stated probabilities hold: telling unknown objects, calibration, the stop rule.
+//!
+//! Here are measures only; `unknown` plays the sessions. Intervals are Wilson's (1927) at 95 %.
+
+/// What was stated after one touch of one session.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stated {
+    /// The probability of the answer, which may be "none of these".
+    pub best: f64,
+    /// The probability of "none of these".
+    pub unknown: f64,
+    /// Whether the answer is right.
+    pub is_right: bool,
+}
+
+impl Stated {
+    /// The same statement had the prior of "none of these" been `to` instead of `from`, given
+    /// all probabilities: those of the objects, the unknown last, and which one is the truth.
+    #[must_use]
+    pub fn with_prior(probabilities: &[f64], truth: usize, from: f64, to: f64) -> Self {
+        let factor = |place: usize| {
+            let last = place + 1 == probabilities.len();
+            if last { to / from } else { (1.0 - to) / (1.0 - from) }
+        };
+        let weighed = || probabilities.iter().enumerate().map(|(at, p)| p * factor(at));
+        let total: f64 = weighed().sum();
+        let (named, best) =
+            weighed().enumerate().fold((0, -1.0), |top, new| if new.1 > top.1 { new } else { top });
+        let unknown = weighed().next_back().unwrap_or(0.0) / total;
+        Self { best: best / total, unknown, is_right: named == truth }
+    }
+}
+
+/// The chance that a random positive scores above a random negative, ties half (Mann and
+/// Whitney, 1947); NaN without one of the two.
+#[must_use]
+pub fn auroc(scored: &[(f64, bool)]) -> f64 {
+    let mut sorted = scored.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut wins, mut below, mut positives) = (0.0, 0.0, 0.0);
+    for ties in sorted.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq()) {
+        let up = ties.iter().filter(|one| one.1).count() as f64;
+        let down = ties.len() as f64 - up;
+        wins += up * (below + 0.5 * down);
+        below += down;
+        positives += up;
+    }
+    wins / (positives * below)
+}
+
+/// One bin of a reliability diagram.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bin {
+    /// How many statements are in it.
+    pub count: usize,
+    /// Their mean stated probability.
+    pub stated: f64,
+    /// The share of them that is right.
+    pub right: f64,
+}
+
+/// Statements by their probability, in `n_bins` bins of equal width; empty bins are left out.
+#[must_use]
+pub fn reliability(statements: &[Stated], n_bins: usize) -> Vec<Bin> {
+    let bin_of = |one: &&Stated| ((one.best * n_bins as f64) as usize).min(n_bins - 1);
+    let bins = (0..n_bins).map(|bin| {
+        let within: Vec<&Stated> = statements.iter().filter(|one| bin_of(one) == bin).collect();
+        let count = within.len();
+        let right = within.iter().filter(|one| one.is_right).count();
+        let stated: f64 = within.iter().map(|one| one.best).sum();
+        Bin { count, stated: stated / count as f64, right: right as f64 / count as f64 }
+    });
+    bins.filter(|bin| bin.count > 0).collect()
+}
+
+/// The mean distance between what is stated and what is right, over bins weighed by what is
+/// in them (Guo et al., 2017).
+#[must_use]
+pub fn expected_calibration_error(bins: &[Bin]) -> f64 {
+    let total: usize = bins.iter().map(|bin| bin.count).sum();
+    let sum: f64 = bins.iter().map(|bin| bin.count as f64 * (bin.stated - bin.right).abs()).sum();
+    sum / total as f64
+}
+
+/// Wilson's interval of a share at 95 %, of `hits` among `n`; all of 0 to 1 when `n` is 0.
+#[must_use]
+pub fn wilson(hits: usize, n: usize) -> (f64, f64) {
+    const Z: f64 = 1.959_964;
+    if n == 0 {
+        return (0.0, 1.0);
+    }
+    let (share, n) = (hits as f64 / n as f64, n as f64);
+    let scale = 1.0 + Z * Z / n;
+    let middle = (share + 0.5 * Z * Z / n) / scale;
+    let half = Z * (share * (1.0 - share) / n + 0.25 * Z * Z / (n * n)).sqrt() / scale;
+    ((middle - half).max(0.0), (middle + half).min(1.0))
+}
+
+/// How sessions end under the stop rule.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stops {
+    /// Sessions that stopped.
+    pub stopped: usize,
+    /// Of them, how many with a wrong answer.
+    pub wrong: usize,
+    /// Sessions in all.
+    pub sessions: usize,
+    /// Mean touches at the stop; NaN when none stopped.
+    pub touches_mean: f64,
+}
+
+/// Stops each session (its statements touch by touch) at the first touch after which
+/// 1 − the probability of the answer is at most `risk`.
+#[must_use]
+pub fn stops(sessions: &[Vec<Stated>], risk: f64) -> Stops {
+    let (mut stopped, mut wrong, mut touches) = (0, 0, 0);
+    for steps in sessions {
+        if let Some(at) = steps.iter().position(|step| 1.0 - step.best <= risk) {
+            stopped += 1;
+            wrong += usize::from(!steps[at].is_right);
+            touches += at + 1;
+        }
+    }
+    let touches_mean = touches as f64 / stopped as f64;
+    Stops { stopped, wrong, sessions: sessions.len(), touches_mean }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stated(best: f64, is_right: bool) -> Stated {
+        Stated { best, unknown: 0.0, is_right }
+    }
+
+    #[test]
+    fn the_area_counts_pairs_in_the_right_order() {
+        // Positives 0.9, 0.4; negatives 0.5, 0.4, 0.1: of 6 pairs 3 + 1½ are in order.
+        let scored = [(0.9, true), (0.4, true), (0.5, false), (0.4, false), (0.1, false)];
+        assert!((auroc(&scored) - 4.5 / 6.0).abs() < 1e-12);
+        assert!(auroc(&scored[..2]).is_nan());
+    }
+
+    #[test]
+    fn calibration_error_is_the_weighed_distance_of_the_bins() {
+        // Ten bins: 0.82 and 0.88 in one (mean 0.85, half right), 0.25 wrong, 1.0 right.
+        let all = [stated(0.82, true), stated(0.88, false), stated(0.25, false), stated(1.0, true)];
+        let bins = reliability(&all, 10);
+        assert_eq!(bins.iter().map(|bin| bin.count).collect::<Vec<_>>(), [1, 2, 1]);
+        assert!((bins[1].stated - 0.85).abs() < 1e-12 && (bins[1].right - 0.5).abs() < 1e-12);
+        let expected = (0.25 + 2.0 * 0.35 + 0.0) / 4.0;
+        assert!((expected_calibration_error(&bins) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_interval_is_the_one_that_wilson_gives() {
+        // 5 of 50 at z = 1.96: 0.0435 to 0.2136.
+        let (low, high) = wilson(5, 50);
+        assert!((low - 0.0435).abs() < 1e-4 && (high - 0.2136).abs() < 1e-4, "{low} {high}");
+        assert!(wilson(0, 100).0.abs() < 1e-12);
+        assert_eq!(wilson(0, 0), (0.0, 1.0));
+    }
+
+    #[test]
+    fn a_session_stops_at_the_first_touch_that_is_sure_enough() {
+        let sessions = [
+            vec![stated(0.5, false), stated(0.92, false), stated(0.99, true)],
+            vec![stated(0.95, true), stated(0.2, false), stated(0.3, false)],
+            vec![stated(0.5, true); 3],
+        ];
+        let found = stops(&sessions, 0.1);
+        assert_eq!((found.stopped, found.wrong, found.sessions), (2, 1, 3));
+        assert!((found.touches_mean - 1.5).abs() < 1e-12);
+        assert!(stops(&sessions, 0.001).touches_mean.is_nan());
+    }
+
+    #[test]
+    fn another_prior_moves_the_odds_by_its_own() {
+        // Odds of unknown 1 : 1 at a prior of ½ are 3 : 1 at ¾.
+        let stated = Stated::with_prior(&[0.1, 0.4, 0.5], 2, 0.5, 0.75);
+        assert!((stated.unknown - 0.75).abs() < 1e-12 && stated.is_right, "{stated:?}");
+        let same = Stated::with_prior(&[0.1, 0.6, 0.3], 1, 0.05, 0.05);
+        assert!((same.best - 0.6).abs() < 1e-12 && same.is_right, "{same:?}");
+    }
+}

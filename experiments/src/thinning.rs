@@ -1,0 +1,261 @@
+//! Thinning (section 5.6.3): what is lost when an object keeps fewer of its training touches.
+//!
+//! Every object is trained once; of its map so many touches are kept, farthest first or drawn
+//! at random, the appearance space and what was learnt of each touch stay. The printed method
+//! (`literal`) learns from as many readings, drawn in the order in which they were taken.
+//! Time is processor time of one thread a reading, answer included.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use palpate_core::hybrid::HybridOptions;
+use palpate_core::model::surface::SurfaceModel;
+use palpate_core::reading::Reading;
+use palpate_core::recognise::SvaOptions;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::surface::SurfaceMap;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::train::TrainingConfig;
+use palpate_core::train::surface::SurfaceConfig;
+use palpate_core::units::{DEG, MM};
+use serde_json::json;
+
+use crate::disturbance::Disturbance;
+use crate::object_sessions::{Played, Recogniser, Sessions, symmetry_of, train_hybrid, train_sva};
+use crate::objects;
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::statistics::{mean, median};
+
+/// The summary states the accuracy after so many readings.
+const STATED_AT: [usize; 4] = [2, 3, 4, 10];
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Thinning {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Touches that an object keeps.
+    pub kept: Vec<usize>,
+    /// Trials an object.
+    pub trials: usize,
+    /// Sessions of the printed method at each of [`Thinning::literal_kept`]; 0 for none.
+    pub literal_sessions: usize,
+    /// Readings that it learns from.
+    pub literal_kept: Vec<usize>,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Readings a trial.
+    pub readings: usize,
+    /// The sensor's preset.
+    pub sensor: SensorDescription,
+}
+
+impl Default for Thinning {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            size: 80.0 * MM,
+            seed: 1,
+            kept: vec![1_000, 700, 500, 250, 100, 50],
+            trials: 30,
+            literal_sessions: 20,
+            literal_kept: vec![1_000, 250],
+            train_readings: 1_000,
+            test_readings: 100,
+            readings: 10,
+            sensor: SensorDescription::digitacts_6x6(),
+        }
+    }
+}
+
+/// Which touches stay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Order {
+    FarthestFirst,
+    Random,
+}
+
+/// One thinned catalogue and how its trials went.
+struct Tested {
+    name: &'static str,
+    kept: usize,
+    bytes: usize,
+    played: Played,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, or training fails.
+pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("thinning", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+    let touch_all = |n: usize, seed: u64| -> anyhow::Result<Vec<Vec<Reading>>> {
+        let touch = |(done, object)| {
+            progress("touching objects", done, objects.len());
+            objects::touch(object, &config.sensor, n, seed)
+        };
+        objects.iter().enumerate().map(touch).collect()
+    };
+    let train = touch_all(config.train_readings, 2 * config.seed)?;
+    let test = touch_all(config.test_readings, 2 * config.seed + 1)?;
+    progress("training", 0, 1);
+    let whole = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
+    let symmetries: Vec<Symmetry> = whole.maps.iter().map(|map| symmetry_of(map)).collect();
+    let sessions = Sessions {
+        sensor: &config.sensor,
+        test: &test,
+        symmetries: &symmetries,
+        seed: config.seed,
+        readings: config.readings,
+        threads: 1,
+        disturbance: Disturbance::None,
+    };
+    let mut tested = Vec::new();
+    for (name, order) in [("farthest", Order::FarthestFirst), ("random", Order::Random)] {
+        for kept in &config.kept {
+            let model = thinned(&whole, *kept, order, config.seed);
+            let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
+            let n = config.trials * objects.len();
+            let played = sessions.play(&hybrid, objects.len(), n, progress)?;
+            tested.push(Tested { name, kept: *kept, bytes: hybrid.bytes(), played });
+        }
+    }
+    for kept in config.literal_kept.iter().filter(|_| config.literal_sessions > 0) {
+        progress("training the printed method", 0, 1);
+        let few: Vec<Vec<Reading>> =
+            train.iter().map(|all| all.iter().take(*kept).cloned().collect()).collect();
+        let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
+        let literal = train_sva(&few, &config.sensor, &training, options, config.seed)?;
+        let played = sessions.play(&literal, objects.len(), config.literal_sessions, progress)?;
+        tested.push(Tested { name: "literal", kept: *kept, bytes: literal.bytes(), played });
+    }
+    for one in &tested {
+        report_one(&mut report, config, one);
+    }
+    report_loss(&mut report, config, &tested);
+    Ok(Outcome { report, plot: plot(config, &tested), pictures: Vec::new() })
+}
+
+/// The same catalogue with at most `kept` touches an object.
+fn thinned(whole: &SurfaceModel, kept: usize, order: Order, seed: u64) -> Arc<SurfaceModel> {
+    let thin = |(object, map): (usize, &Arc<SurfaceMap>)| {
+        let mut patches = map.patches().to_vec();
+        if order == Order::Random {
+            let mut stream = Stream::new(seed, Purpose::Sampling, object as u64);
+            for place in (1..patches.len()).rev() {
+                patches.swap(place, stream.index(place + 1));
+            }
+        }
+        patches.truncate(kept);
+        Arc::new(SurfaceMap::new(map.origin_in_training(), patches, map.layout()))
+    };
+    let maps = whole.maps.iter().enumerate().map(thin).collect();
+    Arc::new(SurfaceModel { maps, ..whole.clone() })
+}
+
+fn report_one(report: &mut Report, config: &Thinning, one: &Tested) {
+    let Tested { name, kept, bytes, played } = one;
+    for readings in 1..=config.readings {
+        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
+        let moved = played.errors(readings, |e| e.translation / MM);
+        report.row(vec![
+            ("kept", json!(name)),
+            ("touches_per_object", json!(kept)),
+            ("readings", json!(readings)),
+            ("trials", json!(times.len())),
+            ("accuracy", json!(played.accuracy(readings))),
+            ("position_error_mm_median", json!(median(&moved))),
+            ("angle_error_deg_median", json!(median(&played.errors(readings, |e| e.angle / DEG)))),
+            ("wall_ms_mean", json!(mean(&times))),
+            ("cpu_ms_per_touch", json!(played.cpu_ms)),
+            ("bytes", json!(bytes)),
+        ]);
+    }
+    let mut state =
+        |key: &str, value: f64| report.summarise(&format!("{name}_{kept}_{key}"), value);
+    for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+        state(&format!("accuracy_at_{readings}"), played.accuracy(readings));
+    }
+    let moved = median(&played.errors(config.readings, |e| e.translation / MM));
+    state(&format!("position_error_mm_median_at_{}", config.readings), moved);
+    state("bytes", *bytes as f64);
+    if let Some(cpu_ms) = played.cpu_ms {
+        state("ms_per_touch", cpu_ms);
+    }
+}
+
+/// What is lost against the most touches, farthest first.
+fn report_loss(report: &mut Report, config: &Thinning, tested: &[Tested]) {
+    let Some(whole) = tested.first() else { return };
+    for one in tested.iter().filter(|one| one.name != "literal") {
+        for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+            let lost = whole.played.accuracy(readings) - one.played.accuracy(readings);
+            report.row(vec![
+                ("kept", json!(one.name)),
+                ("touches_per_object", json!(one.kept)),
+                ("readings", json!(readings)),
+                ("accuracy_lost", json!(lost)),
+                ("bytes_share", json!(one.bytes as f64 / whole.bytes as f64)),
+            ]);
+        }
+    }
+}
+
+fn plot(config: &Thinning, tested: &[Tested]) -> String {
+    let panel = |title: &str, y: &str, value: &dyn Fn(&Tested) -> f64| {
+        let line = |name: &str| {
+            let own = tested.iter().filter(|one| one.name == name);
+            let points = own.map(|one| (one.kept as f64, value(one))).collect();
+            Line { name: name.to_owned(), points }
+        };
+        let x = "touches kept of each object".to_owned();
+        let lines = vec![line("farthest"), line("random"), line("literal")];
+        Panel { title: title.to_owned(), x, y: y.to_owned(), lines }
+    };
+    let early = config.readings.min(3);
+    svg(&[
+        panel(&format!("after {early} readings"), "share right", &|one| one.played.accuracy(early)),
+        panel("position at the end", "median error (mm)", &|one| {
+            median(&one.played.errors(config.readings, |e| e.translation / MM))
+        }),
+        panel("catalogue", "megabytes", &|one| one.bytes as f64 / 1e6),
+        panel("time of a reading", "mean (ms)", &|one| one.played.cpu_ms.unwrap_or(f64::NAN)),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_run_states_what_thinning_saves() {
+        let config = Thinning {
+            seed: 101,
+            kept: vec![200, 60],
+            trials: 2,
+            literal_sessions: 2,
+            literal_kept: vec![100],
+            train_readings: 200,
+            test_readings: 20,
+            readings: 4,
+            ..Thinning::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["farthest_200_accuracy_at_4"] >= 0.75, "{summary:?}");
+        // All touches are the same touches in any order.
+        assert!(summary["farthest_60_bytes"] < 0.5 * summary["farthest_200_bytes"]);
+        assert!(summary.contains_key("random_60_accuracy_at_3"), "{summary:?}");
+        assert!(summary.contains_key("literal_100_accuracy_at_4"), "{summary:?}");
+        assert_eq!(outcome.plot.matches("polyline").count(), 4 * 3);
+    }
+}

@@ -1,0 +1,253 @@
+//! Objects that the catalogue does not know, truly held back: who tells them, and how far
+//! stated probabilities can be believed.
+//!
+//! The objects are dealt into folds; each fold in turn is left out, and the catalogue learns
+//! the rest as the service does: surfaces from nine readings in ten, the calibration from the
+//! tenth. Sessions touch known objects and left-out ones in a stated share. The answer after a
+//! touch is the likeliest of all objects and "none of these"; the calibration error is taken
+//! over 15 bins of equal width of its probability. The prior of "none of these" is the share
+//! of the sessions that it is true of; what the service's own would have said follows from
+//! the same evidence and is stated too.
+//! The printed method (`literal`) knows no such answer: its score is 1 − its best probability.
+
+mod tables;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use palpate_core::hybrid::HybridOptions;
+use palpate_core::reading::Reading;
+use palpate_core::recognise::SvaOptions;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::train::TrainingConfig;
+use palpate_core::train::surface::SurfaceConfig;
+use palpate_core::units::MM;
+use rayon::prelude::*;
+
+use crate::disturbance::Disturbance;
+use crate::object_sessions::{Recogniser, Sessions, train_calibrated, train_sva};
+use crate::objects::{self, TestObject};
+use crate::plot::svg;
+use crate::report::{Outcome, Progress, Report};
+use crate::stated::Stated;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Unknown {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// A folder of further meshes.
+    pub pool: Option<PathBuf>,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Into so many parts the objects are dealt.
+    pub folds: usize,
+    /// Sessions of all folds together.
+    pub sessions: usize,
+    /// The share of sessions with unknown objects.
+    pub unknown_share: f64,
+    /// The probability of "none of these" before any touch.
+    pub prior: f64,
+    /// Sessions of the printed method, all in the first fold; 0 for none.
+    pub literal_sessions: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Readings a session.
+    pub readings: usize,
+    /// The sensor's preset.
+    pub sensor: SensorDescription,
+}
+
+impl Default for Unknown {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            pool: None,
+            size: 80.0 * MM,
+            seed: 1,
+            folds: 4,
+            sessions: 4_000,
+            unknown_share: 0.5,
+            prior: 0.5,
+            literal_sessions: 20,
+            train_readings: 1_000,
+            test_readings: 100,
+            readings: 10,
+            sensor: SensorDescription::digitacts_6x6(),
+        }
+    }
+}
+
+/// One session's answers, touch by touch.
+struct Verdict {
+    object: usize,
+    is_known: bool,
+    /// The catalogue's objects, among all.
+    known: Arc<[usize]>,
+    /// Of every touch: the probability of each known object, then of none of them.
+    probabilities: Vec<Vec<f64>>,
+    /// Where the truth is among them.
+    truth: usize,
+}
+
+impl Verdict {
+    fn stated(&self, readings: usize, from: f64, to: f64) -> Stated {
+        Stated::with_prior(&self.probabilities[readings - 1], self.truth, from, to)
+    }
+
+    /// The object (among all) that is named after so many touches; `None` is none of these.
+    fn named(&self, readings: usize) -> Option<usize> {
+        let probabilities = &self.probabilities[readings - 1];
+        let best = (0..probabilities.len())
+            .max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]).then(b.cmp(a)));
+        self.known.get(best?).copied()
+    }
+}
+
+/// Objects and what was felt of them.
+struct Touched {
+    objects: Vec<TestObject>,
+    train: Vec<Vec<Reading>>,
+    test: Vec<Vec<Reading>>,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, training fails, or there are too few objects.
+pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("unknown", command, config.seed);
+    let touched = touch(config, progress)?;
+    let n = touched.objects.len();
+    anyhow::ensure!(
+        config.folds > 1 && n >= 2 * config.folds,
+        "{n} objects in {} folds, expected at least 2 folds and 2 objects a fold",
+        config.folds
+    );
+    let mut verdicts = Vec::new();
+    let mut literal = Vec::new();
+    for fold in 0..config.folds {
+        progress("folds", fold, config.folds);
+        let known: Arc<[usize]> = (0..n).filter(|at| at % config.folds != fold).collect();
+        let train: Vec<Vec<Reading>> = known.iter().map(|at| touched.train[*at].clone()).collect();
+        let surface = SurfaceConfig::default();
+        let model = train_calibrated(&train, &config.sensor, &surface, config.seed)?;
+        tables::report_calibration(&mut report, fold, &model);
+        let share = |all: usize| all * (fold + 1) / config.folds - all * fold / config.folds;
+        let options = HybridOptions { unknown: config.prior, ..HybridOptions::default() };
+        let hybrid = Recogniser::Hybrid { model, options };
+        let n_sessions = share(config.sessions);
+        verdicts.extend(play(config, &touched, &known, &hybrid, fold, n_sessions)?);
+        if fold == 0 && config.literal_sessions > 0 {
+            progress("the printed method", fold, config.folds);
+            let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
+            let sva = train_sva(&train, &config.sensor, &training, options, config.seed)?;
+            literal = play(config, &touched, &known, &sva, fold, config.literal_sessions)?;
+        }
+    }
+    tables::report_sessions(&mut report, config, "hybrid", "", &verdicts);
+    if !literal.is_empty() {
+        tables::report_sessions(&mut report, config, "literal", "literal_", &literal);
+    }
+    tables::report_confused(&mut report, config, &touched.objects, &verdicts);
+    let panels = tables::panels(&mut report, config, &verdicts, &literal);
+    Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
+}
+
+fn touch(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Touched> {
+    let mut objects = objects::load(config.meshes.as_deref(), config.size)?;
+    if let Some(pool) = &config.pool {
+        objects.extend(objects::load(Some(pool), config.size)?);
+    }
+    let (mut train, mut test) = (Vec::new(), Vec::new());
+    for (done, object) in objects.iter().enumerate() {
+        progress("touching objects", done, objects.len());
+        let touch = |n, seed| objects::touch(object, &config.sensor, n, seed);
+        train.push(touch(config.train_readings, 2 * config.seed)?);
+        test.push(touch(config.test_readings, 2 * config.seed + 1)?);
+    }
+    Ok(Touched { objects, train, test })
+}
+
+/// Plays `n` sessions in turn with the known objects and with the others, in the stated share.
+fn play(
+    config: &Unknown,
+    touched: &Touched,
+    known: &Arc<[usize]>,
+    recogniser: &Recogniser,
+    fold: usize,
+    n: usize,
+) -> anyhow::Result<Vec<Verdict>> {
+    let n_objects = touched.objects.len();
+    let unknown: Vec<usize> = (0..n_objects).filter(|at| at % config.folds == fold).collect();
+    let n_unknown = (n as f64 * config.unknown_share).round() as usize;
+    let of = |objects: &[usize], session: usize| {
+        (objects[session % objects.len()], session / objects.len())
+    };
+    let plan = (0..n).map(|at| match at.checked_sub(n_unknown) {
+        None => of(&unknown, at),
+        Some(at) => of(known, at),
+    });
+    let sessions = Sessions {
+        sensor: &config.sensor,
+        test: &touched.test,
+        symmetries: &vec![Symmetry::NONE; n_objects],
+        seed: config.seed,
+        readings: config.readings,
+        threads: 1,
+        disturbance: Disturbance::None,
+    };
+    let one = |(object, trial): (usize, usize)| {
+        let probabilities = sessions.probabilities(recogniser, object, trial)?;
+        let place = known.iter().position(|at| *at == object);
+        let truth = place.unwrap_or(known.len());
+        let (known, is_known) = (Arc::clone(known), place.is_some());
+        Ok(Verdict { object, is_known, known, probabilities, truth })
+    };
+    plan.collect::<Vec<_>>().into_par_iter().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_run_states_every_figure() {
+        let config = Unknown {
+            seed: 101,
+            folds: 2,
+            sessions: 40,
+            literal_sessions: 4,
+            train_readings: 200,
+            test_readings: 30,
+            readings: 6,
+            ..Unknown::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["auroc_at_6"] > 0.8, "{summary:?}");
+        assert!(summary["known_accuracy_at_6"] > 0.8, "{summary:?}");
+        assert!((0.0..0.35).contains(&summary["expected_calibration_error"]), "{summary:?}");
+        assert!((summary["sessions"] - 40.0).abs() < 1e-9);
+        assert!(summary["never_stopped_at_risk_0_1"] <= summary["never_stopped_at_risk_0_001"]);
+        for key in ["literal_auroc_at_6", "wrong_stops_high_at_risk_0_05", "called_known_at_4"] {
+            assert!(summary.contains_key(key), "{key}");
+        }
+        // The diagonal and 2, 4, 6 touches; hybrid and literal; three and one of the stop rule.
+        assert_eq!(outcome.plot.matches("polyline").count(), 4 + 2 + 3 + 1);
+    }
+
+    #[test]
+    fn too_few_objects_for_the_folds_are_an_error() {
+        let config =
+            Unknown { folds: 6, train_readings: 20, test_readings: 5, ..Unknown::default() };
+        let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();
+        let expected = "10 objects in 6 folds, expected at least 2 folds and 2 objects a fold";
+        assert_eq!(error.to_string(), expected);
+    }
+}

@@ -1,0 +1,239 @@
+//! The tables and the plot of the experiment with unknown objects.
+
+use std::sync::Arc;
+
+use palpate_core::hybrid::HybridOptions;
+use palpate_core::model::surface::SurfaceModel;
+use serde_json::json;
+
+use super::{Unknown, Verdict};
+use crate::objects::TestObject;
+use crate::plot::{Line, Panel};
+use crate::report::Report;
+use crate::stated::{Stated, auroc, expected_calibration_error, reliability, stops, wilson};
+
+/// Bins of the calibration error.
+const N_BINS: usize = 15;
+
+/// The summary states figures after so many touches.
+const STATED_AT: [usize; 5] = [2, 4, 6, 8, 10];
+
+/// Risks that a client names, and their names in keys.
+const RISKS: [(f64, &str); 4] = [(0.1, "0_1"), (0.05, "0_05"), (0.01, "0_01"), (0.001, "0_001")];
+
+pub(super) fn report_calibration(report: &mut Report, fold: usize, model: &Arc<SurfaceModel>) {
+    for (at, stage) in model.calibration.stages.iter().enumerate() {
+        report.row(vec![
+            ("fold", json!(fold)),
+            ("known_objects", json!(model.maps.len())),
+            ("stage", json!(at + 1)),
+            ("temperature", json!(stage.temperature)),
+            ("log_unknown", json!(stage.unknown)),
+            ("log_unknown_per_touch", json!(stage.unknown_per_touch)),
+        ]);
+    }
+}
+
+pub(super) fn report_sessions(
+    report: &mut Report,
+    config: &Unknown,
+    method: &str,
+    prefix: &str,
+    verdicts: &[Verdict],
+) {
+    let share = |of: &dyn Fn(&Verdict) -> bool, within: &dyn Fn(&Verdict) -> bool| {
+        let n = verdicts.iter().filter(|v| within(v)).count();
+        verdicts.iter().filter(|v| within(v) && of(v)).count() as f64 / n as f64
+    };
+    for readings in 1..=config.readings {
+        let at = |prior: f64| -> Vec<Stated> {
+            verdicts.iter().map(|v| v.stated(readings, config.prior, prior)).collect()
+        };
+        let default_prior = HybridOptions::default().unknown;
+        let error = |stated: &[Stated]| expected_calibration_error(&reliability(stated, N_BINS));
+        let stated = at(config.prior);
+        let area = area_after(config, readings, verdicts);
+        let right = |v: &Verdict| v.stated(readings, config.prior, config.prior).is_right;
+        let known_right = share(&right, &|v| v.is_known);
+        let unknown_right = share(&right, &|v| !v.is_known);
+        let sure_of_wrong = share(
+            &|v| {
+                let stated = v.stated(readings, config.prior, config.prior);
+                stated.best >= 0.8 && !stated.is_right
+            },
+            &|v| !v.is_known,
+        );
+        report.row(vec![
+            ("method", json!(method)),
+            ("readings", json!(readings)),
+            ("sessions", json!(verdicts.len())),
+            ("auroc", json!(area)),
+            ("known_right", json!(known_right)),
+            ("unknown_right", json!(unknown_right)),
+            ("unknown_called_known_at_0.8", json!(sure_of_wrong)),
+            ("calibration_error", json!(error(&stated))),
+            ("calibration_error_default_prior", json!(error(&at(default_prior)))),
+        ]);
+        if STATED_AT.contains(&readings) {
+            let mut state = |key: &str, value| report.summarise(&format!("{prefix}{key}"), value);
+            state(&format!("auroc_at_{readings}"), area);
+            state(&format!("known_accuracy_at_{readings}"), known_right);
+            if prefix.is_empty() {
+                state(&format!("unknown_accuracy_at_{readings}"), unknown_right);
+                state(&format!("calibration_error_at_{readings}"), error(&stated));
+                let default = error(&at(default_prior));
+                state(&format!("calibration_error_default_prior_at_{readings}"), default);
+                state(&format!("called_known_at_{readings}"), sure_of_wrong);
+            }
+        }
+        if readings == 6.min(config.readings) && prefix.is_empty() {
+            report.summarise("expected_calibration_error", error(&stated));
+        }
+    }
+    report.summarise(&format!("{prefix}sessions"), verdicts.len() as f64);
+    report_stops(report, config, method, prefix, verdicts);
+}
+
+/// The area under the curve of telling unknown objects; the printed method has no answer for
+/// them, so that how little it believes its own is the score.
+fn area_after(config: &Unknown, readings: usize, verdicts: &[Verdict]) -> f64 {
+    let score = |v: &Verdict| {
+        let stated = v.stated(readings, config.prior, config.prior);
+        let is_told = v.probabilities[readings - 1].last().is_some_and(|unknown| *unknown > 0.0);
+        (if is_told { stated.unknown } else { 1.0 - stated.best }, !v.is_known)
+    };
+    auroc(&verdicts.iter().map(score).collect::<Vec<_>>())
+}
+
+fn report_stops(
+    report: &mut Report,
+    config: &Unknown,
+    method: &str,
+    prefix: &str,
+    verdicts: &[Verdict],
+) {
+    for (risk, name) in RISKS {
+        for (which, keep) in [("all", None), ("known", Some(true)), ("unknown", Some(false))] {
+            let steps = statements(config, verdicts, keep);
+            let found = stops(&steps, risk);
+            let (low, high) = wilson(found.wrong, found.stopped);
+            let wrong = found.wrong as f64 / found.stopped as f64;
+            let never = 1.0 - found.stopped as f64 / found.sessions as f64;
+            report.row(vec![
+                ("method", json!(method)),
+                ("objects", json!(which)),
+                ("risk", json!(risk)),
+                ("stopped", json!(found.stopped)),
+                ("wrong_stops", json!(found.wrong)),
+                ("wrong_share", json!(wrong)),
+                ("wrong_share_low", json!(low)),
+                ("wrong_share_high", json!(high)),
+                ("touches_at_stop_mean", json!(found.touches_mean)),
+                ("never_stopped", json!(never)),
+            ]);
+            if keep.is_none() && prefix.is_empty() {
+                report.summarise(&format!("wrong_stops_at_risk_{name}"), wrong);
+                report.summarise(&format!("wrong_stops_low_at_risk_{name}"), low);
+                report.summarise(&format!("wrong_stops_high_at_risk_{name}"), high);
+                report.summarise(&format!("touches_at_risk_{name}"), found.touches_mean);
+                report.summarise(&format!("never_stopped_at_risk_{name}"), never);
+            }
+        }
+    }
+}
+
+/// What was stated touch by touch in all sessions, or those of known or unknown objects.
+fn statements(config: &Unknown, verdicts: &[Verdict], keep: Option<bool>) -> Vec<Vec<Stated>> {
+    let steps = |v: &Verdict| -> Vec<Stated> {
+        (1..=config.readings).map(|n| v.stated(n, config.prior, config.prior)).collect()
+    };
+    verdicts.iter().filter(|v| keep.is_none_or(|known| known == v.is_known)).map(steps).collect()
+}
+
+/// A row an object: how its sessions went after six touches, and what is named instead.
+pub(super) fn report_confused(
+    report: &mut Report,
+    config: &Unknown,
+    objects: &[TestObject],
+    verdicts: &[Verdict],
+) {
+    let readings = 6.min(config.readings);
+    for (at, object) in objects.iter().enumerate() {
+        for is_known in [true, false] {
+            let own = || verdicts.iter().filter(|v| v.object == at && v.is_known == is_known);
+            let wrong: Vec<Option<usize>> = own()
+                .filter(|v| !v.stated(readings, config.prior, config.prior).is_right)
+                .map(|v| v.named(readings))
+                .collect();
+            let Some(first) = wrong.first() else { continue };
+            let often = wrong.iter().fold((*first, 0), |top, one| {
+                let count = wrong.iter().filter(|other| *other == one).count();
+                if count > top.1 { (*one, count) } else { top }
+            });
+            let name = often.0.map_or("none of these", |named| objects[named].name.as_str());
+            report.row(vec![
+                ("object", json!(object.name)),
+                ("is_known", json!(is_known)),
+                ("readings", json!(readings)),
+                ("sessions", json!(own().count())),
+                ("wrong", json!(wrong.len())),
+                ("most_often_named", json!(name)),
+                ("times", json!(often.1)),
+            ]);
+        }
+    }
+}
+
+pub(super) fn panels(
+    report: &mut Report,
+    config: &Unknown,
+    verdicts: &[Verdict],
+    literal: &[Verdict],
+) -> Vec<Panel> {
+    let mut lines = vec![Line { name: "as stated".into(), points: vec![(0.0, 0.0), (1.0, 1.0)] }];
+    for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+        let stated: Vec<Stated> =
+            verdicts.iter().map(|v| v.stated(readings, config.prior, config.prior)).collect();
+        let bins = reliability(&stated, N_BINS);
+        for bin in &bins {
+            report.row(vec![
+                ("readings", json!(readings)),
+                ("bin_stated", json!(bin.stated)),
+                ("bin_right", json!(bin.right)),
+                ("bin_count", json!(bin.count)),
+            ]);
+        }
+        let points = bins.iter().map(|bin| (bin.stated, bin.right)).collect();
+        lines.push(Line { name: format!("{readings} touches"), points });
+    }
+    let mut panels = vec![panel("reliability", "stated probability", "share right", lines)];
+    let area = |name: &str, verdicts: &[Verdict]| {
+        let at = |n: usize| (n as f64, area_after(config, n, verdicts));
+        Line { name: name.into(), points: (1..=config.readings).map(at).collect() }
+    };
+    let mut lines = vec![area("hybrid", verdicts)];
+    if !literal.is_empty() {
+        lines.push(area("literal", literal));
+    }
+    panels.push(panel("telling unknown objects", "readings", "AUROC", lines));
+    let digits = |share: f64| -share.log10();
+    let sessions = statements(config, verdicts, None);
+    let line = |name: &str, of: &dyn Fn(f64) -> f64| {
+        let points = RISKS.iter().map(|(risk, _)| (digits(*risk), of(*risk))).collect();
+        Line { name: name.into(), points }
+    };
+    let wrong = |risk: f64| (stops(&sessions, risk).wrong, stops(&sessions, risk).stopped);
+    let lines = vec![
+        line("as named", &digits),
+        line("wrong stops", &|risk| digits(wrong(risk).0 as f64 / wrong(risk).1 as f64)),
+        line("95 % at most", &|risk| digits(wilson(wrong(risk).0, wrong(risk).1).1)),
+    ];
+    panels.push(panel("stop rule", "risk named (−log10)", "wrong (−log10)", lines));
+    let lines = vec![line("all", &|risk| stops(&sessions, risk).touches_mean)];
+    panels.push(panel("touches at the stop", "risk named (−log10)", "mean touches", lines));
+    panels
+}
+
+fn panel(title: &str, x: &str, y: &str, lines: Vec<Line>) -> Panel {
+    Panel { title: title.into(), x: x.into(), y: y.into(), lines }
+}
