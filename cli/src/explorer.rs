@@ -109,6 +109,8 @@ impl Plan {
             }),
             image: touch.reading.image().pressures.iter().copied().map(Some).collect(),
             feature: None,
+            approach_m: None,
+            object_moved: None,
         }
     }
 }

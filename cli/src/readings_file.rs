@@ -74,6 +74,8 @@ mod tests {
             pose: Some(Pose { position: [0.1, 0.2, 0.3], orientation: [0.0, 0.0, 0.0, 1.0] }),
             image: vec![Some(1.0 / 3.0), None],
             feature: None,
+            approach_m: None,
+            object_moved: None,
         }
     }
 

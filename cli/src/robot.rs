@@ -31,8 +31,8 @@ pub(crate) struct Press {
     pub(crate) pose: Option<schemas::Pose>,
     /// Pressures, Pa.
     pub(crate) image: Vec<Option<f64>>,
-    /// Whether it touched nothing.
-    pub(crate) missed: bool,
+    /// How far it came with nothing in touch, metres, when it touched nothing.
+    pub(crate) missed: Option<f64>,
 }
 
 /// How far from the middle of what a camera would say the object may lie, along each axis.
@@ -111,9 +111,11 @@ impl Robot {
             touch_recentered(&self.simulator, mesh_from_sensor, &config, &mut self.touches);
         let (at, pressures, missed) = match landing {
             Landing::Converged { contact, .. } => {
-                (contact.object_from_sensor, contact.pressures, false)
+                (contact.object_from_sensor, contact.pressures, None)
             }
-            Landing::Missed { miss, .. } => (miss.object_from_sensor, miss.pressures, true),
+            Landing::Missed { miss, .. } => {
+                (miss.object_from_sensor, miss.pressures, Some(miss.travel))
+            }
             Landing::NoConvergence | Landing::Unreachable => return Ok(None),
         };
         let image = pressures.into_iter().map(Some).collect();
@@ -141,7 +143,7 @@ impl Robot {
         let session_from_sensor = self.session_from_mesh * mesh_from_sensor;
         let image = reading.image().pressures.iter().copied().map(Some).collect();
         let pose = self.knows_poses.then(|| to_wire(session_from_sensor));
-        Ok(Press { pose, image, missed: false })
+        Ok(Press { pose, image, missed: None })
     }
 
     /// Presses straight down somewhere over the object.

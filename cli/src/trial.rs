@@ -176,15 +176,15 @@ pub(crate) async fn run(
             continue;
         };
         let begun = Instant::now();
-        let belief = session.touch(sensor, press.pose, press.image).await?;
+        let belief = session.touch_after(sensor, press.pose, press.image, press.missed).await?;
         let reading_ms = begun.elapsed().as_secs_f64() * 1e3;
         let before = steps.last();
-        let n_misses = before.map_or(0, |step| step.misses) + u32::from(press.missed);
+        let n_misses = before.map_or(0, |step| step.misses) + u32::from(press.missed.is_some());
         let step = Step { misses: n_misses, ..Step::new(tries, &belief, truth, reading_ms) };
         show(&step);
         let is_sure = step.probability >= rule.probability;
         // A press that touched nothing confirms nothing.
-        let counts = u32::from(!press.missed);
+        let counts = u32::from(press.missed.is_none());
         sure = if is_sure { sure + counts } else { 0 };
         steps.push(step.clone());
         if sure >= rule.in_a_row || step.touches >= rule.touches_max {
@@ -235,6 +235,7 @@ mod tests {
             revision: 1,
             n_readings: 1,
             objects: [(names[0], 0.9), (names[1], 0.1)].map(probability).to_vec(),
+            stop: None,
             unknown: 0.0,
             entropy_bits: 0.47,
             poses: vec![PoseHypothesis {

@@ -67,6 +67,21 @@ impl TouchSession {
         pose: impl Into<Option<Pose>>,
         image: Vec<Option<f64>>,
     ) -> Result<Belief, Error> {
+        self.touch_after(sensor, pose, image, None).await
+    }
+
+    /// As [`TouchSession::touch`], after a way of `approach_m` metres along the sensor's +z on
+    /// which nothing touched: worth saying above all of a press that met nothing.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn touch_after(
+        &mut self,
+        sensor: &str,
+        pose: impl Into<Option<Pose>>,
+        image: Vec<Option<f64>>,
+        approach_m: Option<f64>,
+    ) -> Result<Belief, Error> {
         let reading = Reading {
             robot: Some(self.robot.clone()),
             seq: Some(self.next_seq),
@@ -76,6 +91,8 @@ impl TouchSession {
             pose: pose.into(),
             image,
             feature: None,
+            approach_m,
+            object_moved: None,
         };
         let readings = AddReadings { readings: vec![reading] };
         let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };

@@ -85,6 +85,8 @@ fn reading(robot: Option<&str>) -> AddReadings {
         pose: Some(Pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] }),
         image: vec![None],
         feature: None,
+        approach_m: None,
+        object_moved: None,
     };
     AddReadings { readings: vec![reading] }
 }

@@ -22,7 +22,7 @@ use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
 use serde_json::json;
 
-use crate::object_sessions::{Played, Recogniser, Sessions, symmetry_of, train_hybrid, train_sva};
+use crate::object_sessions::{Played, Recogniser, Sessions, train_hybrid, train_sva};
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -124,7 +124,7 @@ fn learn(config: &HybridNoise, trained: Trained, objects: &[TestObject]) -> anyh
     let train = sensing.touch_all(objects, config.train_readings, 2 * config.seed)?;
     let surface = SurfaceConfig::default();
     let model = train_hybrid(&train, &sensing.sensor, &surface, config.seed)?;
-    let symmetries = model.maps.iter().map(|map| symmetry_of(map)).collect();
+    let symmetries = model.maps.iter().map(|map| map.symmetry().clone()).collect();
     let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
     let literal = if config.literal_sessions > 0 {
         Some(train_sva(&train, &sensing.sensor, &training, options, config.seed)?)

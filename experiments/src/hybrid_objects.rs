@@ -20,9 +20,7 @@ use palpate_core::units::{DEG, MM};
 use serde_json::json;
 
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{
-    Played, PoseError, Recogniser, Sessions, symmetry_of, train_hybrid, train_sva,
-};
+use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, train_hybrid, train_sva};
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -98,7 +96,7 @@ pub fn run(
     let started = Instant::now();
     let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
     let seconds = started.elapsed().as_secs_f64();
-    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| symmetry_of(map)).collect();
+    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| map.symmetry().clone()).collect();
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,

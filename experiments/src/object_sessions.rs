@@ -13,16 +13,15 @@ use palpate_core::belief::answer::Answer;
 use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
 use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
-use palpate_core::model::{Catalogue, MapPatch, ObjectIdx};
+use palpate_core::model::{Catalogue, ObjectIdx};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::recognise::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::surface::SurfaceMap;
 use palpate_core::symmetry::Symmetry;
-use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
-use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_core::train::surface::{SurfaceConfig, find_symmetry, learn_space, map_surface};
+use palpate_core::train::{TrainError, TrainingConfig, TrainingSet, learn_vocabulary, map_object};
 use palpate_core::units::MM;
 use rayon::prelude::*;
 
@@ -32,6 +31,10 @@ use crate::statistics::mean;
 
 /// How far from the session's origin objects are placed along each axis, metres.
 const REACH: f64 = 200.0 * MM;
+
+/// Symmetries are sought in catalogues of so many objects at most: in larger ones they would
+/// take longer than all else, and no experiment on those asks for poses.
+const SYMMETRIES_MAX: usize = 100;
 
 /// Poses that an answer states.
 const N_MODES: usize = 8;
@@ -139,7 +142,12 @@ pub fn train_hybrid(
     let sets: Vec<TrainingSet<'_>> =
         readings.iter().map(|readings| TrainingSet { readings, sensor }).collect();
     let space = learn_space(&sets, seed)?;
-    let map = |set| map_surface(set, &space, surface, Some(DVec3::ZERO)).map(Arc::new);
+    let map = |set: &TrainingSet<'_>| {
+        let map = map_surface(set, &space, surface, Some(DVec3::ZERO))?;
+        let seek = sets.len() <= SYMMETRIES_MAX;
+        let symmetry = if seek { find_symmetry(set, DVec3::ZERO) } else { Symmetry::NONE };
+        Ok::<_, TrainError>(Arc::new(map.with_symmetry(symmetry)))
+    };
     let maps: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
     let calibration = EvidenceCalibration::default();
     Ok(Arc::new(SurfaceModel { space, calibration, maps: maps? }))
@@ -169,17 +177,6 @@ pub fn train_calibrated(
         held_back.iter().map(|readings| HeldBack { readings, sensor }).collect();
     let calibration = calibrate(&model, &sets, HybridOptions::default(), seed);
     Ok(Arc::new(SurfaceModel { calibration, ..(*model).clone() }))
-}
-
-/// The symmetry of an object as its map shows it.
-#[must_use]
-pub fn symmetry_of(map: &SurfaceMap) -> Symmetry {
-    let patch = |patch: &palpate_core::surface::SurfacePatch| MapPatch {
-        position: patch.position.to_array(),
-        normal: patch.normal.to_array(),
-        normal_confidence: 1.0,
-    };
-    Symmetry::of_patches(&map.patches().iter().map(patch).collect::<Vec<_>>())
 }
 
 /// How far a stated pose is from the true one.

@@ -24,9 +24,7 @@ use palpate_core::units::{DEG, MM};
 use serde_json::json;
 
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{
-    Played, PoseError, Recogniser, Sessions, Step, symmetry_of, train_hybrid,
-};
+use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, Step, train_hybrid};
 use crate::objects;
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -100,7 +98,7 @@ pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow:
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
     let test = preset.touch_all(&objects, config.test_readings, 2 * config.seed + 1)?;
     let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| symmetry_of(map)).collect();
+    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| map.symmetry().clone()).collect();
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,

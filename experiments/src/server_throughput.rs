@@ -226,5 +226,7 @@ fn on_the_wire(reading: &core_reading::Reading, robot: usize, seq: usize) -> Rea
         }),
         image: reading.image().pressures.iter().copied().map(Some).collect(),
         feature: None,
+        approach_m: None,
+        object_moved: None,
     }
 }

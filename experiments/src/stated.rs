@@ -2,6 +2,8 @@
 //!
 //! Here are measures only; `unknown` plays the sessions. Intervals are Wilson's (1927) at 95 %.
 
+use palpate_core::belief::answer::stopping_risk;
+
 /// What was stated after one touch of one session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stated {
@@ -110,12 +112,12 @@ pub struct Stops {
 }
 
 /// Stops each session (its statements touch by touch) at the first touch after which
-/// 1 − the probability of the answer is at most `risk`.
+/// the risk of stopping at the answer ([`stopping_risk`]) is at most `risk`.
 #[must_use]
 pub fn stops(sessions: &[Vec<Stated>], risk: f64) -> Stops {
     let (mut stopped, mut wrong, mut touches) = (0, 0, 0);
     for steps in sessions {
-        if let Some(at) = steps.iter().position(|step| 1.0 - step.best <= risk) {
+        if let Some(at) = steps.iter().position(|step| stopping_risk(step.best) <= risk) {
             stopped += 1;
             wrong += usize::from(!steps[at].is_right);
             touches += at + 1;

@@ -22,7 +22,7 @@ use palpate_core::units::{DEG, MM};
 use serde_json::json;
 
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, Recogniser, Sessions, symmetry_of, train_hybrid, train_sva};
+use crate::object_sessions::{Played, Recogniser, Sessions, train_hybrid, train_sva};
 use crate::objects;
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -109,7 +109,7 @@ pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow
     let test = touch_all(config.test_readings, 2 * config.seed + 1)?;
     progress("training", 0, 1);
     let whole = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = whole.maps.iter().map(|map| symmetry_of(map)).collect();
+    let symmetries: Vec<Symmetry> = whole.maps.iter().map(|map| map.symmetry().clone()).collect();
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,

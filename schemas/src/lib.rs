@@ -44,15 +44,15 @@ pub use object::{
 pub use page::PageQuery;
 pub use pose::Pose;
 pub use problem::{FieldError, Problem, ProblemType};
-pub use reading::{Reading, Stamp};
+pub use reading::{Looseness, Reading, Stamp};
 pub use sensor::{
     CreateSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor, SensorDescription,
     SensorPage, SensorPreset, TaxelGrid,
 };
 pub use session::{
     AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, EventsQuery, Method,
-    ObjectProbability, PoseHypothesis, PriorEntry, ReadingsAdded, ReadingsQuery, Session,
-    SessionEvent, SessionPage, SessionState,
+    ObjectProbability, PoseHypothesis, PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase,
+    Session, SessionEvent, SessionPage, SessionState, StopAdvice,
 };
 pub use symmetry::SymmetryAxis;
 pub use training::{

@@ -48,6 +48,27 @@ pub struct Reading {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_items = 1, max_items = 4096)]
     pub feature: Option<Vec<f64>>,
+    /// How far the sensor came along its own +z to the pose with nothing in touch, metres, 0 to
+    /// 10. With a press that met nothing, `hybrid` knows that the whole way is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0.0, maximum = 10.0, example = 0.12)]
+    pub approach_m: Option<f64>,
+    /// How far the object may have moved since the session's reading before. For `hybrid`: what
+    /// the object is stays as probable as it was, where it is becomes loose by so much.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object_moved: Option<Looseness>,
+}
+
+/// How far something may be from where it is said to be: standard deviations.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Looseness {
+    /// In each direction, metres, up to 0.1.
+    #[schema(exclusive_minimum = 0.0, maximum = 0.1, example = 0.003)]
+    pub position_m: f64,
+    /// About each axis, rad, up to 1.
+    #[schema(exclusive_minimum = 0.0, maximum = 1.0, example = 0.05)]
+    pub angle_rad: f64,
 }
 
 /// A time of the robot's clock, as ROS has it.

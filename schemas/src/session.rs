@@ -6,7 +6,7 @@ use uuid::Uuid;
 
 use crate::geometry::PosePrior;
 use crate::pose::Pose;
-use crate::reading::Reading;
+use crate::reading::{Looseness, Reading};
 use crate::symmetry::SymmetryAxis;
 
 /// A new session: one object that is touched, and, but for the methods `appearance…`, rests
@@ -55,11 +55,33 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
     pub seed: Option<u64>,
+    /// Robots whose bases are not exactly where their poses say, for `hybrid`: all readings of
+    /// such a robot (its `robot`) are shifted alike, by an unknown motion of this looseness.
+    /// Readings of all others are taken to be exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_items = 100)]
+    pub robots: Option<Vec<RobotBase>>,
+    /// The risk of a wrong answer at which you want to stop touching, 0.0001 to 0.5, for
+    /// `hybrid`: the belief's `stop` says when it is reached.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0.000_1, maximum = 0.5, example = 0.05)]
+    pub risk: Option<f64>,
     /// Seconds without a new reading after which the session closes, 1 to 31536000; it stays
     /// open when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 31_536_000)]
     pub ttl_s: Option<u32>,
+}
+
+/// A robot whose base is not exactly where its poses say.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RobotBase {
+    /// The robot, as its readings name it.
+    #[schema(min_length = 1, max_length = 64, example = "arm-2")]
+    pub robot: String,
+    /// How loosely its readings are placed, where the object is.
+    pub base: Looseness,
 }
 
 /// The probability of one object before the first touch.
@@ -121,6 +143,10 @@ pub struct Session {
     pub particles: Option<u32>,
     /// The seed of its random choices; null when it makes none.
     pub seed: Option<u64>,
+    /// Robots whose bases are not exact; null when all are.
+    pub robots: Option<Vec<RobotBase>>,
+    /// The risk of a wrong answer at which its client wants to stop; null when not named.
+    pub risk: Option<f64>,
     /// The frame of its sensor poses, if it was named.
     pub frame_id: Option<String>,
     /// Whether it takes readings.
@@ -236,12 +262,26 @@ pub struct Belief {
     #[serde(default)]
     #[schema(minimum = 0.0, maximum = 1.0)]
     pub unknown: f64,
+    /// Whether to stop touching, for sessions that named a `risk`; null otherwise.
+    #[serde(default)]
+    pub stop: Option<StopAdvice>,
     /// Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
     /// knows nothing of n objects.
     pub entropy_bits: f64,
     /// Pose hypotheses, likeliest first; do not average them. With the methods `hybrid` and
     /// `sva`, poses that look the same by the object's `symmetry` are one. Empty with the methods `appearance…`, which know nothing of poses.
     pub poses: Vec<PoseHypothesis>,
+}
+
+/// Whether the answer is sure enough to stop.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct StopAdvice {
+    /// The risk that the client named.
+    pub risk: f64,
+    /// The risk that the likeliest answer, an object or "none of these", is wrong.
+    pub found: f64,
+    /// Whether it is low enough.
+    pub reached: bool,
 }
 
 /// How probable one object is.

@@ -133,6 +133,9 @@ impl SessionBelief {
                 Err(BeliefError::PoseMissing)
             }
             Self::Hybrid(belief) => {
+                if let Some(motion) = &stored.object_moved {
+                    belief.loosen(motion);
+                }
                 belief.add(reading, sensor);
                 Ok(())
             }

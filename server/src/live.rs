@@ -29,7 +29,7 @@ use crate::sensors::Sensors;
 use crate::sessions::{POSES, Tools, status};
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::reading::{Incoming, from_store};
-use crate::wire::session::{Status, belief, name, options, top};
+use crate::wire::session::{Options, Status, base, belief, name, options, top};
 use crate::wire::{count, geometry};
 
 /// How many answers are remembered for robots that repeat a reading.
@@ -335,6 +335,7 @@ impl Live {
             model: Arc::clone(&self.model),
             journal: tools.store.journal(),
             sensors: Arc::clone(tools.sensors),
+            options: options(&self.session),
             from,
             length,
         }
@@ -362,6 +363,7 @@ struct Folding {
     model: Arc<Model>,
     journal: Journal,
     sensors: Arc<Sensors>,
+    options: Options,
     from: u64,
     length: u64,
 }
@@ -377,7 +379,10 @@ impl Folding {
             let entries = self.journal.entries(self.session.id, next, limit)?;
             for entry in &entries {
                 match &entry.event {
-                    Event::Reading(reading) => self.fold(&mut belief, reading)?,
+                    Event::Reading(reading) => {
+                        let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
+                        self.fold(&mut belief, reading, robot)?;
+                    }
                     Event::Retraction { .. } | Event::Closed => {}
                 }
             }
@@ -390,11 +395,20 @@ impl Folding {
         SessionBelief::new(&self.session, &self.model).map_err(|error| self.unusable(&error))
     }
 
-    fn fold(&self, belief: &mut SessionBelief, stored: &StoredReading) -> Result<(), Refusal> {
+    fn fold(
+        &self,
+        belief: &mut SessionBelief,
+        stored: &StoredReading,
+        robot: Option<&str>,
+    ) -> Result<(), Refusal> {
         let sensor = self.sensors.get(&stored.sensor.to_string())?;
         let calibration = self.sensors.calibrations().of(sensor.id, stored.calibration)?;
         let reading = from_store(stored, &sensor, calibration.as_deref())
             .map_err(|error| self.unusable(&error))?;
+        let reading = match base(&self.options, robot) {
+            Some(base) => reading.from_base(base),
+            None => reading,
+        };
         belief.add(stored, &reading, &sensor.description).map_err(|error| self.unusable(&error))
     }
 

@@ -398,6 +398,8 @@ mod tests {
             stamp_ns: None,
             calibration: 0,
             feature: None,
+            approach: 0.0,
+            object_moved: None,
         });
         let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
         store.journal().append(session.id, 0, &[entry]).await.unwrap();

@@ -4,6 +4,7 @@
 //! [`crate::record`] turns them into stored bytes. Times are milliseconds since 1970.
 
 use palpate_core::pose::Pose;
+use palpate_core::reading::Looseness;
 use palpate_core::sensor::SensorDescription;
 use uuid::Uuid;
 
@@ -155,6 +156,10 @@ pub struct StoredReading {
     pub calibration: u32,
     /// The client's own code of the press: finite numbers.
     pub feature: Option<Vec<f64>>,
+    /// How far the sensor came along its +z with nothing in touch, metres; 0 when nobody said.
+    pub approach: f64,
+    /// How far the object may have moved since the reading before, when it may.
+    pub object_moved: Option<Looseness>,
 }
 
 impl StoredReading {

@@ -60,6 +60,8 @@ async fn train(client: &Client) {
             pose: Some(wire_pose(reading.session_from_sensor())),
             image: image(reading),
             feature: None,
+            approach_m: None,
+            object_moved: None,
         };
         let readings = AddTrainingReadings { readings: readings.iter().map(wire).collect() };
         client.add_training_readings(&symbol.to_string(), &readings).await.unwrap();

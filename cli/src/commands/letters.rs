@@ -246,6 +246,8 @@ fn readings(font: &Font, args: &PressArgs) -> anyhow::Result<Vec<schemas::Readin
                 }),
                 image: reading.image().pressures.iter().copied().map(Some).collect(),
                 feature: None,
+                approach_m: None,
+                object_moved: None,
             }
         })
         .collect())

@@ -167,7 +167,8 @@ impl Robot<'_> {
                 approaches: 1 + shifts,
             },
             Landing::Missed { miss, shifts } => Pressed {
-                reading: reading(miss.object_from_sensor, &miss.pressures),
+                reading: reading(miss.object_from_sensor, &miss.pressures)
+                    .map(|reading| reading.after_approach(miss.travel)),
                 touched: false,
                 approaches: 1 + shifts,
             },

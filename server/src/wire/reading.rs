@@ -1,7 +1,7 @@
 //! Readings: checked against their sensor when they come in, as they were when they go out.
 
 use palpate_core::pose::{Pose, PoseError};
-use palpate_core::reading::{Reading, ReadingError, SensorId};
+use palpate_core::reading::{Looseness, Reading, ReadingError, SensorId};
 use palpate_core::sensor::Calibration;
 use palpate_schemas as wire;
 use palpate_schemas::FieldError;
@@ -24,6 +24,8 @@ const FEATURE_VALUE_MAX: f64 = 1e9;
 pub(crate) const ERRORS_MAX: usize = 20;
 /// The largest coordinate of a position, in metres.
 const POSITION_MAX: f64 = 1e6;
+/// The longest way of a press, metres.
+const APPROACH_MAX: f64 = 10.0;
 /// The longest name of a frame, in characters.
 const FRAME_ID_MAX: usize = 256;
 /// The largest whole seconds of a stamp: later, nanoseconds do not fit 64 bits.
@@ -106,6 +108,8 @@ pub(crate) fn one(
         stamp_ns: given.stamp.map(|given| stamp_ns(pointer, given)).transpose()?,
         calibration: applied.as_ref().map_or(0, |applied| applied.number),
         feature: given.feature.clone(),
+        approach: approach(pointer, given)?,
+        object_moved: object_moved(pointer, given)?,
     };
     let calibration = applied.as_ref().map(|applied| &*applied.calibration);
     let reading = from_store(&stored, &sensor, calibration).map_err(|error| {
@@ -128,7 +132,40 @@ pub(crate) fn from_store(
 ) -> Result<Reading, ReadingError> {
     let id = SensorId(stored.sensor.as_u128());
     let pose = stored.session_from_sensor.unwrap_or(Pose::IDENTITY);
-    Reading::calibrated(id, &sensor.description, calibration, &stored.pressures, pose)
+    let reading =
+        Reading::calibrated(id, &sensor.description, calibration, &stored.pressures, pose)?;
+    Ok(reading.after_approach(stored.approach))
+}
+
+/// How far a press came with nothing in touch, metres.
+fn approach(pointer: &str, given: &wire::Reading) -> Result<f64, Refusal> {
+    let metres = given.approach_m.unwrap_or(0.0);
+    if (0.0..=APPROACH_MAX).contains(&metres) {
+        return Ok(metres);
+    }
+    let detail = format!("came {metres}, expected metres from 0 to {APPROACH_MAX}");
+    Err(Refusal::field(format!("{pointer}/approach_m"), detail))
+}
+
+/// How far the object may have moved, checked.
+fn object_moved(pointer: &str, given: &wire::Reading) -> Result<Option<Looseness>, Refusal> {
+    let pointer = format!("{pointer}/object_moved");
+    given.object_moved.map(|moved| looseness(&pointer, moved)).transpose()
+}
+
+/// Deviations of a place, checked.
+pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Looseness, Refusal> {
+    let within = |field: &str, value: f64, max: f64, unit: &str| {
+        let detail = format!("came {value}, expected {unit} above 0, at most {max}");
+        let is_right = value > 0.0 && value <= max;
+        is_right
+            .then_some(value)
+            .ok_or_else(|| Refusal::field(format!("{pointer}/{field}"), detail))
+    };
+    Ok(Looseness {
+        position: within("position_m", given.position_m, 0.1, "metres")?,
+        angle: within("angle_rad", given.angle_rad, 1.0, "radians")?,
+    })
 }
 
 /// A stored training reading for the wire; `None` for entries that are not readings.

@@ -1,15 +1,18 @@
 //! Sessions and beliefs for the wire.
 
 use palpate_core::belief::answer::{Answer, PoseMode};
+use palpate_core::reading::{Base, Looseness};
 use palpate_schemas as wire;
 use palpate_schemas::{Method, SessionState};
 use palpate_store::entity::{Method as StoredMethod, Session};
+use palpate_store::journal::ROBOT_BYTES_MAX;
 use palpate_store::model_codec::ModelPart;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use crate::catalogues::{Model, Pinned};
 use crate::refusal::Refusal;
+use crate::wire::reading::looseness;
 use crate::wire::{INTEGER_MAX, count, geometry, sensor, symmetry, time};
 
 /// How far probabilities may miss the sum 1.
@@ -24,6 +27,11 @@ const PARTICLES: u32 = 10_000;
 /// The most bins of an object, and the most particles.
 const HYPOTHESES_MAX: u64 = 100_000;
 
+/// The most robots whose bases are not exact.
+const ROBOTS_MAX: usize = 100;
+/// The risks that a client may name.
+const RISKS: std::ops::RangeInclusive<f64> = 0.000_1..=0.5;
+
 /// The options of a session that have no field of their own in the store.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub(crate) struct Options {
@@ -34,6 +42,10 @@ pub(crate) struct Options {
     pub(crate) bins: Option<[u32; 3]>,
     #[serde(default)]
     pub(crate) particles: Option<u32>,
+    #[serde(default)]
+    pub(crate) robots: Option<Vec<wire::RobotBase>>,
+    #[serde(default)]
+    pub(crate) risk: Option<f64>,
 }
 
 /// What a session is doing, beside what is stored under its id.
@@ -56,6 +68,8 @@ pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wir
         pose_prior: options.pose_prior,
         bins: options.bins,
         particles: options.particles,
+        robots: options.robots,
+        risk: options.risk,
         frame_id: frame_id(session).map(str::to_owned),
         state: if is_open { SessionState::Open } else { SessionState::Closed },
         n_readings: count(status.n_readings),
@@ -189,7 +203,15 @@ fn checked_options(
     if request.particles.is_some() && method != Method::GeometricParticles {
         return Err(only("/particles", "`geometric_particles` only"));
     }
-    let mut options = Options { method, ..Options::default() };
+    let hybrid_only = [("/robots", request.robots.is_some()), ("/risk", request.risk.is_some())];
+    if let Some((field, _)) = hybrid_only.iter().find(|(_, came)| *came)
+        && method != Method::Hybrid
+    {
+        return Err(only(field, "`hybrid` only"));
+    }
+    let robots = request.robots.as_deref().map(robots).transpose()?;
+    let risk = request.risk.map(risk).transpose()?;
+    let mut options = Options { method, robots, risk, ..Options::default() };
     match method {
         Method::Hybrid => return model.surfaces().map(|_| options),
         Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),
@@ -206,6 +228,41 @@ fn checked_options(
     let kind = geometry::kind(model.geometry()?);
     options.pose_prior = Some(geometry::pose_prior(request.pose_prior.as_ref(), kind)?);
     Ok(options)
+}
+
+/// Robots whose bases are not exact, checked.
+fn robots(given: &[wire::RobotBase]) -> Result<Vec<wire::RobotBase>, Refusal> {
+    if given.len() > ROBOTS_MAX {
+        let detail = format!("{} robots came, expected at most {ROBOTS_MAX}", given.len());
+        return Err(Refusal::field("/robots", detail));
+    }
+    for (index, robot) in given.iter().enumerate() {
+        let pointer = format!("/robots/{index}");
+        super::text(&format!("{pointer}/robot"), &robot.robot, ROBOT_BYTES_MAX)?;
+        if robot.robot.is_empty() || given[..index].iter().any(|o| o.robot == robot.robot) {
+            let detail = format!("came {:?}, expected a name that comes once", robot.robot);
+            return Err(Refusal::field(format!("{pointer}/robot"), detail));
+        }
+        looseness(&format!("{pointer}/base"), robot.base)?;
+    }
+    Ok(given.to_vec())
+}
+
+/// A named risk, checked.
+fn risk(given: f64) -> Result<f64, Refusal> {
+    if RISKS.contains(&given) {
+        return Ok(given);
+    }
+    let (low, high) = (RISKS.start(), RISKS.end());
+    Err(Refusal::field("/risk", format!("came {given}, expected {low} to {high}")))
+}
+
+/// The base of the robot that took a reading, when it is not exact.
+pub(crate) fn base(options: &Options, robot: Option<&str>) -> Option<Base> {
+    let robots = options.robots.as_deref()?;
+    let place = robots.iter().position(|known| Some(known.robot.as_str()) == robot)?;
+    let wire::Looseness { position_m: position, angle_rad: angle } = robots[place].base;
+    Some(Base { robot: place as u32 + 1, looseness: Looseness { position, angle } })
 }
 
 /// Bins of the histogram filter, checked.
@@ -295,9 +352,17 @@ pub(crate) fn belief(
         n_readings: count(answer.n_readings),
         objects,
         unknown: answer.unknown,
+        stop: stop(session, answer),
         entropy_bits: answer.entropy_bits,
         poses,
     }
+}
+
+/// Whether to stop, for a session that named a risk.
+fn stop(session: &Session, answer: &Answer) -> Option<wire::StopAdvice> {
+    let risk = options(session).risk?;
+    let found = answer.risk();
+    Some(wire::StopAdvice { risk, found, reached: found <= risk })
 }
 
 /// Whether a method answers poses modulo the objects' symmetries.

@@ -13,6 +13,7 @@ mod msgpack;
 mod next_touches;
 mod objects;
 mod sessions;
+mod sharing;
 mod site;
 mod symmetry;
 mod training;

@@ -1,10 +1,12 @@
 //! Journal entries as they are stored: the schemas so far, and what each of them says.
 //!
 //! Schema 1 did not know of calibrations: its readings are taken as they came, calibration 0.
-//! Schemas 1 and 2 knew no reading without a pose, and no features of clients.
+//! Schemas 1 and 2 knew no reading without a pose, and no features of clients. Schemas 1 to 3
+//! knew no way that a press came, and no objects that moved.
 
 use bincode::{Decode, Encode};
 use palpate_core::pose::Pose;
+use palpate_core::reading::Looseness;
 use uuid::Uuid;
 
 use super::{IdV1, Record, read, write};
@@ -85,6 +87,57 @@ enum EventV3 {
     Closed,
 }
 
+#[derive(Encode, Decode)]
+struct JournalEntryV4 {
+    seq: u64,
+    received_at_ms: u64,
+    reading_id: Option<(String, u64)>,
+    event: EventV4,
+}
+
+#[derive(Encode, Decode)]
+enum EventV4 {
+    Reading {
+        sensor: IdV1,
+        /// Position, then quaternion x, y, z, w.
+        pose: Option<([f64; 3], [f64; 4])>,
+        stamp_ns: Option<i64>,
+        pressures: Vec<u8>,
+        calibration: u32,
+        feature: Option<Vec<u8>>,
+        approach: f64,
+        /// Metres, rad.
+        object_moved: Option<(f64, f64)>,
+    },
+    Retraction {
+        seq: u64,
+    },
+    Closed,
+}
+
+impl From<JournalEntryV3> for JournalEntryV4 {
+    fn from(old: JournalEntryV3) -> Self {
+        let event = match old.event {
+            EventV3::Reading { sensor, pose, stamp_ns, pressures, calibration, feature } => {
+                EventV4::Reading {
+                    sensor,
+                    pose,
+                    stamp_ns,
+                    pressures,
+                    calibration,
+                    feature,
+                    approach: 0.0,
+                    object_moved: None,
+                }
+            }
+            EventV3::Retraction { seq } => EventV4::Retraction { seq },
+            EventV3::Closed => EventV4::Closed,
+        };
+        let JournalEntryV3 { seq, received_at_ms, reading_id, .. } = old;
+        Self { seq, received_at_ms, reading_id, event }
+    }
+}
+
 impl From<JournalEntryV1> for JournalEntryV2 {
     fn from(old: JournalEntryV1) -> Self {
         let event = match old.event {
@@ -131,11 +184,11 @@ impl From<JournalEntryV2> for JournalEntryV3 {
 
 impl Record for Entry {
     const KIND: Kind = Kind::JournalEntry;
-    const SCHEMA: u16 = 3;
+    const SCHEMA: u16 = 4;
 
     fn to_payload(&self) -> Vec<u8> {
         let event = match &self.event {
-            Event::Reading(reading) => EventV3::Reading {
+            Event::Reading(reading) => EventV4::Reading {
                 sensor: reading.sensor.into_bytes(),
                 pose: reading
                     .session_from_sensor
@@ -144,12 +197,14 @@ impl Record for Entry {
                 pressures: pressures_to_bytes(&reading.pressures),
                 calibration: reading.calibration,
                 feature: reading.feature.as_deref().map(feature_to_bytes),
+                approach: reading.approach,
+                object_moved: reading.object_moved.map(|moved| (moved.position, moved.angle)),
             },
-            Event::Retraction { seq } => EventV3::Retraction { seq: *seq },
-            Event::Closed => EventV3::Closed,
+            Event::Retraction { seq } => EventV4::Retraction { seq: *seq },
+            Event::Closed => EventV4::Closed,
         };
         let reading_id = self.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
-        write(&JournalEntryV3 {
+        write(&JournalEntryV4 {
             seq: self.seq,
             received_at_ms: self.received_at_ms,
             reading_id,
@@ -163,16 +218,29 @@ impl Record for Entry {
 
     fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
         match schema {
-            1 => entry(JournalEntryV2::from(read::<JournalEntryV1>(payload)?).into()),
-            2 => entry(read::<JournalEntryV2>(payload)?.into()),
+            1 => {
+                let second = JournalEntryV2::from(read::<JournalEntryV1>(payload)?);
+                entry(JournalEntryV3::from(second).into())
+            }
+            2 => entry(JournalEntryV3::from(read::<JournalEntryV2>(payload)?).into()),
+            3 => entry(read::<JournalEntryV3>(payload)?.into()),
             found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
         }
     }
 }
 
-fn entry(stored: JournalEntryV3) -> Result<Entry, RecordError> {
+fn entry(stored: JournalEntryV4) -> Result<Entry, RecordError> {
     let event = match stored.event {
-        EventV3::Reading { sensor, pose, stamp_ns, pressures, calibration, feature } => {
+        EventV4::Reading {
+            sensor,
+            pose,
+            stamp_ns,
+            pressures,
+            calibration,
+            feature,
+            approach,
+            object_moved,
+        } => {
             let pose = pose.map(|(position, quaternion)| stored_pose(position, quaternion));
             let feature = feature.map(|bytes| floats(&bytes));
             Event::Reading(StoredReading {
@@ -182,10 +250,12 @@ fn entry(stored: JournalEntryV3) -> Result<Entry, RecordError> {
                 stamp_ns,
                 calibration,
                 feature: feature.transpose()?,
+                approach,
+                object_moved: object_moved.map(|(position, angle)| Looseness { position, angle }),
             })
         }
-        EventV3::Retraction { seq } => Event::Retraction { seq },
-        EventV3::Closed => Event::Closed,
+        EventV4::Retraction { seq } => Event::Retraction { seq },
+        EventV4::Closed => Event::Closed,
     };
     let reading_id = stored.reading_id.map(|(robot, seq)| ReadingId { robot, seq });
     Ok(Entry { seq: stored.seq, received_at_ms: stored.received_at_ms, reading_id, event })

@@ -1,6 +1,7 @@
 //! Values to store, each field different from every other.
 
 use palpate_core::pose::Pose;
+use palpate_core::reading::Looseness;
 use palpate_core::sensor::line::{Goodness, Line};
 use palpate_core::sensor::spread_fit::SpreadFit;
 use palpate_core::sensor::{Calibration, SensorDescription, TaxelResponse, TaxelState};
@@ -89,6 +90,8 @@ pub(crate) fn reading(n_taxels: usize) -> StoredReading {
         stamp_ns: Some(-5),
         calibration: 0,
         feature: None,
+        approach: 0.0,
+        object_moved: None,
     }
 }
 
@@ -223,4 +226,11 @@ pub(crate) fn read_all(database: &Database) -> Result<(), String> {
     let manifest = catalogues.manifest(found.id, version).map_err(text)?;
     let blocks = catalogues.blocks(&manifest).map_err(text)?;
     same("blocks", blocks == draft(&[("postings", 9_000), ("report", 100)]).blocks)
+}
+
+/// A reading after a way of 70 mm, of an object that may have moved.
+pub(crate) fn moved_entry(robot: &str, seq: u64) -> NewEntry {
+    let object_moved = Some(Looseness { position: 0.002, angle: 0.03 });
+    let reading = StoredReading { approach: 0.07, object_moved, ..reading(36) };
+    NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
 }
