@@ -18,37 +18,33 @@ mod pattern;
 mod propose;
 mod refine;
 mod score;
+mod search;
 mod sighting;
+mod stated;
 #[cfg(test)]
 mod test_support;
 mod usual;
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 pub use options::HybridOptions;
 pub use outlook::Expected;
 
-use crate::belief::answer::{Answer, PoseMode};
-use crate::belief::orbits::merge_orbits;
-use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
-use crate::model::ObjectIdx;
+use crate::log_prob::log_sum_exp;
 use crate::model::surface::SurfaceModel;
-use crate::pose::Pose;
 use crate::reading::{Looseness, Reading};
 use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::touch::observe_touch;
-use answer::{Share, distinct, looks_like, scale, shares};
 use carried::Carried;
 use evidence::{Evidence, Known};
 use hypothesis::{Hypothesis, merge};
 use pattern::{Miss, Pattern};
-use propose::{Proposal, partners, propose};
-use score::{Kernel, Turned};
+use score::Kernel;
 use sighting::Sighting;
 
 /// Fewer objects are worked on one after the other: sharing them out would take longer.
@@ -62,12 +58,6 @@ const VISITED_WEIGHT: f32 = 0.03;
 
 /// No object is ruled out for good when what is known is carried over.
 const SURE: f64 = 1e-12;
-
-/// Poses of less than this (ln) beside the best add nothing to its share.
-const ALIKE_REACH: f32 = 8.0;
-
-/// A pose more probable than this is likelier than not.
-const LIKELY: f64 = 0.5;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
@@ -285,122 +275,6 @@ impl HybridBelief {
         self.weigh();
     }
 
-    /// Proposes poses unless one object is certain and explains the touches well.
-    fn propose_in_doubt(&mut self) {
-        let n = self.touches.len();
-        let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
-        let best = best.fold(f32::NEG_INFINITY, f32::max);
-        let poor = f64::from(best) < f64::from(self.options.poor) * self.counted();
-        let share = self.share_of_best_pose();
-        if !poor && n > 3 && share >= self.options.certain {
-            return;
-        }
-        let budget = &self.options.budget;
-        let n_partners = match (poor, share > LIKELY) {
-            (true, _) => budget.partners_if_poor,
-            (false, false) => budget.partners,
-            (false, true) => budget.partners_if_likely,
-        };
-        let partners = partners(&self.touches, n_partners);
-        let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
-        self.propose(&partners, reach);
-    }
-
-    /// The probability of the likeliest object in its likeliest pose, or in one that looks like
-    /// it.
-    fn share_of_best_pose(&self) -> f64 {
-        let probabilities = self.probabilities();
-        let shares = self.objects.iter().zip(&probabilities).enumerate();
-        let Some((object, (state, p))) = shares.max_by(|a, b| a.1.1.total_cmp(b.1.1)) else {
-            return 0.0;
-        };
-        let Some(best) = state.hypotheses.first() else { return 0.0 };
-        let alike = state.hypotheses.iter().filter(|other| {
-            other.score > best.score - ALIKE_REACH
-                && looks_like(best, other, self.model.maps[object].symmetry(), &self.options)
-        });
-        let share = |h: &Hypothesis| (f64::from(h.score) - state.log_evidence).exp();
-        p * alike.map(share).sum::<f64>()
-    }
-
-    /// The newest touch and each partner propose poses of the objects that are at most
-    /// `reach` (ln) less likely than the best.
-    fn propose(&mut self, partners: &[usize], reach: f64) {
-        let (bar, refining) = match self.touches.len() {
-            0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
-            _ => (
-                self.bar(reach, self.options.budget.objects),
-                self.bar(f64::from(self.options.drop_between), self.options.budget.refined_objects),
-            ),
-        };
-        let (objects, evidence) = self.parts();
-        let (touches, options) = (evidence.touches, evidence.options);
-        let [earlier @ .., newest] = touches else { return };
-        for_each_object(objects, evidence.maps, |state, map| {
-            if state.log_evidence < bar {
-                return;
-            }
-            let known = Known { map, carried: &state.carried };
-            for partner in partners {
-                let pair = [newest, &earlier[*partner]];
-                let Some(proposed) = propose(map, pair, options) else { continue };
-                state.pair = PairEvidence {
-                    geometry: proposed.geometry,
-                    evidence: proposed.evidence,
-                    looks: proposed.looks[0] * proposed.looks[1],
-                };
-                let mut new = Vec::with_capacity(proposed.proposals.len());
-                let mut bar = f32::NEG_INFINITY;
-                for Proposal { rotation, translation } in proposed.proposals {
-                    let pose = Turned::new(rotation, translation);
-                    let Some(score) = evidence.score(known, &pose, bar) else { continue };
-                    bar = bar.max(score - options.drop_within);
-                    new.push(Hypothesis { rotation, translation, score });
-                }
-                if touches.len() > 2 && state.log_evidence >= refining {
-                    merge(&mut new, options);
-                    new.truncate(options.budget.refined_proposals);
-                    for hypothesis in &mut new {
-                        evidence.settle(hypothesis, known);
-                    }
-                }
-                state.hypotheses.extend(new);
-            }
-            merge(&mut state.hypotheses, options);
-        });
-    }
-
-    /// The least log-evidence of the `n` likeliest objects, at most `reach` below the best.
-    fn bar(&self, reach: f64, n: usize) -> f64 {
-        let mut logs: Vec<f64> = self.objects.iter().map(|state| state.log_evidence).collect();
-        logs.sort_unstable_by(|a, b| b.total_cmp(a));
-        let best = logs.first().copied().unwrap_or(f64::NEG_INFINITY);
-        let last = logs.get(n.saturating_sub(1)).copied();
-        last.unwrap_or(f64::NEG_INFINITY).max(best - reach)
-    }
-
-    /// Refines the best hypotheses of all objects, at most three each.
-    fn refine(&mut self) {
-        let mut best: Vec<(f32, usize, usize)> = Vec::new();
-        for (object, state) in self.objects.iter().enumerate() {
-            let first = state.hypotheses.iter().take(3).enumerate();
-            best.extend(first.map(|(index, hypothesis)| (hypothesis.score, object, index)));
-        }
-        best.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
-        let top = best.first().map_or(0.0, |best| best.0);
-        best.retain(|found| found.0 > top - self.options.drop_between);
-        best.truncate(self.options.budget.refined);
-        let (objects, evidence) = self.parts();
-        for (_, object, index) in best {
-            let ObjectState { hypotheses, carried, .. } = &mut objects[object];
-            let known = Known { map: &evidence.maps[object], carried };
-            evidence.settle(&mut hypotheses[index], known);
-        }
-        for state in objects {
-            merge(&mut state.hypotheses, evidence.options);
-        }
-    }
-
     /// What changes with a touch, and what it is judged by.
     fn parts(&mut self) -> (&mut [ObjectState], Evidence<'_>) {
         let evidence = Evidence {
@@ -425,106 +299,6 @@ impl HybridBelief {
             let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
             state.log_evidence = log_sum_exp(scores.chain([floor]));
         }
-    }
-
-    /// Keeps the hypotheses of all objects together within the budget.
-    fn bound(&mut self) {
-        let total: usize = self.objects.iter().map(|state| state.hypotheses.len()).sum();
-        if total <= self.options.budget.total {
-            return;
-        }
-        let all = self.objects.iter().flat_map(|state| &state.hypotheses);
-        let mut scores: Vec<f32> = all.map(|hypothesis| hypothesis.score).collect();
-        scores.sort_unstable_by(|a, b| b.total_cmp(a));
-        let bar = scores[self.options.budget.total];
-        for state in &mut self.objects {
-            state.hypotheses.retain(|hypothesis| hypothesis.score > bar);
-        }
-    }
-
-    /// The probability of each object, then of none of them.
-    fn probabilities(&self) -> Vec<f64> {
-        if self.stage == 0 {
-            let logs = self.log_prior.iter().map(|log| log + (1.0 - self.unknown).ln());
-            return normalize(&logs.chain([self.unknown.ln()]).collect::<Vec<f64>>());
-        }
-        let stage = self.model.calibration.stage(self.stage);
-        let known = (1.0 - self.unknown).ln() + (self.objects.len() as f64).ln();
-        let both = self.objects.iter().zip(&self.log_prior);
-        let logs =
-            both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
-        let unknown = (stage.log_unknown(self.counted()) + self.unusual()) / stage.temperature;
-        normalize(&logs.chain([unknown + self.unknown.ln()]).collect::<Vec<f64>>())
-    }
-
-    /// How much better (ln) "none of these" explains the touches than it does beside an object
-    /// that explains its own as well as most: more where the touches look like an object that
-    /// should explain them better.
-    fn unusual(&self) -> f64 {
-        if self.stage < 3 {
-            return 0.0;
-        }
-        let temperature = self.model.calibration.stage(3).temperature;
-        let logs = self.objects.iter().map(|state| state.log_evidence);
-        usual::excess(logs.enumerate(), temperature, |object| self.usual_score(object))
-            * self.counted()
-    }
-
-    /// How well an object usually explains its own touches, ln a touch.
-    fn usual_score(&self, object: usize) -> f64 {
-        let (map, space) = (&self.model.maps[object], &self.model.space);
-        let find = || usual::usual_score(map, space, &self.kernel, &self.options);
-        f64::from(map.usual_score(find))
-    }
-
-    /// How many touches there are, by what they count.
-    fn counted(&self) -> f64 {
-        self.touches.iter().map(|touch| f64::from(touch.weight)).sum()
-    }
-
-    /// The belief as an answer with at most `n_modes` poses. Poses that look alike by the
-    /// object's symmetry are one.
-    #[must_use]
-    pub fn answer(&self, n_modes: usize) -> Answer {
-        let mut probabilities = self.probabilities();
-        let entropy_bits = entropy_bits(&probabilities);
-        let unknown = probabilities.pop().unwrap_or(0.0);
-        let mut poses = Vec::new();
-        for (object, state) in self.objects.iter().enumerate() {
-            let symmetry = self.model.maps[object].symmetry();
-            poses.extend(shares(
-                object,
-                probabilities[object],
-                &state.hypotheses,
-                symmetry,
-                n_modes,
-            ));
-        }
-        let poses = distinct(poses, &self.model.maps, n_modes, &self.options);
-        let mode = |Share { share: weight, object, hypothesis }: Share| {
-            let map = &self.model.maps[object];
-            let mut refined = hypothesis;
-            if self.touches.len() > 2 {
-                refine::refine(&mut refined, map, &self.touches, &self.kernel, &self.options);
-            }
-            let (kernel, options) = (&self.kernel, &self.options);
-            PoseMode {
-                object: ObjectIdx(object as u32),
-                session_from_object: self.session_from_object(&refined),
-                covariance: refine::covariance(&refined, map, &self.touches, kernel, options)
-                    + self.objects[object].carried.covariance(self.touches.len()),
-                weight,
-            }
-        };
-        let modes = poses.into_iter().map(mode).collect();
-        let symmetry = |object: ObjectIdx| self.model.maps[object.0 as usize].symmetry();
-        let modes = merge_orbits(modes, symmetry, &scale(&self.options));
-        Answer { probabilities, unknown, modes, entropy_bits, n_readings: self.n_readings }
-    }
-
-    fn session_from_object(&self, hypothesis: &Hypothesis) -> Pose {
-        let rotation = DQuat::from_array(hypothesis.rotation.to_array().map(f64::from));
-        Pose::from_parts(rotation, self.anchor + hypothesis.translation.as_dvec3())
     }
 
     /// How many readings were added.

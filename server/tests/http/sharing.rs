@@ -25,7 +25,13 @@ fn bar(belief: &Value) -> f64 {
 }
 
 /// Posts readings of a robot, each with `more` fields, and answers the belief.
-async fn post(it: &Harness, session: &str, robot: &str, readings: Vec<Value>, more: &Value) -> Value {
+async fn post(
+    it: &Harness,
+    session: &str,
+    robot: &str,
+    readings: Vec<Value>,
+    more: &Value,
+) -> Value {
     let name = |(seq, mut reading): (usize, Value)| {
         reading["robot"] = json!(robot);
         reading["seq"] = json!(seq);
@@ -94,7 +100,8 @@ async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
     let readings = json!({"readings": touches(BAR, 3, 77, resting_pose())});
-    let belief = it.post(&format!("{path}/readings"), &readings).await.expect(200)["belief"].clone();
+    let belief =
+        it.post(&format!("{path}/readings"), &readings).await.expect(200)["belief"].clone();
     let mut through = touches(BAR, 1, 77, Pose::IDENTITY).remove(0);
     let n = through["image"].as_array().unwrap().len();
     through["image"] = json!(vec![0.0; n]);
@@ -120,10 +127,14 @@ async fn what_is_out_of_range_is_named() {
     it.train().await;
     let wrong = [
         (json!({"risk": 0.9}), "/risk"),
-        (json!({"robots": [{"robot": "", "base": {"position_m": 0.01, "angle_rad": 0.1}}]}),
-            "/robots/0/robot"),
-        (json!({"robots": [{"robot": "a", "base": {"position_m": 0.5, "angle_rad": 0.1}}]}),
-            "/robots/0/base/position_m"),
+        (
+            json!({"robots": [{"robot": "", "base": {"position_m": 0.01, "angle_rad": 0.1}}]}),
+            "/robots/0/robot",
+        ),
+        (
+            json!({"robots": [{"robot": "a", "base": {"position_m": 0.5, "angle_rad": 0.1}}]}),
+            "/robots/0/base/position_m",
+        ),
         (json!({"method": "sva", "risk": 0.1}), "/risk"),
     ];
     for (request, pointer) in wrong {

@@ -1,0 +1,147 @@
+//! The search for poses: when pairs of touches propose, and which poses are refined and kept.
+
+use super::answer::looks_like;
+use super::evidence::Known;
+use super::hypothesis::{Hypothesis, merge};
+use super::propose::{Proposal, partners, propose};
+use super::score::Turned;
+use super::{HybridBelief, ObjectState, PairEvidence, for_each_object};
+
+/// Poses of less than this (ln) beside the best add nothing to its share.
+const ALIKE_REACH: f32 = 8.0;
+
+/// A pose more probable than this is likelier than not.
+const LIKELY: f64 = 0.5;
+
+impl HybridBelief {
+    /// Proposes poses unless one object is certain and explains the touches well.
+    pub(super) fn propose_in_doubt(&mut self) {
+        let n = self.touches.len();
+        let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
+        let best = best.fold(f32::NEG_INFINITY, f32::max);
+        let poor = f64::from(best) < f64::from(self.options.poor) * self.counted();
+        let share = self.share_of_best_pose();
+        if !poor && n > 3 && share >= self.options.certain {
+            return;
+        }
+        let budget = &self.options.budget;
+        let n_partners = match (poor, share > LIKELY) {
+            (true, _) => budget.partners_if_poor,
+            (false, false) => budget.partners,
+            (false, true) => budget.partners_if_likely,
+        };
+        let partners = partners(&self.touches, n_partners);
+        let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
+        self.propose(&partners, reach);
+    }
+
+    /// The probability of the likeliest object in its likeliest pose, or in one that looks like
+    /// it.
+    fn share_of_best_pose(&self) -> f64 {
+        let probabilities = self.probabilities();
+        let shares = self.objects.iter().zip(&probabilities).enumerate();
+        let Some((object, (state, p))) = shares.max_by(|a, b| a.1.1.total_cmp(b.1.1)) else {
+            return 0.0;
+        };
+        let Some(best) = state.hypotheses.first() else { return 0.0 };
+        let alike = state.hypotheses.iter().filter(|other| {
+            other.score > best.score - ALIKE_REACH
+                && looks_like(best, other, self.model.maps[object].symmetry(), &self.options)
+        });
+        let share = |h: &Hypothesis| (f64::from(h.score) - state.log_evidence).exp();
+        p * alike.map(share).sum::<f64>()
+    }
+
+    /// The newest touch and each partner propose poses of the objects that are at most
+    /// `reach` (ln) less likely than the best.
+    pub(super) fn propose(&mut self, partners: &[usize], reach: f64) {
+        let (bar, refining) = match self.touches.len() {
+            0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
+            _ => (
+                self.bar(reach, self.options.budget.objects),
+                self.bar(f64::from(self.options.drop_between), self.options.budget.refined_objects),
+            ),
+        };
+        let (objects, evidence) = self.parts();
+        let (touches, options) = (evidence.touches, evidence.options);
+        let [earlier @ .., newest] = touches else { return };
+        for_each_object(objects, evidence.maps, |state, map| {
+            if state.log_evidence < bar {
+                return;
+            }
+            let known = Known { map, carried: &state.carried };
+            for partner in partners {
+                let pair = [newest, &earlier[*partner]];
+                let Some(proposed) = propose(map, pair, options) else { continue };
+                state.pair = PairEvidence {
+                    geometry: proposed.geometry,
+                    evidence: proposed.evidence,
+                    looks: proposed.looks[0] * proposed.looks[1],
+                };
+                let mut new = Vec::with_capacity(proposed.proposals.len());
+                let mut bar = f32::NEG_INFINITY;
+                for Proposal { rotation, translation } in proposed.proposals {
+                    let pose = Turned::new(rotation, translation);
+                    let Some(score) = evidence.score(known, &pose, bar) else { continue };
+                    bar = bar.max(score - options.drop_within);
+                    new.push(Hypothesis { rotation, translation, score });
+                }
+                if touches.len() > 2 && state.log_evidence >= refining {
+                    merge(&mut new, options);
+                    new.truncate(options.budget.refined_proposals);
+                    for hypothesis in &mut new {
+                        evidence.settle(hypothesis, known);
+                    }
+                }
+                state.hypotheses.extend(new);
+            }
+            merge(&mut state.hypotheses, options);
+        });
+    }
+
+    /// The least log-evidence of the `n` likeliest objects, at most `reach` below the best.
+    fn bar(&self, reach: f64, n: usize) -> f64 {
+        let mut logs: Vec<f64> = self.objects.iter().map(|state| state.log_evidence).collect();
+        logs.sort_unstable_by(|a, b| b.total_cmp(a));
+        let best = logs.first().copied().unwrap_or(f64::NEG_INFINITY);
+        let last = logs.get(n.saturating_sub(1)).copied();
+        last.unwrap_or(f64::NEG_INFINITY).max(best - reach)
+    }
+
+    /// Refines the best hypotheses of all objects, at most three each.
+    pub(super) fn refine(&mut self) {
+        let mut best: Vec<(f32, usize, usize)> = Vec::new();
+        for (object, state) in self.objects.iter().enumerate() {
+            let first = state.hypotheses.iter().take(3).enumerate();
+            best.extend(first.map(|(index, hypothesis)| (hypothesis.score, object, index)));
+        }
+        best.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+        let top = best.first().map_or(0.0, |best| best.0);
+        best.retain(|found| found.0 > top - self.options.drop_between);
+        best.truncate(self.options.budget.refined);
+        let (objects, evidence) = self.parts();
+        for (_, object, index) in best {
+            let ObjectState { hypotheses, carried, .. } = &mut objects[object];
+            let known = Known { map: &evidence.maps[object], carried };
+            evidence.settle(&mut hypotheses[index], known);
+        }
+        for state in objects {
+            merge(&mut state.hypotheses, evidence.options);
+        }
+    }
+
+    /// Keeps the hypotheses of all objects together within the budget.
+    pub(super) fn bound(&mut self) {
+        let total: usize = self.objects.iter().map(|state| state.hypotheses.len()).sum();
+        if total <= self.options.budget.total {
+            return;
+        }
+        let all = self.objects.iter().flat_map(|state| &state.hypotheses);
+        let mut scores: Vec<f32> = all.map(|hypothesis| hypothesis.score).collect();
+        scores.sort_unstable_by(|a, b| b.total_cmp(a));
+        let bar = scores[self.options.budget.total];
+        for state in &mut self.objects {
+            state.hypotheses.retain(|hypothesis| hypothesis.score > bar);
+        }
+    }
+}
