@@ -148,7 +148,7 @@ impl HybridBelief {
         }
         self.patterns.push(Pattern::of_touch(reading, sensor, self.anchor));
         let (space, scale) = (&self.model.space, &self.options.scale);
-        let sighting = Sighting::new(&touch, self.anchor, space, scale).from_base(reading.base());
+        let sighting = Sighting::new(&touch, self.anchor, space, scale).with_base(reading.base());
         self.touches.push(sighting.weighed(&self.touches));
         match self.touches.len() {
             1 => {

@@ -194,7 +194,7 @@ impl Reading {
 
     /// The same press by a robot whose base is known so well.
     #[must_use]
-    pub fn from_base(mut self, base: Base) -> Self {
+    pub fn with_base(mut self, base: Base) -> Self {
         self.base = Some(base);
         self
     }

@@ -321,7 +321,7 @@ fn a_base_that_is_off_spoils_nothing_when_its_looseness_is_stated() {
                 * Pose::from_parts(DQuat::IDENTITY, -truth.translation);
             let seen = match (n % 2, stated) {
                 (0, _) => seen,
-                (_, true) => seen.moved_by(shifted).from_base(Base { robot: 1, looseness }),
+                (_, true) => seen.moved_by(shifted).with_base(Base { robot: 1, looseness }),
                 (_, false) => seen.moved_by(shifted),
             };
             belief.add(&seen, &six_by_six());

@@ -406,7 +406,7 @@ impl Folding {
         let reading = from_store(stored, &sensor, calibration.as_deref())
             .map_err(|error| self.unusable(&error))?;
         let reading = match base(&self.options, robot) {
-            Some(base) => reading.from_base(base),
+            Some(base) => reading.with_base(base),
             None => reading,
         };
         belief.add(stored, &reading, &sensor.description).map_err(|error| self.unusable(&error))

@@ -72,7 +72,7 @@ impl Sighting {
     }
 
     /// The touch of a robot whose base is known so well.
-    pub(super) fn from_base(mut self, base: Option<Base>) -> Self {
+    pub(super) fn with_base(mut self, base: Option<Base>) -> Self {
         self.base = base;
         self
     }
