@@ -61,6 +61,11 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 100)]
     pub robots: Option<Vec<RobotBase>>,
+    /// How far the object moves between any two touches, for `hybrid`: being pressed shifts it a
+    /// little, or a hand holds it. Places of touches are believed less by as much. For one known
+    /// motion see `object_moved` of a reading.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object_moves: Option<Looseness>,
     /// The risk of a wrong answer at which you want to stop touching, 0.0001 to 0.5, for
     /// `hybrid`: the belief's `stop` says when it is reached.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -145,6 +150,8 @@ pub struct Session {
     pub seed: Option<u64>,
     /// Robots whose bases are not exact; null when all are.
     pub robots: Option<Vec<RobotBase>>,
+    /// How far the object moves between any two touches; null when it rests.
+    pub object_moves: Option<Looseness>,
     /// The risk of a wrong answer at which its client wants to stop; null when not named.
     pub risk: Option<f64>,
     /// The frame of its sensor poses, if it was named.

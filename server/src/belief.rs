@@ -81,7 +81,10 @@ impl SessionBelief {
         let filter = match options.method {
             Method::Hybrid => {
                 let surfaces = Arc::clone(model.surfaces()?);
-                let options = HybridOptions::default();
+                let rests = HybridOptions::default();
+                let options = options.object_moves.map_or(rests, |moves| {
+                    rests.loosened(moves.position_m as f32, moves.angle_rad as f32)
+                });
                 return Ok(Self::Hybrid(HybridBelief::new(surfaces, options, prior)?));
             }
             Method::Sva => {

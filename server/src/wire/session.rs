@@ -45,6 +45,8 @@ pub(crate) struct Options {
     #[serde(default)]
     pub(crate) robots: Option<Vec<wire::RobotBase>>,
     #[serde(default)]
+    pub(crate) object_moves: Option<wire::Looseness>,
+    #[serde(default)]
     pub(crate) risk: Option<f64>,
 }
 
@@ -69,6 +71,7 @@ pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wir
         bins: options.bins,
         particles: options.particles,
         robots: options.robots,
+        object_moves: options.object_moves,
         risk: options.risk,
         frame_id: frame_id(session).map(str::to_owned),
         state: if is_open { SessionState::Open } else { SessionState::Closed },
@@ -203,7 +206,11 @@ fn checked_options(
     if request.particles.is_some() && method != Method::GeometricParticles {
         return Err(only("/particles", "`geometric_particles` only"));
     }
-    let hybrid_only = [("/robots", request.robots.is_some()), ("/risk", request.risk.is_some())];
+    let hybrid_only = [
+        ("/robots", request.robots.is_some()),
+        ("/object_moves", request.object_moves.is_some()),
+        ("/risk", request.risk.is_some()),
+    ];
     if let Some((field, _)) = hybrid_only.iter().find(|(_, came)| *came)
         && method != Method::Hybrid
     {
@@ -211,7 +218,9 @@ fn checked_options(
     }
     let robots = request.robots.as_deref().map(robots).transpose()?;
     let risk = request.risk.map(risk).transpose()?;
-    let mut options = Options { method, robots, risk, ..Options::default() };
+    let object_moves = request.object_moves;
+    object_moves.map(|moves| looseness("/object_moves", moves)).transpose()?;
+    let mut options = Options { method, robots, object_moves, risk, ..Options::default() };
     match method {
         Method::Hybrid => return model.surfaces().map(|_| options),
         Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),

@@ -94,6 +94,28 @@ async fn an_object_that_moved_keeps_its_name_also_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn an_object_that_shifts_at_every_touch_is_recognised_when_it_is_said() {
+    let it = Harness::start().await;
+    it.train().await;
+    let mut deviations = Vec::new();
+    for begin in [json!({}), json!({"object_moves": {"position_m": 0.003, "angle_rad": 0.05}})] {
+        let session = it.session(begin.clone()).await;
+        let known = it.get(&format!("/v1/sessions/{session}")).await.expect(200);
+        assert_eq!(known["object_moves"], begin["object_moves"]);
+        let mut last = Value::Null;
+        for touch in 0..10 {
+            let shift = 0.003 * if touch % 2 == 0 { 1.0 } else { -1.0 };
+            let moved = Pose::from_parts(DQuat::IDENTITY, DVec3::new(shift, -shift, 0.0));
+            let reading = touches(BAR, 10, 77, moved * resting_pose()).remove(touch);
+            last = post(&it, &session, &format!("r{touch}"), vec![reading], &json!({})).await;
+        }
+        assert!(begin == json!({}) || bar(&last) > 0.5, "{last}");
+        deviations.push(last["poses"][0]["covariance"][0].as_f64().unwrap());
+    }
+    assert!(deviations[1] > deviations[0], "known less well: {deviations:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_it() {
     let it = Harness::start().await;
     it.train().await;
@@ -136,6 +158,7 @@ async fn what_is_out_of_range_is_named() {
             "/robots/0/base/position_m",
         ),
         (json!({"method": "sva", "risk": 0.1}), "/risk"),
+        (json!({"object_moves": {"position_m": 0.0, "angle_rad": 0.1}}), "/object_moves/position_m"),
     ];
     for (request, pointer) in wrong {
         it.post("/v1/sessions", &request).await.problem(422, "validation", Some(pointer));
