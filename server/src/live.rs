@@ -4,6 +4,8 @@
 //! belief and `n_folded` is 0. Whoever needs the belief folds what is missing, on the compute
 //! pool; if that panics there is no belief, and the next one to ask folds anew.
 
+mod folding;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,20 +27,18 @@ use crate::clock::now_ms;
 use crate::compute::Place;
 use crate::refusal::Refusal;
 use crate::repeats::new_readings;
-use crate::sensors::Sensors;
 use crate::sessions::{POSES, Tools, status};
+use crate::wire::belief::{belief, top};
 use crate::wire::next_touch::{Question, next_touches};
-use crate::wire::reading::{Incoming, from_store};
-use crate::wire::session::{Options, Status, base, belief, name, options, top};
+use crate::wire::reading::Incoming;
+use crate::wire::session::{Status, name, options};
 use crate::wire::{count, geometry};
+use folding::Folding;
 
 /// How many answers are remembered for robots that repeat a reading.
 const ANSWERS_MAX: usize = 64;
 /// How many events a slow follower may lag behind before it misses some.
 const EVENTS_MAX: usize = 16;
-/// How many entries of a journal are read at once.
-const ENTRIES_PER_READ: usize = 256;
-
 /// A session in memory.
 pub(crate) struct Live {
     session: Session,
@@ -354,67 +354,6 @@ impl State {
             self.answers.pop_front();
         }
         self.answers.push_back((id, belief.clone()));
-    }
-}
-
-/// Everything that folding needs, on a thread of the pool.
-struct Folding {
-    session: Session,
-    model: Arc<Model>,
-    journal: Journal,
-    sensors: Arc<Sensors>,
-    options: Options,
-    from: u64,
-    length: u64,
-}
-
-impl Folding {
-    fn run(&self, before: Option<SessionBelief>) -> Result<SessionBelief, Refusal> {
-        let (mut belief, mut next) = match before {
-            Some(belief) => (belief, self.from),
-            None => (self.empty()?, 0),
-        };
-        while next < self.length {
-            let limit = ENTRIES_PER_READ.min((self.length - next) as usize);
-            let entries = self.journal.entries(self.session.id, next, limit)?;
-            for entry in &entries {
-                match &entry.event {
-                    Event::Reading(reading) => {
-                        let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
-                        self.fold(&mut belief, reading, robot)?;
-                    }
-                    Event::Retraction { .. } | Event::Closed => {}
-                }
-            }
-            next += limit as u64;
-        }
-        Ok(belief)
-    }
-
-    fn empty(&self) -> Result<SessionBelief, Refusal> {
-        SessionBelief::new(&self.session, &self.model).map_err(|error| self.unusable(&error))
-    }
-
-    fn fold(
-        &self,
-        belief: &mut SessionBelief,
-        stored: &StoredReading,
-        robot: Option<&str>,
-    ) -> Result<(), Refusal> {
-        let sensor = self.sensors.get(&stored.sensor.to_string())?;
-        let calibration = self.sensors.calibrations().of(sensor.id, stored.calibration)?;
-        let reading = from_store(stored, &sensor, calibration.as_deref())
-            .map_err(|error| self.unusable(&error))?;
-        let reading = match base(&self.options, robot) {
-            Some(base) => reading.with_base(base),
-            None => reading,
-        };
-        belief.add(stored, &reading, &sensor.description).map_err(|error| self.unusable(&error))
-    }
-
-    fn unusable(&self, error: &dyn std::error::Error) -> Refusal {
-        let id = self.session.id.to_string();
-        Refusal::Unusable { what: "session", id, reason: error.to_string() }
     }
 }
 

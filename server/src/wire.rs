@@ -6,6 +6,7 @@
 
 pub(crate) mod analysis;
 pub(crate) mod appearance;
+pub(crate) mod belief;
 pub(crate) mod calibration;
 pub(crate) mod geometry;
 pub(crate) mod next_touch;

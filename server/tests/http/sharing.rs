@@ -158,10 +158,13 @@ async fn what_is_out_of_range_is_named() {
             "/robots/0/base/position_m",
         ),
         (json!({"method": "sva", "risk": 0.1}), "/risk"),
-        (json!({"object_moves": {"position_m": 0.0, "angle_rad": 0.1}}), "/object_moves/position_m"),
+        (
+            json!({"object_moves": {"position_m": 0.0, "angle_rad": 0.1}}),
+            "/object_moves/position_m",
+        ),
     ];
     for (request, pointer) in wrong {
-        it.post("/v1/sessions", &request).await.problem(422, "validation", Some(pointer));
+        it.post("/v1/sessions", &request).await.problem(422, "invalid-value", Some(pointer));
     }
     let session = it.session(json!({})).await;
     let mut reading = touches(BAR, 1, 77, resting_pose()).remove(0);
@@ -169,11 +172,11 @@ async fn what_is_out_of_range_is_named() {
     reading["object_moved"] = json!({"position_m": 0.01, "angle_rad": 0.1});
     let path = format!("/v1/sessions/{session}/readings");
     let readings = json!({"readings": [reading]});
-    it.post(&path, &readings).await.problem(422, "validation", Some("/readings/0/approach_m"));
+    it.post(&path, &readings).await.problem(422, "invalid-value", Some("/readings/0/approach_m"));
     let mut reading = readings["readings"][0].clone();
     reading["approach_m"] = json!(0.1);
     reading["object_moved"]["angle_rad"] = json!(0.0);
     let readings = json!({"readings": [reading]});
     let pointer = "/readings/0/object_moved/angle_rad";
-    it.post(&path, &readings).await.problem(422, "validation", Some(pointer));
+    it.post(&path, &readings).await.problem(422, "invalid-value", Some(pointer));
 }

@@ -1,0 +1,85 @@
+//! Beliefs for the wire.
+
+use palpate_core::belief::answer::{Answer, PoseMode};
+use palpate_schemas as wire;
+use palpate_schemas::Method;
+use palpate_store::entity::Session;
+
+use crate::catalogues::Model;
+use crate::wire::session::options;
+use crate::wire::{count, sensor, symmetry};
+
+/// A belief for the wire, with every object and pose.
+pub(crate) fn belief(
+    session: &Session,
+    revision: u64,
+    answer: &Answer,
+    model: &Model,
+) -> wire::Belief {
+    let method = options(session).method;
+    let mut objects: Vec<wire::ObjectProbability> = answer
+        .probabilities
+        .iter()
+        .zip(&model.objects)
+        .map(|(&probability, object)| wire::ObjectProbability {
+            object: object.id,
+            name: object.name.clone(),
+            probability,
+        })
+        .collect();
+    objects.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let poses = answer.modes.iter().map(|mode| hypothesis(mode, method, model)).collect();
+    wire::Belief {
+        session: session.id,
+        revision: count(revision),
+        n_readings: count(answer.n_readings),
+        objects,
+        unknown: answer.unknown,
+        stop: stop(session, answer),
+        entropy_bits: answer.entropy_bits,
+        poses,
+    }
+}
+
+/// Whether to stop, for a session that named a risk.
+fn stop(session: &Session, answer: &Answer) -> Option<wire::StopAdvice> {
+    let risk = options(session).risk?;
+    let found = answer.risk();
+    Some(wire::StopAdvice { risk, found, reached: found <= risk })
+}
+
+/// Whether a method answers poses modulo the objects' symmetries.
+pub(crate) fn knows_symmetry(method: Method) -> bool {
+    match method {
+        Method::Hybrid | Method::Sva => true,
+        Method::SvaLiteral
+        | Method::Geometric
+        | Method::GeometricHistogram
+        | Method::GeometricParticles
+        | Method::Appearance
+        | Method::AppearanceLiteral => false,
+    }
+}
+
+/// The same belief with its likeliest object and pose only.
+pub(crate) fn top(mut belief: wire::Belief) -> wire::Belief {
+    belief.objects.truncate(1);
+    belief.poses.truncate(1);
+    belief
+}
+
+fn hypothesis(mode: &PoseMode, method: Method, model: &Model) -> wire::PoseHypothesis {
+    let object = &model.objects[mode.object.0 as usize];
+    let known = model.symmetries.get(mode.object.0 as usize);
+    let symmetry = known.filter(|_| knows_symmetry(method));
+    let covariance = mode.covariance;
+    wire::PoseHypothesis {
+        object: object.id,
+        name: object.name.clone(),
+        weight: mode.weight,
+        pose: sensor::pose(&mode.session_from_object),
+        covariance: (0..36).map(|index| covariance[(index / 6, index % 6)]).collect(),
+        symmetry: symmetry
+            .map_or_else(Vec::new, |known| symmetry::axes(known, &mode.session_from_object)),
+    }
+}
