@@ -132,6 +132,9 @@ pub enum NextTouchError {
     NoTouch,
 }
 
+/// Also when it is surely none of the known objects, they are where approaches are drawn from.
+const KNOWN_MIN: f64 = 1e-9;
+
 /// Ranks `given` approaches, or our own when there are none, by what is expected of them.
 ///
 /// `should_stop` is asked before every approach but the first; what was evaluated until then
@@ -156,7 +159,8 @@ pub fn rank(
     };
     let total: f64 = expected.iter().map(|expected| expected.probability).sum();
     if total > 0.0 {
-        expected.iter_mut().for_each(|e| e.probability *= (1.0 - unknown) / total);
+        let known = (1.0 - unknown).max(KNOWN_MIN);
+        expected.iter_mut().for_each(|e| e.probability *= known / total);
     }
     let own;
     let approaches = match given {

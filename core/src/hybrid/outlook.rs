@@ -89,8 +89,9 @@ impl HybridBelief {
         let mut shares = self.probabilities();
         shares.pop();
         let known: f64 = shares.iter().sum();
-        let shares =
-            shares.into_iter().map(|share| share / known.max(f64::MIN_POSITIVE)).enumerate();
+        let even = 1.0 / shares.len().max(1) as f64;
+        let of_known = |share: f64| if known > 0.0 { share / known } else { even };
+        let shares = shares.into_iter().map(of_known).enumerate();
         let probable = shares.filter(|(_, share)| *share >= PROBABILITY_MIN);
         probable.map(|(object, share)| (ObjectIdx(object as u32), share)).collect()
     }

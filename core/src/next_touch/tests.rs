@@ -240,3 +240,17 @@ fn before_the_first_touch_a_workspace_is_needed_and_enough() {
     let (off, along) = (center - past.translation, past.turn(DVec3::Z));
     assert!((off - off.dot(along) * along).length() < 0.06, "aims into the workspace");
 }
+
+#[test]
+fn an_object_that_is_surely_none_of_these_is_touched_on_all_the_same() {
+    let sure = HybridOptions { unknown: 1.0, ..HybridOptions::default() };
+    let mut belief = HybridBelief::new(model(&[[24, 24, 4], [12, 12, 40]]), sure, None).unwrap();
+    for x in [-0.01, 0.0, 0.012] {
+        let (reading, sensor) = touch(DVec3::new(x, 0.005, 0.0), DVec3::NEG_Z);
+        belief.add(&reading, &sensor);
+        assert!((belief.shares()[2] - 1.0).abs() < 1e-12, "{:?}", belief.shares());
+        let ranking = rank(&belief, None, &NextTouchOptions::default(), &mut || false).unwrap();
+        assert!(!ranking.ranked.is_empty());
+        assert!(ranking.ranked[0].contact_probability > 0.25, "{:?}", ranking.ranked[0]);
+    }
+}
