@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use palpate_core::geometric::PreparedGeometry;
+use palpate_core::hybrid::{HybridOptions, prepare};
 use palpate_core::model::Catalogue as CoreCatalogue;
 use palpate_core::symmetry::Symmetry;
 use palpate_store::catalogue::{Catalogues as Table, Manifest};
@@ -149,8 +150,11 @@ fn read_part(
         (manifest.catalogue, manifest.version, manifest.objects.len());
     let what = part_name(part);
     tracing::info!("Read {what} of {n_objects} objects, version {version} of catalogue {name:?}");
+    if let Some(surface) = &core.surface {
+        prepare(surface, &HybridOptions::default());
+    }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
-        (Some(surface), _) => surface.maps.iter().map(|map| map.symmetry().clone()).collect(),
+        (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),
         (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };
