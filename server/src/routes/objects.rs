@@ -32,9 +32,9 @@ pub(crate) async fn list_objects(
 pub(crate) async fn create_object(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateObject>,
-) -> Result<(StatusCode, Json<ObjectInfo>), Refusal> {
+) -> Result<Response, Refusal> {
     let object = app.objects().create(request).await?;
-    Ok((StatusCode::CREATED, Json(app.objects().show(&object)?)))
+    Ok(super::created(format!("/v1/objects/{}", object.id), app.objects().show(&object)?))
 }
 
 /// Get an object
