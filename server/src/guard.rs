@@ -8,7 +8,7 @@
 use std::net::{IpAddr, SocketAddr};
 
 use axum::extract::{ConnectInfo, MatchedPath, Request, State};
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::Role;
@@ -62,7 +62,9 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
             };
             let attempt = attempt(&request, operation, key.as_ref());
             let response = refusal.into_response();
-            app.audit().denied(attempt, response.status().as_u16()).await;
+            if matches!(response.status(), StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN) {
+                app.audit().denied(attempt, response.status().as_u16()).await;
+            }
             response
         }
     }
@@ -85,16 +87,17 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
             Who::Anybody
         }
         Asked::Operation(rule) => rule.who,
-        Asked::OtherMethod | Asked::Unlisted => Who::Holders(&[]),
+        // The description is open, so this tells nobody anything new.
+        Asked::OtherMethod => {
+            let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
+            return Err(Refusal::OtherMethod { allow: roles::methods(route) });
+        }
+        Asked::Unlisted => Who::Holders(&[]),
     };
     let Who::Holders(roles) = who else { return Ok(nobody) };
     let header = request.headers().get(header::AUTHORIZATION);
     let key = app.keys().verify(header.map(|value| value.as_bytes()))?;
     match asked {
-        Asked::OtherMethod => {
-            let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
-            return Err(Refusal::OtherMethod { allow: roles::methods(route) });
-        }
         // No route: the answer is that there is nothing, and no secret of holders of keys.
         Asked::Unlisted if request.extensions().get::<MatchedPath>().is_none() => {}
         _ if roles.contains(&wire::access::role(key.role)) => {}

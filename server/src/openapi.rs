@@ -11,7 +11,7 @@ use palpate_schemas::{FieldError, Job, Problem, SessionEvent};
 use utoipa::openapi::extensions::Extensions;
 use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
-use utoipa::openapi::{Content, OpenApi, Ref, RefOr, Response};
+use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
 use utoipa::{IntoResponses, OpenApi as _, ToSchema};
 
 use crate::problem::CONTENT_TYPE;
@@ -74,6 +74,7 @@ pub fn document() -> OpenApi {
     for item in document.paths.paths.values_mut() {
         operations(item).for_each(|(_, operation)| {
             add_roles(operation);
+            add_location(operation);
             add_problems(operation);
         });
     }
@@ -131,6 +132,17 @@ fn add_roles(operation: &mut Operation) {
     let needed = format!("The key has none of the roles that this needs: {}", roles::listed(roles));
     responses.insert("401".to_owned(), problem("No API key came, or none that is let in"));
     responses.insert("403".to_owned(), problem(&needed));
+}
+
+/// What is made has a path, and the answer says which.
+fn add_location(operation: &mut Operation) {
+    for made in ["201", "202"] {
+        if let Some(RefOr::T(response)) = operation.responses.responses.get_mut(made) {
+            let mut location = Header::default();
+            location.description = Some("The path of what was made".to_owned());
+            response.headers.insert("location".to_owned(), location.into());
+        }
+    }
 }
 
 fn add_problems(operation: &mut Operation) {

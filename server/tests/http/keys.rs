@@ -44,7 +44,7 @@ async fn with_keys_nobody_gets_in_without_one() {
     it.send_as(None, get(), "/metrics").await.problem(401, UNAUTHENTICATED, None);
     it.send_as(None, get(), "/v1/no-such-thing").await.problem(401, UNAUTHENTICATED, None);
     it.get("/v1/no-such-thing").await.problem(404, "not-found", None);
-    let wrong = it.send(Method::DELETE, "/v1/sensors", None).await;
+    let wrong = it.send_as(None, Method::DELETE, "/v1/sensors").await;
     wrong.problem(405, "method-not-allowed", None);
     assert_eq!(wrong.headers["allow"], "GET,POST,HEAD");
     let basic = it.client.get(it.url("/v1/objects")).basic_auth("a", Some("b")).send().await;
