@@ -25,8 +25,8 @@ use crate::refusal::Refusal;
 use crate::roles;
 use crate::wire::{access, page_length, page_number};
 
-/// The longest path that is written down, in bytes.
-const PATH_BYTES_MAX: usize = 512;
+/// How much of a path is written down, in characters.
+const PATH_CHARS_MAX: usize = 512;
 /// How many entries are read at once.
 const CHUNK: usize = 256;
 /// How often one question reads so many; further ones are on the next page.
@@ -183,9 +183,7 @@ fn outcome(entry: AuditEntry, response: &Response) -> AuditEntry {
 }
 
 fn entry(attempt: Attempt) -> AuditEntry {
-    let mut resource = attempt.path;
-    let end = resource.floor_char_boundary(PATH_BYTES_MAX);
-    resource.truncate(end);
+    let resource = attempt.path.chars().take(PATH_CHARS_MAX).collect();
     let role = attempt.key.as_ref().map(|(_, _, role)| *role);
     AuditEntry {
         seq: 0,
