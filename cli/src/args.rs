@@ -40,8 +40,15 @@ pub(crate) struct Cli {
     )]
     pub(crate) server: String,
     /// The API key, where the server asks for one; better in the variable than on the line.
-    #[arg(long, global = true, env = "PALPATE_KEY", hide_env_values = true, value_name = "KEY")]
-    pub(crate) key: Option<String>,
+    #[arg(
+        long = "key",
+        global = true,
+        env = "PALPATE_KEY",
+        hide_env_values = true,
+        value_name = "KEY"
+    )]
+    // Not `key`: subcommands have arguments of that name, and names are shared with them.
+    pub(crate) api_key: Option<String>,
     /// The only authority whose certificates to trust for https, a PEM file; the system's else.
     #[arg(long, global = true, env = "PALPATE_CA", value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,

@@ -42,7 +42,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         let authority_pem = cli.ca.as_ref().map(|path| {
             std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
         });
-        let key = cli.key.clone().filter(|key| !key.is_empty());
+        let key = cli.api_key.clone().filter(|key| !key.is_empty());
         let authority_pem = authority_pem.transpose()?;
         let options = ClientOptions { key, authority_pem, ..ClientOptions::default() };
         Ok::<_, anyhow::Error>(Context {
