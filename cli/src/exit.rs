@@ -26,6 +26,9 @@ pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
         Err(error) => {
             if error.downcast_ref::<Ended>().is_none() {
                 eprintln!("error: {}", words(&error));
+                if status(&error) == Some(401) {
+                    eprintln!("hint: set PALPATE_KEY to a key, or give it with --key");
+                }
                 if is_unreachable(&error) {
                     eprintln!(
                         "hint: start one with `palpate serve --data DIR`, or name it: --server URL"
@@ -62,6 +65,10 @@ fn code(error: &anyhow::Error) -> u8 {
         None if is_unreachable(error) => 3,
         None => 1,
     }
+}
+
+fn status(error: &anyhow::Error) -> Option<u16> {
+    error.downcast_ref::<ClientError>().and_then(ClientError::status)
 }
 
 fn is_unreachable(error: &anyhow::Error) -> bool {

@@ -34,6 +34,8 @@ mod training;
 
 mod maps;
 
+mod keys;
+
 mod sessions;
 
 mod events;

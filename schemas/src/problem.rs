@@ -41,6 +41,12 @@ pub enum ProblemType {
     /// 400: the body is not JSON, or the request cannot be read at all.
     #[serde(rename = "urn:palpate:problem:malformed-request")]
     MalformedRequest,
+    /// 401: the request has no API key, or none that is let in.
+    #[serde(rename = "urn:palpate:problem:unauthenticated")]
+    Unauthenticated,
+    /// 403: the key's role may not do this; `detail` says which roles may.
+    #[serde(rename = "urn:palpate:problem:forbidden")]
+    Forbidden,
     /// 404: there is nothing at this path, or nothing with this id.
     #[serde(rename = "urn:palpate:problem:not-found")]
     NotFound,

@@ -11,10 +11,14 @@ use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
 
 use crate::admission::{Admission, admit};
+use crate::audit::{Audit, record};
 use crate::catalogues::{Catalogues, part_name};
 use crate::compute::Pool;
 use crate::config::Config;
+use crate::guard::guard;
+use crate::headers::{cors, secure};
 use crate::jobs::Jobs;
+use crate::keys::Keys;
 use crate::objects::Objects;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
@@ -35,6 +39,8 @@ pub(crate) struct Parts {
     pub(crate) catalogues: Arc<Catalogues>,
     pub(crate) jobs: Arc<Jobs>,
     pub(crate) sessions: Arc<Sessions>,
+    pub(crate) keys: Keys,
+    pub(crate) audit: Arc<Audit>,
     pub(crate) stopping: watch::Receiver<bool>,
 }
 
@@ -73,6 +79,14 @@ impl App {
 
     pub(crate) fn sessions(&self) -> &Arc<Sessions> {
         &self.0.sessions
+    }
+
+    pub(crate) fn keys(&self) -> &Keys {
+        &self.0.keys
+    }
+
+    pub(crate) fn audit(&self) -> &Arc<Audit> {
+        &self.0.audit
     }
 
     /// Becomes true when the server stops.
@@ -114,9 +128,19 @@ impl App {
 /// Every route behind every layer; the outermost is added last.
 pub(crate) fn router(app: App) -> Router {
     let (api, _) = routes::api().split_for_parts();
-    api.merge(routes::site::pages())
+    let guarded = api
+        .merge(routes::site::pages())
         .layer(CatchPanicLayer::custom(problem::panicked))
+        .layer(from_fn_with_state(app.clone(), record))
         .layer(from_fn_with_state(app.clone(), admit))
+        .layer(from_fn_with_state(app.clone(), guard));
+    // Browsers ask without a key whether a page may ask at all.
+    let shared = match cors(&app.config().cors_origins) {
+        Some(cors) => guarded.layer(cors),
+        None => guarded,
+    };
+    shared
+        .layer(from_fn_with_state(app.clone(), secure))
         .layer(from_fn(telemetry::observe))
         .with_state(app)
 }

@@ -6,6 +6,8 @@ use std::sync::Arc;
 use thiserror::Error;
 use uuid::Uuid;
 
+use crate::access::AccessKey;
+use crate::audit::AuditLog;
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
 use crate::engine::{Commit, CommitError, Engine, EngineError, EngineStats, Expected, OpenError};
@@ -173,6 +175,20 @@ impl Database {
             robots: Space::JournalRobot,
         };
         Journal::new(Arc::clone(&self.engine), spaces)
+    }
+
+    /// All API keys.
+    #[must_use]
+    pub fn keys(&self) -> Table<AccessKey> {
+        Table::new(Arc::clone(&self.engine))
+    }
+
+    /// The audit log, which keeps its newest `entries_max` entries. Open it once. Blocks.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn audit(&self, entries_max: u64) -> Result<AuditLog, StoreError> {
+        AuditLog::open(Arc::clone(&self.engine), entries_max)
     }
 
     /// Removes an object, then its mesh and training readings; `false` when there was none.

@@ -48,6 +48,10 @@ pub enum Kind {
     Block = 14,
     /// A calibration of a sensor.
     Calibration = 15,
+    /// An API key, without its secret.
+    AccessKey = 16,
+    /// An entry of the audit log.
+    Audit = 17,
 }
 
 /// An envelope that was found whole.

@@ -3,8 +3,8 @@
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
 //! values are; `pieces` splits what is large; [`table`], [`journal`], [`calibration`],
-//! [`mesh`] and [`catalogue`] are the repositories that [`database::Database`] opens. `docs/formats.md`
-//! draws every byte. Times are arguments, in milliseconds since 1970.
+//! [`mesh`], [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens.
+//! `docs/formats.md` draws every byte. Times are arguments, in milliseconds since 1970.
 //! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
 pub mod engine;
@@ -19,6 +19,8 @@ pub mod envelope;
 
 pub mod entity;
 
+pub mod access;
+
 pub mod record;
 
 mod pieces;
@@ -32,6 +34,8 @@ pub mod journal;
 pub mod calibration;
 
 pub mod mesh;
+
+pub mod audit;
 
 mod descriptor_code;
 

@@ -4,10 +4,14 @@
 #![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
 mod appearance;
+mod audit;
 mod bad_input;
 mod calibration;
 mod geometry;
 mod harness;
+mod headers;
+mod keys;
+mod matrix;
 mod memory;
 mod msgpack;
 mod next_touches;
@@ -16,4 +20,5 @@ mod sessions;
 mod sharing;
 mod site;
 mod symmetry;
+mod tls;
 mod training;

@@ -73,7 +73,7 @@ fn current_v4() -> String {
     lines(&*engine)
 }
 
-fn lines(engine: &dyn Engine) -> String {
+pub(crate) fn lines(engine: &dyn Engine) -> String {
     let mut text = String::new();
     // The layout record, the first, also says which Palpate made it.
     for (key, value) in engine.scan(b"", Some(b"!"), 1000).unwrap() {
@@ -168,7 +168,7 @@ fn frozen_bytes_of_schema_2_are_read() {
 }
 
 /// A database of the lines of a golden file.
-fn thawed(golden: &str) -> Database {
+pub(crate) fn thawed(golden: &str) -> Database {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     Database::with_engine(Arc::clone(&engine)).unwrap();
     for line in golden.lines() {
