@@ -48,6 +48,8 @@ pub enum Kind {
     Block = 14,
     /// A calibration of a sensor.
     Calibration = 15,
+    /// How many commits there were, and the sum of all records.
+    Tally = 16,
 }
 
 /// An envelope that was found whole.
