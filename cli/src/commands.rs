@@ -5,9 +5,11 @@ pub(crate) mod calibrate;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod explore;
+pub(crate) mod fsck;
 pub(crate) mod jobs;
 pub(crate) mod letters;
 pub(crate) mod maps;
+pub(crate) mod migrate;
 pub(crate) mod next_touch;
 pub(crate) mod objects;
 pub(crate) mod openapi;
@@ -15,6 +17,7 @@ pub(crate) mod report;
 pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
+pub(crate) mod snapshot;
 pub(crate) mod touch;
 pub(crate) mod train;
 
@@ -51,6 +54,9 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Explore(args) => explore::run(args, &context()?).await,
         Command::NextTouch(args) => next_touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
+        Command::Snapshot(args) => snapshot::run(args, output, &cli.server).await,
+        Command::Fsck(args) => fsck::run(args, output).await,
+        Command::Migrate(args) => migrate::run(args, output).await,
         Command::Experiment(args) => experiment::run(args, output).await,
         Command::Openapi => openapi::run(),
     }

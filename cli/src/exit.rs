@@ -1,7 +1,7 @@
 //! Exit codes, so that scripts can tell what happened.
 //!
 //! 0 done · 1 failed · 2 wrong usage (clap's) · 3 server unreachable · 4 object not
-//! recognised · 130 interrupted (128 + SIGINT, as shells have it).
+//! recognised · 5 stored data damaged · 130 interrupted (128 + SIGINT, as shells have it).
 
 use std::process::ExitCode;
 
@@ -14,6 +14,9 @@ pub(crate) enum Ended {
     /// The robot touched one thing and the server said another, or nothing certain.
     #[error("not recognised")]
     NotRecognised,
+    /// What is stored is damaged, as the answer says.
+    #[error("damaged")]
+    Damaged,
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
@@ -58,6 +61,7 @@ fn words(error: &anyhow::Error) -> String {
 fn code(error: &anyhow::Error) -> u8 {
     match error.downcast_ref::<Ended>() {
         Some(Ended::NotRecognised) => 4,
+        Some(Ended::Damaged) => 5,
         Some(Ended::Interrupted) => 130,
         None if is_unreachable(error) => 3,
         None => 1,

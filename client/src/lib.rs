@@ -35,6 +35,7 @@ mod training;
 mod maps;
 
 mod sessions;
+mod snapshots;
 
 mod events;
 

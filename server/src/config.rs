@@ -4,6 +4,8 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
+use palpate_store::sled::{FreeSpace, RESERVE_BYTES};
+
 /// The settings of a server. Every default is meant for one machine and a small fleet.
 #[derive(Clone, Debug)]
 pub struct Config {
@@ -13,6 +15,12 @@ pub struct Config {
     pub insecure_bind: bool,
     /// The folder of the database; made if it does not exist.
     pub data: PathBuf,
+    /// Bring a database of an older layout to today's; otherwise it is refused.
+    pub migrate: bool,
+    /// Bytes of the disk that stay free: with fewer, writes are refused (507).
+    pub disk_reserve_bytes: u64,
+    /// How the free bytes are found.
+    pub free_space: FreeSpace,
     /// The longest body of JSON or MessagePack, in bytes.
     pub json_bytes_max: usize,
     /// The longest mesh file, in bytes.
@@ -52,6 +60,9 @@ impl Config {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7411)),
             insecure_bind: false,
             data: data.into(),
+            migrate: false,
+            disk_reserve_bytes: RESERVE_BYTES,
+            free_space: FreeSpace::of_disk(),
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,
             body_timeout: Duration::from_secs(60),

@@ -8,7 +8,7 @@
 use std::sync::OnceLock;
 
 use palpate_schemas::{FieldError, Job, Problem, SessionEvent};
-use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
+use utoipa::openapi::path::{Operation, ParameterIn};
 use utoipa::openapi::{Content, OpenApi, Ref, RefOr, Response};
 use utoipa::{IntoResponses, OpenApi as _, ToSchema};
 
@@ -28,6 +28,11 @@ pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
+
+/// A snapshot, as `docs/formats.md` draws it.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+pub(crate) struct SnapshotFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
 /// A map of contact as an image or a model.
 #[derive(ToSchema)]
@@ -51,6 +56,7 @@ pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents"
         (name = "training", description = "Catalogues: trained versions, and the current one"),
         (name = "jobs", description = "Trainings under way"),
         (name = "sessions", description = "Recognising: readings in, beliefs out"),
+        (name = "admin", description = "Copies of all that is stored"),
         (name = "site", description = "Health, metrics, version"),
     ),
     components(schemas(Problem, FieldError, SessionEvent, Job)),
@@ -63,7 +69,10 @@ pub fn document() -> OpenApi {
     let mut document = Document::openapi();
     document.merge(routes::api().into_openapi());
     for item in document.paths.paths.values_mut() {
-        operations(item).for_each(add_problems);
+        let reads = item.get.iter_mut();
+        reads.for_each(|operation| add_problems(operation, false));
+        let changes = [&mut item.put, &mut item.post, &mut item.patch, &mut item.delete];
+        changes.into_iter().flatten().for_each(|operation| add_problems(operation, true));
     }
     document
 }
@@ -82,13 +91,7 @@ pub fn text() -> &'static str {
     })
 }
 
-fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
-    [&mut item.get, &mut item.put, &mut item.post, &mut item.patch, &mut item.delete]
-        .into_iter()
-        .flatten()
-}
-
-fn add_problems(operation: &mut Operation) {
+fn add_problems(operation: &mut Operation, writes: bool) {
     let has = |place: ParameterIn| {
         let parameters = operation.parameters.iter().flatten();
         parameters.into_iter().any(|parameter| match parameter {
@@ -114,7 +117,10 @@ fn add_problems(operation: &mut Operation) {
     if has_body || in_query {
         add("422", "A value is wrong; `errors` names it");
     }
-    add("500", "The server is at fault");
+    if writes {
+        add("507", "The disk is full: nothing was stored");
+    }
+    add("500", "The server is at fault, or what is stored is damaged");
     add("503", "Too much at once, or stopping; `Retry-After` says when to ask again");
 }
 
@@ -128,7 +134,15 @@ fn problem(description: &str) -> RefOr<Response> {
 mod tests {
     use std::collections::BTreeSet;
 
+    use utoipa::openapi::path::PathItem;
+
     use super::*;
+
+    fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
+        [&mut item.get, &mut item.put, &mut item.post, &mut item.patch, &mut item.delete]
+            .into_iter()
+            .flatten()
+    }
 
     #[test]
     fn the_committed_openapi_document_is_what_the_server_serves() {

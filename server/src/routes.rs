@@ -10,6 +10,7 @@ pub(crate) mod objects;
 pub(crate) mod sensors;
 pub(crate) mod sessions;
 pub(crate) mod site;
+pub(crate) mod snapshots;
 pub(crate) mod training;
 
 use utoipa_axum::router::OpenApiRouter;
@@ -59,4 +60,5 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::ask_next_touches))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
+        .routes(routes!(snapshots::take_snapshot))
 }

@@ -4,7 +4,7 @@
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
 //! values are; `pieces` splits what is large; [`table`], [`journal`], [`calibration`],
 //! [`mesh`] and [`catalogue`] are the repositories that [`database::Database`] opens. `docs/formats.md`
-//! draws every byte. Times are arguments, in milliseconds since 1970.
+//! draws every byte; [`fsck`] checks a whole database, [`snapshot`] copies one. Times are arguments, in milliseconds since 1970.
 //! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
 pub mod engine;
@@ -40,3 +40,7 @@ pub mod model_codec;
 pub mod catalogue;
 
 pub mod database;
+
+pub mod fsck;
+
+pub mod snapshot;

@@ -35,13 +35,35 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000_000)
     )]
     model_memory_mb: u64,
+    /// Bring stored data of an older layout to this version's; take a snapshot or a copy before.
+    /// Without it such data is refused.
+    #[arg(long, env = "PALPATE_MIGRATE")]
+    migrate: bool,
+    /// How much of the disk stays free, in MB: with less, writes are refused (507) and reading
+    /// goes on.
+    #[arg(
+        long,
+        env = "PALPATE_DISK_RESERVE_MB",
+        value_name = "MB",
+        default_value_t = 64,
+        value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
+    )]
+    disk_reserve_mb: u64,
 }
 
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
-    let ServeArgs { data, listen, insecure_bind, model_memory_mb } = args;
+    let ServeArgs { data, listen, insecure_bind, model_memory_mb, migrate, disk_reserve_mb } = args;
+    let disk_reserve_bytes = disk_reserve_mb << 20;
     let model_memory_bytes_max = model_memory_mb * 1_000_000;
-    let config = Config { listen, insecure_bind, model_memory_bytes_max, ..Config::new(&data) };
+    let config = Config {
+        listen,
+        insecure_bind,
+        model_memory_bytes_max,
+        migrate,
+        disk_reserve_bytes,
+        ..Config::new(&data)
+    };
     let server = Server::start(config).await?;
     let address = format!("http://{}", server.local_addr());
     let started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });

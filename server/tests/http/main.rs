@@ -8,6 +8,7 @@ mod bad_input;
 mod calibration;
 mod geometry;
 mod harness;
+mod keeping;
 mod memory;
 mod msgpack;
 mod next_touches;

@@ -5,5 +5,8 @@ mod bytes;
 mod crash;
 mod damage;
 mod engines;
+mod fsck;
+mod keeping;
 mod repositories;
 mod samples;
+mod snapshots;
