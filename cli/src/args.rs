@@ -4,10 +4,10 @@ use clap::{Parser, Subcommand};
 
 use crate::commands::{
     analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
-    fsck::FsckArgs,
-    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs,
-    objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs,
-    sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
+    fsck::FsckArgs, jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, migrate::MigrateArgs,
+    next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs,
+    serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs,
+    train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.

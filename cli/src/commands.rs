@@ -54,7 +54,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Explore(args) => explore::run(args, &context()?).await,
         Command::NextTouch(args) => next_touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
-        Command::Snapshot(args) => snapshot::run(args, output, &cli.server).await,
+        Command::Snapshot(args) => snapshot::run(args, output, context).await,
         Command::Fsck(args) => fsck::run(args, output).await,
         Command::Migrate(args) => migrate::run(args, output).await,
         Command::Experiment(args) => experiment::run(args, output).await,

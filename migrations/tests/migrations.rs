@@ -9,9 +9,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use palpate_migrations::{MigrateError, Migrated, NEWEST, layout, migrate};
-use palpate_store::engine::{
-    Commit, Cut, Engine, EngineError, EngineStats, Pair, Pending,
-};
+use palpate_store::engine::{Commit, Cut, Engine, EngineError, EngineStats, Pair, Pending};
 use palpate_store::envelope::{Kind, seal};
 use palpate_store::fsck;
 use palpate_store::memory::MemoryEngine;
@@ -53,12 +51,18 @@ impl Engine for Interrupted {
         self.inner.get(key)
     }
 
-    fn scan(&self, prefix: &[u8], after: Option<&[u8]>, n: usize) -> Result<Vec<Pair>, EngineError> {
+    fn scan(
+        &self,
+        prefix: &[u8],
+        after: Option<&[u8]>,
+        n: usize,
+    ) -> Result<Vec<Pair>, EngineError> {
         self.inner.scan(prefix, after, n)
     }
 
     fn commit(&self, commit: Commit) -> Pending {
-        let left = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1));
+        let left =
+            self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1));
         match left {
             Ok(_) => self.inner.commit(commit),
             Err(_) => Pending::ready(Err(EngineError::Stopped.into())),
@@ -82,7 +86,11 @@ fn a_database_of_layout_1_becomes_one_of_layout_2() {
     assert_eq!(migrated, Migrated { from: 1, to: NEWEST, n_records: 8 });
     assert_eq!(all(&engine), pairs(LAYOUT_2));
     let report = fsck::check(&engine).unwrap();
-    assert_eq!((report.layout, report.n_damaged, report.n_leftovers), (Some(2), 0, 0), "{report:?}");
+    assert_eq!(
+        (report.layout, report.n_damaged, report.n_leftovers),
+        (Some(2), 0, 0),
+        "{report:?}"
+    );
 }
 
 #[test]

@@ -82,7 +82,7 @@ impl Jobs {
 
     /// Takes up what a stop of the server left behind.
     pub(crate) async fn resume(&self) -> Result<(), Refusal> {
-        for job in self.store.jobs().all()? {
+        for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
             let job = match job.state {
                 JobState::Queued => job,
                 JobState::Running => match self.after_interruption(job).await {
@@ -143,7 +143,7 @@ impl Jobs {
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::JobPage, Refusal> {
-        let page = self.store.jobs().list(page_id(query)?, page_length(query)?)?;
+        let page = self.store.jobs().list_whole(page_id(query)?, page_length(query)?)?;
         let items = page.items.iter().map(|job| self.show(job)).collect();
         Ok(wire::JobPage { items, next_cursor: cursor(page.next) })
     }
@@ -278,7 +278,8 @@ impl Jobs {
         let Some(control) = self.control(id) else { return };
         match self.train(&job, &control).await {
             Ok(version) => {
-                self.end(Ending::new(id, JobState::Succeeded, Some(version), None), &stopping).await;
+                self.end(Ending::new(id, JobState::Succeeded, Some(version), None), &stopping)
+                    .await;
             }
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
                 tracing::info!(job.id = %id, "Suspended job {id}: the server stops");

@@ -40,7 +40,11 @@ pub(crate) async fn take(
     Ok(receiver)
 }
 
-fn send(mut writer: SnapshotWriter, sender: &mpsc::Sender<Chunk>, stopping: &watch::Receiver<bool>) {
+fn send(
+    mut writer: SnapshotWriter,
+    sender: &mpsc::Sender<Chunk>,
+    stopping: &watch::Receiver<bool>,
+) {
     let runtime = Handle::current();
     let put = |chunk| {
         let sent = runtime.block_on(timeout(PATIENCE, sender.send(chunk)));

@@ -8,7 +8,9 @@ use uuid::Uuid;
 
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
-use crate::engine::{Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, OpenError};
+use crate::engine::{
+    Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, OpenError,
+};
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError};
 use crate::journal::{Journal, JournalSpaces};
@@ -46,9 +48,11 @@ pub enum DatabaseError {
         made_by: String,
     },
     /// The database was written by an older Palpate and must be migrated.
-    #[error("the database has layout {found}, this version of Palpate needs {LAYOUT}: \
+    #[error(
+        "the database has layout {found}, this version of Palpate needs {LAYOUT}: \
          take a copy of the folder, then migrate it: `palpate migrate --data DIR`, or start with \
-         `--migrate`")]
+         `--migrate`"
+    )]
     TooOld {
         /// Its layout.
         found: u32,

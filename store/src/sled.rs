@@ -10,11 +10,12 @@
 
 mod cut;
 mod mark;
+mod opening;
 mod room;
 mod tally;
 mod writer;
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::ops::Bound;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -22,36 +23,26 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
-use fs4::FileExt;
 use futures::channel::oneshot;
 
-use crate::engine::{
-    Commit, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending,
-};
+use crate::engine::{Commit, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending};
 use cut::{Memory, SledCut};
-use mark::{Found, Mark};
+use mark::Mark;
+use opening::{lock_folder, open_sled, set_derived_aside, verify};
 pub use room::FreeSpace;
 use room::Room;
-use tally::{TALLY_KEY, Tally, sum_of};
+use tally::TALLY_KEY;
 use writer::{Order, Writer};
 
 /// How many commits may wait for the writer.
 const QUEUE_MAX: usize = 4096;
 /// How many bytes of the disk stay free when nobody says otherwise.
 pub const RESERVE_BYTES: u64 = 64 << 20;
-/// The file whose lock says that the folder is in use.
-const LOCK_FILE: &str = "lock";
 /// sled's folder inside the database's.
 const SLED_FOLDER: &str = "sled";
 /// sled's data file inside its folder.
 const DATA_FILE: &str = "db";
-/// How often sled's own lock is tried: a sled that was just closed in this process lets go of
-/// it a moment later.
-const OPEN_ATTEMPTS: u32 = 50;
-const OPEN_ATTEMPT_PAUSE: Duration = Duration::from_millis(20);
-
 /// How an embedded database is opened.
 #[derive(Clone, Debug)]
 pub struct SledOptions {
@@ -122,7 +113,12 @@ impl SledEngine {
         fs::create_dir_all(folder).map_err(io(folder))?;
         let lock = lock_folder(folder)?;
         let sled_folder = folder.join(SLED_FOLDER);
-        let db = open_sled(folder, &sled_folder, options)?;
+        let db = match open_sled(folder, &sled_folder, options) {
+            Err(OpenError::Damaged { .. }) if set_derived_aside(folder, &sled_folder)? => {
+                open_sled(folder, &sled_folder, options)?
+            }
+            other => other?,
+        };
         let data_path = sled_folder.join(DATA_FILE);
         let data = File::open(&data_path).map_err(io(&data_path))?;
         for made in [sled_folder.as_path(), folder] {
@@ -281,40 +277,6 @@ impl Drop for SledEngine {
     }
 }
 
-/// Holds what is there against what was written last: the tally to go on with, and what is
-/// wrong if something is.
-fn verify(folder: &Path, db: &::sled::Db) -> Result<(Tally, Option<OpenError>), OpenError> {
-    let unreadable =
-        |error: EngineError| OpenError::Damaged { folder: folder.to_owned(), detail: error.to_string() };
-    let path = folder.join(mark::MARK_FILE);
-    let found_mark = mark::read(folder)
-        .map_err(|source| OpenError::Io { path: path.clone(), source })?;
-    let record = guarded("reading", || db.get(TALLY_KEY)).map_err(unreadable)?;
-    let (sum, n_pairs) = sum_of(db).map_err(unreadable)?;
-    let tally = record.as_deref().map(Tally::from_record);
-    let there = tally.flatten().map_or(0, |tally| tally.commits);
-    let acknowledged = match found_mark {
-        Found::Commits(commits) => commits,
-        Found::Absent | Found::Damaged => 0,
-    };
-    let folder = folder.to_owned();
-    let damage = match (found_mark, tally) {
-        (Found::Commits(_), _) if acknowledged > there => {
-            Some(OpenError::LostCommits { folder, acknowledged, found: there })
-        }
-        (_, Some(None)) => Some(OpenError::Altered { folder, found: n_pairs }),
-        (_, Some(Some(tally))) if tally.sum != sum => {
-            Some(OpenError::Altered { folder, found: n_pairs })
-        }
-        (Found::Damaged, _) => Some(OpenError::Mark { path, fault: "is damaged" }),
-        (Found::Absent, Some(_)) => Some(OpenError::Mark { path, fault: "is missing" }),
-        // New, or of layout 1, which had no tally.
-        (Found::Absent | Found::Commits(_), None) => None,
-        (Found::Commits(_), Some(_)) => None,
-    };
-    Ok((Tally { commits: there.max(acknowledged), sum }, damage))
-}
-
 /// Runs one call of sled and turns its error or panic into an [`EngineError`].
 fn guarded<T>(
     doing: &'static str,
@@ -331,47 +293,4 @@ fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().cloned();
     text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
         .unwrap_or_else(|| "it panicked".to_owned())
-}
-
-fn lock_folder(folder: &Path) -> Result<File, OpenError> {
-    let path = folder.join(LOCK_FILE);
-    let opened = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
-    let lock = opened.map_err(|source| OpenError::Io { path: path.clone(), source })?;
-    match FileExt::try_lock(&lock) {
-        Ok(()) => Ok(lock),
-        Err(fs4::TryLockError::WouldBlock) => {
-            Err(OpenError::InUse { folder: folder.to_owned(), lock: path })
-        }
-        Err(fs4::TryLockError::Error(source)) => Err(OpenError::Io { path, source }),
-    }
-}
-
-fn open_sled(
-    folder: &Path,
-    sled_folder: &Path,
-    options: &SledOptions,
-) -> Result<::sled::Db, OpenError> {
-    // No flushes behind the writer's back: concurrent flushes are sled's deadlock.
-    let config = ::sled::Config::new()
-        .path(sled_folder)
-        .cache_capacity(options.cache_bytes)
-        .flush_every_ms(None);
-    let mut attempt = 1;
-    loop {
-        match guarded("opening", || config.open()) {
-            Ok(db) => return Ok(db),
-            Err(EngineError::Failed { detail, .. }) => {
-                let still_locked = detail.contains("could not acquire lock");
-                if !still_locked || attempt == OPEN_ATTEMPTS {
-                    return Err(OpenError::Damaged { folder: folder.to_owned(), detail });
-                }
-            }
-            Err(error) => {
-                let detail = error.to_string();
-                return Err(OpenError::Damaged { folder: folder.to_owned(), detail });
-            }
-        }
-        std::thread::sleep(OPEN_ATTEMPT_PAUSE);
-        attempt += 1;
-    }
 }

@@ -97,7 +97,11 @@ fn a_database_of_an_older_layout_is_refused_then_migrated_then_served() {
     assert_eq!((&answer["from"], &answer["to"]), (&Value::from(1), &Value::from(2)), "{answer}");
     let checked = run(&["fsck", "--json"], folder.path());
     let answer: Value = serde_json::from_slice(&checked.stdout).unwrap();
-    assert_eq!((checked.status.code(), &answer["whole"]), (Some(0), &Value::from(true)), "{answer}");
+    assert_eq!(
+        (checked.status.code(), &answer["whole"]),
+        (Some(0), &Value::from(true)),
+        "{answer}"
+    );
 }
 
 #[test]
@@ -134,4 +138,53 @@ fn fsck_names_what_is_damaged_and_says_so_by_its_exit_code() {
     assert_eq!(checked.status.code(), Some(5), "{}", error(&checked));
     let words = String::from_utf8(checked.stdout).unwrap();
     assert!(words.contains("journal entry") && words.contains("entry 0: it is missing"), "{words}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_command_takes_verifies_and_restores_snapshots_of_a_running_server() {
+    use palpate_server::{Config, Server};
+    let folder = tempfile::tempdir().unwrap();
+    let listen = std::net::SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0));
+    let at = |name: &str| folder.path().join(name);
+    let config = |data: &str| Config { listen, ..Config::new(at(data)) };
+    let server = Server::start(config("data")).await.unwrap();
+    let url = format!("http://{}", server.local_addr());
+    let object = palpate_schemas::CreateObject { name: "mug".to_owned(), description: "?".into() };
+    let client = palpate_client::Client::new(&url).unwrap();
+    let mug = client.create_object(&object).await.unwrap();
+    let file = at("monday.snapshot");
+    let command = |arguments: &[&str]| {
+        let mut command = Command::new(palpate());
+        command.args(["--server", &url, "snapshot"]).args(arguments).stdin(Stdio::null());
+        tokio::task::block_in_place(|| command.output().unwrap())
+    };
+    let path = file.to_str().unwrap();
+    let taken = command(&["create", path, "--json"]);
+    assert!(taken.status.success(), "{}", error(&taken));
+    let answer: Value = serde_json::from_slice(&taken.stdout).unwrap();
+    assert_eq!((&answer["n_damaged"], &answer["records"]["object"]), (&0.into(), &1.into()));
+    let again = command(&["create", path]);
+    assert!(error(&again).contains("exists already"), "{}", error(&again));
+    server.shutdown().await;
+
+    let restored = at("restored");
+    let arguments = ["restore", path, "--data", restored.to_str().unwrap()];
+    assert!(command(&arguments).status.success());
+    let refused = command(&arguments);
+    assert!(error(&refused).contains("is not empty"), "{}", error(&refused));
+    let bytes = std::fs::read(&file).unwrap();
+    let cut = at("cut.snapshot");
+    std::fs::write(&cut, &bytes[..bytes.len() - 1]).unwrap();
+    for action in [&["verify"][..], &["restore", "--data", at("never").to_str().unwrap()]] {
+        let arguments: Vec<&str> = action.iter().copied().chain(cut.to_str()).collect();
+        let refused = command(&arguments);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(error(&refused).contains("was not written to its end"), "{}", error(&refused));
+    }
+    assert!(!at("never").exists(), "nothing is left");
+
+    let server = Server::start(config("restored")).await.unwrap();
+    let client = palpate_client::Client::new(&format!("http://{}", server.local_addr())).unwrap();
+    assert_eq!(client.object("mug").await.unwrap(), mug);
+    server.shutdown().await;
 }

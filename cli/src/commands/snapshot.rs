@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context as _, bail};
 use clap::{Args, Subcommand};
 use futures::StreamExt;
 use palpate_client::Client;
@@ -14,6 +14,7 @@ use palpate_store::sled::{SledEngine, SledOptions};
 use palpate_store::snapshot::{SnapshotManifest, restore, verify};
 use serde_json::{Value, json};
 
+use crate::commands::Context;
 use crate::commands::fsck::findings;
 use crate::exit::Ended;
 use crate::output::Output;
@@ -52,9 +53,13 @@ enum Action {
 }
 
 /// Takes, verifies or restores.
-pub(crate) async fn run(args: SnapshotArgs, output: Output, server: &str) -> anyhow::Result<()> {
+pub(crate) async fn run(
+    args: SnapshotArgs,
+    output: Output,
+    context: impl FnOnce() -> anyhow::Result<Context>,
+) -> anyhow::Result<()> {
     match args.action {
-        Action::Create { file } => create(&file, &Client::new(server)?, output).await,
+        Action::Create { file } => create(&file, &context()?.client, output).await,
         Action::Verify { file } => {
             let (manifest, report) = blocking(move || verified(&file)).await?;
             said(&manifest, &report, output)
@@ -156,9 +161,10 @@ fn said(manifest: &SnapshotManifest, report: &Report, output: Output) -> anyhow:
         let megabytes = manifest.bytes as f64 / 1e6;
         let n_damaged = report.n_damaged;
         let whole = format!("whole: {n_records} records, {megabytes:.1} MB, {n_damaged} damaged");
-        let damaged = report.findings.iter().map(|finding| {
-            format!("\n{} {}: {}", finding.space, finding.key, finding.fault)
-        });
+        let damaged = report
+            .findings
+            .iter()
+            .map(|finding| format!("\n{} {}: {}", finding.space, finding.key, finding.fault));
         whole + &damaged.collect::<String>()
     })?;
     if report.n_damaged == 0 { Ok(()) } else { Err(Ended::Damaged.into()) }

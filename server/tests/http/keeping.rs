@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use palpate_core::pose::Pose;
 use palpate_server::{FreeSpace, Server};
 use palpate_store::database::Database;
 use palpate_store::engine::{Commit, Engine};
 use palpate_store::sled::{SledEngine, SledOptions};
 use palpate_store::snapshot::{restore, verify};
-use palpate_core::pose::Pose;
 use serde_json::{Value, json};
 
 use crate::harness::{CUBE, Harness, config, quiet_reading, touches};
@@ -103,9 +103,10 @@ async fn a_damaged_version_is_kept_from_use_and_the_rest_serves_on() {
             let first = catalogues.manifest(catalogue.id, 1).unwrap();
             let second = catalogues.manifest(catalogue.id, 2).unwrap();
             let is_new = |hash| first.blocks.iter().all(|known| known.hash != hash);
-            let own = second.blocks.iter().find(|block| {
-                block.name.starts_with("surface/") && is_new(block.hash)
-            });
+            let own = second
+                .blocks
+                .iter()
+                .find(|block| block.name.starts_with("surface/") && is_new(block.hash));
             let key = [&b"b"[..], &own.unwrap().hash].concat();
             engine.commit(Commit::new().remove(key)).wait().unwrap();
         })

@@ -218,12 +218,8 @@ impl Assembly {
 
     fn raw(&self, kind: Kind) -> Result<Whole, String> {
         let number = |at: usize| u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]]);
-        let stated = u32::from_le_bytes([
-            self.bytes[16],
-            self.bytes[17],
-            self.bytes[18],
-            self.bytes[19],
-        ]);
+        let stated =
+            u32::from_le_bytes([self.bytes[16], self.bytes[17], self.bytes[18], self.bytes[19]]);
         let found = self.checksum.clone().finalize();
         if stated != found {
             return Err(format!("it has checksum {found:08x}, expected {stated:08x}"));

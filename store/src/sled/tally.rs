@@ -32,10 +32,8 @@ impl Tally {
         let (commits, sum) = opened.payload.split_first_chunk::<8>()?;
         let sum = <[u8; 16]>::try_from(sum).ok()?;
         let is_known = opened.schema == SCHEMA;
-        is_known.then(|| Self {
-            commits: u64::from_le_bytes(*commits),
-            sum: u128::from_le_bytes(sum),
-        })
+        is_known
+            .then(|| Self { commits: u64::from_le_bytes(*commits), sum: u128::from_le_bytes(sum) })
     }
 
     pub(super) fn add(&mut self, key: &[u8], value: &[u8]) {

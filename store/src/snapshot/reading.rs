@@ -48,10 +48,7 @@ pub fn verify(source: impl Read) -> Result<(SnapshotManifest, Report), SnapshotE
 ///
 /// # Errors
 /// [`SnapshotError`]; the engine may hold a part then, without a layout.
-pub fn restore(
-    source: impl Read,
-    engine: &dyn Engine,
-) -> Result<SnapshotManifest, SnapshotError> {
+pub fn restore(source: impl Read, engine: &dyn Engine) -> Result<SnapshotManifest, SnapshotError> {
     if !engine.scan(&[], None, 1)?.is_empty() {
         return Err(SnapshotError::NotEmpty);
     }
@@ -91,8 +88,7 @@ impl<R: Read> Reader<R> {
     fn new(source: R) -> Result<Self, SnapshotError> {
         let header = SnapshotHeader { layout: 0, created_at_ms: 0, made_by: String::new() };
         let (hasher, pairs) = (blake3::Hasher::new(), BTreeMap::new());
-        let mut reader =
-            Self { source, at: 0, hasher, header, last: Vec::new(), pairs, bytes: 0 };
+        let mut reader = Self { source, at: 0, hasher, header, last: Vec::new(), pairs, bytes: 0 };
         if reader.array::<8>()? != MAGIC {
             return Err(SnapshotError::Magic);
         }

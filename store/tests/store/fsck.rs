@@ -116,3 +116,25 @@ fn leftovers_of_crashes_are_removed_and_nothing_else() {
     left.retain(|(key, _)| key[0] != b'w' || key[1..17] != *Uuid::from_u128(51).as_bytes());
     assert_eq!(left, before);
 }
+
+#[test]
+fn a_list_goes_on_behind_a_damaged_item() {
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    let database = Database::with_engine(Arc::clone(&engine)).unwrap();
+    let objects = database.objects();
+    for id in [20, 21, 22] {
+        samples::wait(objects.create(&samples::object(id))).unwrap();
+    }
+    let keys = engine.scan(b"o", None, 10).unwrap();
+    write(&*engine, &keys[1].0, Some(vec![0; 40]));
+    let ids = |items: &[palpate_store::entity::Object]| {
+        items.iter().map(|object| object.id.as_u128()).collect::<Vec<_>>()
+    };
+    let page = objects.list_whole(None, 10).unwrap();
+    assert_eq!((ids(&page.items), page.next), (vec![20, 22], None));
+    let first = objects.list_whole(None, 2).unwrap();
+    assert_eq!((ids(&first.items), first.next), (vec![20], Some(Uuid::from_u128(21))));
+    let second = objects.list_whole(first.next, 2).unwrap();
+    assert_eq!((ids(&second.items), second.next), (vec![22], None));
+    assert!(objects.get(Uuid::from_u128(21)).is_err());
+}

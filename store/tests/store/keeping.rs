@@ -174,3 +174,18 @@ fn there_is_one_cut_at_a_time() {
     drop(first);
     assert!(engine.cut().is_ok());
 }
+
+#[test]
+fn a_damaged_file_that_can_be_made_anew_is_made_anew() {
+    let folder = TempDir::new().unwrap();
+    written(folder.path(), 0..20);
+    let sled_folder = folder.path().join("sled");
+    let is_derived = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with("snap.");
+    let files = std::fs::read_dir(&sled_folder).unwrap().map(|entry| entry.unwrap().path());
+    let derived: Vec<_> = files.filter(|path| is_derived(path.file_name().unwrap())).collect();
+    assert!(!derived.is_empty());
+    derived.iter().for_each(|path| std::fs::write(path, [3; 40]).unwrap());
+    let engine = open(folder.path(), OnDamage::Refuse).unwrap();
+    assert_eq!(engine.scan(b"k", None, 100).unwrap().len(), 20);
+    assert!(folder.path().join("aside").is_dir(), "what was damaged is kept");
+}
