@@ -95,6 +95,7 @@ mod tests {
         assert_eq!(code(&anyhow::Error::from(unreachable).context("adding the mug")), 3);
         assert_eq!(code(&other.into()), 1);
         assert_eq!(code(&Ended::NotRecognised.into()), 4);
+        assert_eq!(code(&Ended::Damaged.into()), 5);
         assert_eq!(code(&Ended::Interrupted.into()), 130);
         assert_eq!(code(&anyhow::anyhow!("a broken file")), 1);
     }

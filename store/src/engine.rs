@@ -225,6 +225,17 @@ pub enum OpenError {
         /// Why not.
         source: std::io::Error,
     },
+    /// The disk is too full to open it.
+    #[error(
+        "the disk is full: the database in {folder} is not damaged, but needs some room to open \
+         ({detail}); make room and start again"
+    )]
+    NoRoom {
+        /// The database's folder.
+        folder: PathBuf,
+        /// What the engine said.
+        detail: String,
+    },
     /// The engine found its own files damaged.
     #[error(
         "the database in {folder} is damaged and was left as it is ({detail}); \

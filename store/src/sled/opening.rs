@@ -18,6 +18,8 @@ const ASIDE_FOLDER: &str = "aside";
 /// How often sled's own lock is tried: a sled that was just closed in this process lets go of
 /// it a moment later.
 const OPEN_ATTEMPTS: u32 = 50;
+/// What sled says of a full disk.
+const NO_ROOM: &str = "No space left on device";
 const OPEN_ATTEMPT_PAUSE: Duration = Duration::from_millis(20);
 
 /// Holds what is there against what was written last: the tally to go on with, and what is
@@ -113,6 +115,9 @@ pub(super) fn open_sled(
             Ok(db) => return Ok(db),
             Err(EngineError::Failed { detail, .. }) => {
                 let still_locked = detail.contains("could not acquire lock");
+                if detail.contains(NO_ROOM) {
+                    return Err(OpenError::NoRoom { folder: folder.to_owned(), detail });
+                }
                 if !still_locked || attempt == OPEN_ATTEMPTS {
                     return Err(OpenError::Damaged { folder: folder.to_owned(), detail });
                 }
