@@ -73,7 +73,7 @@ async fn a_training_that_cannot_be_stored_fails_at_once_and_the_end_is_stored_la
     let id = job["id"].as_str().unwrap();
     let job = it.finished(id).await;
     assert_eq!(job["state"], "failed", "{job}");
-    assert!(job["error"].as_str().unwrap().contains("the disk is full"), "{job}");
+    assert!(job["reason"].as_str().unwrap().contains("the disk is full"), "{job}");
     assert_eq!(it.get(&format!("/v1/jobs/{id}")).await.expect(200)["state"], "failed");
     it.post(path, &training).await.problem(507, "storage-full", None);
 
