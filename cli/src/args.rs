@@ -6,9 +6,10 @@ use clap::{Parser, Subcommand};
 
 use crate::commands::{
     analyses::AnalysesArgs, audit::AuditArgs, demo::DemoArgs, experiment::ExperimentArgs,
-    explore::ExploreArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs, maps::MapsArgs,
-    next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs,
-    serve::ServeArgs, sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
+    explore::ExploreArgs, fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs,
+    maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs,
+    report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
+    snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -24,7 +25,7 @@ Examples:
   palpate touch --object mug --mesh mug.stl --readings 15 --seed 7
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 server unreachable, 4 object not recognised,
-130 interrupted.";
+5 stored data damaged, 130 interrupted.";
 
 /// Recognises objects by touch, for fleets of robots.
 #[derive(Debug, Parser)]
@@ -100,6 +101,12 @@ pub(crate) enum Command {
     Whoami,
     /// Who changed what.
     Audit(AuditArgs),
+    /// Copies of all that a server has stored: take, verify, restore.
+    Snapshot(SnapshotArgs),
+    /// Check a folder of stored data that no server has open.
+    Fsck(FsckArgs),
+    /// Bring a folder of stored data to the layout of this version.
+    Migrate(MigrateArgs),
     /// Rerun the tables and figures of docs/results.md.
     Experiment(ExperimentArgs),
     /// Print the description of the HTTP API (OpenAPI 3.1).
@@ -127,6 +134,14 @@ mod tests {
         for line in [
             "palpate serve --data ./d --listen 0.0.0.0:7411",
             "palpate serve --model-memory-mb 250",
+            "palpate serve --migrate --disk-reserve-mb 256",
+            "palpate fsck --data ./d --json",
+            "palpate fsck --data ./d --collect",
+            "palpate fsck --data ./d --accept",
+            "palpate migrate --data ./d",
+            "palpate snapshot create monday.snapshot",
+            "palpate snapshot verify monday.snapshot --json",
+            "palpate snapshot restore monday.snapshot --data ./restored",
             "palpate demo",
             "palpate demo --once --json --trials 40",
             "palpate objects add mug --mesh mug.stl",
@@ -187,6 +202,8 @@ mod tests {
         for line in [
             "palpate",
             "palpate touch --mesh mug.stl",
+            "palpate snapshot restore monday.snapshot",
+            "palpate fsck",
             "palpate serve --model-memory-mb 0",
             "palpate objects add mug --mesh mug.stl --unit inch",
             "palpate objects example --out meshes",

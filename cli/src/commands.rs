@@ -6,10 +6,12 @@ pub(crate) mod calibrate;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod explore;
+pub(crate) mod fsck;
 pub(crate) mod jobs;
 pub(crate) mod keys;
 pub(crate) mod letters;
 pub(crate) mod maps;
+pub(crate) mod migrate;
 pub(crate) mod next_touch;
 pub(crate) mod objects;
 pub(crate) mod openapi;
@@ -17,6 +19,7 @@ pub(crate) mod report;
 pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
+pub(crate) mod snapshot;
 pub(crate) mod touch;
 pub(crate) mod train;
 
@@ -68,6 +71,9 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Keys(args) => keys::run(args, &context()?).await,
         Command::Whoami => keys::whoami(&context()?).await,
         Command::Audit(args) => audit::run(args, &context()?).await,
+        Command::Snapshot(args) => snapshot::run(args, output, context).await,
+        Command::Fsck(args) => fsck::run(args, output).await,
+        Command::Migrate(args) => migrate::run(args, output).await,
         Command::Experiment(args) => experiment::run(args, output).await,
         Command::Openapi => openapi::run(),
     }

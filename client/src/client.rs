@@ -174,6 +174,13 @@ impl Client {
         accepted(&url, sent.map_err(|error| transport_error(&url, error))?).await
     }
 
+    /// Opens an answer that is read as it comes; it may be long, and has no time-out.
+    pub(crate) async fn open_file(&self, request: &Request) -> Result<Response, Error> {
+        let url = self.url(request);
+        let sent = self.build(request, &url).send().await;
+        accepted(&url, sent.map_err(|error| transport_error(&url, error))?).await
+    }
+
     pub(crate) fn url(&self, request: &Request) -> Url {
         request.url(&self.server)
     }

@@ -37,6 +37,7 @@ mod maps;
 mod keys;
 
 mod sessions;
+mod snapshots;
 
 mod events;
 

@@ -83,6 +83,12 @@ pub enum ProblemType {
     /// 503: the server is stopping, or its store does not take writes.
     #[serde(rename = "urn:palpate:problem:unavailable")]
     Unavailable,
+    /// 507: the disk is full; nothing was stored, reading goes on.
+    #[serde(rename = "urn:palpate:problem:storage-full")]
+    StorageFull,
+    /// 500: what is stored and was asked for is damaged; everything else is served.
+    #[serde(rename = "urn:palpate:problem:damaged")]
+    Damaged,
     /// 500: the server is at fault; the request id finds the reason in its log.
     #[serde(rename = "urn:palpate:problem:internal")]
     Internal,

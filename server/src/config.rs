@@ -5,6 +5,8 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
+use palpate_store::sled::{FreeSpace, RESERVE_BYTES};
+
 use crate::tls::TlsFiles;
 
 /// Whether requests need an API key.
@@ -50,6 +52,12 @@ pub struct Config {
     pub audit_entries_max: u64,
     /// The folder of the database; made if it does not exist.
     pub data: PathBuf,
+    /// Bring a database of an older layout to today's; otherwise it is refused.
+    pub migrate: bool,
+    /// Bytes of the disk that stay free: with fewer, writes are refused (507).
+    pub disk_reserve_bytes: u64,
+    /// How the free bytes are found.
+    pub free_space: FreeSpace,
     /// The longest body of JSON or MessagePack, in bytes.
     pub json_bytes_max: usize,
     /// The longest mesh file, in bytes.
@@ -95,6 +103,9 @@ impl Config {
             cors_origins: Vec::new(),
             audit_entries_max: 100_000,
             data: data.into(),
+            migrate: false,
+            disk_reserve_bytes: RESERVE_BYTES,
+            free_space: FreeSpace::of_disk(),
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,
             body_timeout: Duration::from_secs(60),

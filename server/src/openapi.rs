@@ -32,6 +32,11 @@ pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
+/// A snapshot, as `docs/formats.md` draws it.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+pub(crate) struct SnapshotFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
+
 /// A map of contact as an image or a model.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
@@ -60,6 +65,7 @@ const KEY: &str = "An API key, `palpate_…`, where the server asks for one. `x-
         (name = "jobs", description = "Trainings under way"),
         (name = "sessions", description = "Recognising: readings in, beliefs out"),
         (name = "keys", description = "API keys, and who changed what"),
+        (name = "admin", description = "Copies of all that is stored"),
         (name = "site", description = "Health, metrics, version"),
     ),
     components(schemas(Problem, FieldError, SessionEvent, Job)),
@@ -72,10 +78,10 @@ pub fn document() -> OpenApi {
     let mut document = Document::openapi();
     document.merge(routes::api().into_openapi());
     for item in document.paths.paths.values_mut() {
-        operations(item).for_each(|(_, operation)| {
+        operations(item).for_each(|(method, operation)| {
             add_roles(operation);
             add_location(operation);
-            add_problems(operation);
+            add_problems(operation, method != "GET");
         });
     }
     let scheme = Http::builder().scheme(HttpAuthScheme::Bearer).description(Some(KEY));
@@ -145,7 +151,7 @@ fn add_location(operation: &mut Operation) {
     }
 }
 
-fn add_problems(operation: &mut Operation) {
+fn add_problems(operation: &mut Operation, writes: bool) {
     let has = |place: ParameterIn| {
         let parameters = operation.parameters.iter().flatten();
         parameters.into_iter().any(|parameter| match parameter {
@@ -171,7 +177,10 @@ fn add_problems(operation: &mut Operation) {
     if has_body || in_query {
         add("422", "A value is wrong; `errors` names it");
     }
-    add("500", "The server is at fault");
+    if writes {
+        add("507", "The disk is full: nothing was stored");
+    }
+    add("500", "The server is at fault, or what is stored is damaged");
     add("503", "Too much at once, or stopping; `Retry-After` says when to ask again");
 }
 

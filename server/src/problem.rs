@@ -159,6 +159,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::TooSlow { .. }
         | Refusal::ModelsInUse { .. }
         | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
+        Refusal::Quarantined { .. } => ProblemType::Damaged,
         Refusal::NotReady(_) | Refusal::ModelTooLarge { .. } => ProblemType::Unavailable,
         Refusal::Store(error) => store_kind(error),
         Refusal::Compute(ComputeError::Panicked)
@@ -174,13 +175,15 @@ fn store_kind(error: &StoreError) -> ProblemType {
         StoreError::Exists { .. } | StoreError::NameTaken { .. } | StoreError::Changed { .. } => {
             ProblemType::Conflict
         }
-        StoreError::Engine(EngineError::Busy { .. }) => ProblemType::Overloaded,
+        StoreError::Engine(EngineError::Full { .. }) => ProblemType::StorageFull,
+        StoreError::Engine(
+            EngineError::Busy { .. } | EngineError::CutUnderWay | EngineError::CutTooLarge { .. },
+        ) => ProblemType::Overloaded,
         StoreError::Engine(EngineError::Poisoned | EngineError::Stopped) => {
             ProblemType::Unavailable
         }
-        StoreError::Engine(_) | StoreError::Damaged { .. } | StoreError::Model { .. } => {
-            ProblemType::Internal
-        }
+        StoreError::Damaged { .. } | StoreError::Model { .. } => ProblemType::Damaged,
+        StoreError::Engine(_) => ProblemType::Internal,
     }
 }
 
@@ -221,7 +224,8 @@ fn status(kind: ProblemType) -> StatusCode {
         ProblemType::UnsupportedMediaType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
         ProblemType::InvalidValue => StatusCode::UNPROCESSABLE_ENTITY,
         ProblemType::Overloaded | ProblemType::Unavailable => StatusCode::SERVICE_UNAVAILABLE,
-        ProblemType::Internal => StatusCode::INTERNAL_SERVER_ERROR,
+        ProblemType::StorageFull => StatusCode::INSUFFICIENT_STORAGE,
+        ProblemType::Damaged | ProblemType::Internal => StatusCode::INTERNAL_SERVER_ERROR,
     }
 }
 
@@ -242,6 +246,8 @@ fn title(kind: ProblemType) -> &'static str {
         ProblemType::InvalidValue => "A value is wrong",
         ProblemType::Overloaded => "Too much at once",
         ProblemType::Unavailable => "Not available at the moment",
+        ProblemType::StorageFull => "No room to store it",
+        ProblemType::Damaged => "What is stored is damaged",
         ProblemType::Internal => "The server is at fault",
     }
 }

@@ -135,6 +135,11 @@ pub(crate) enum Refusal {
     Store(#[from] StoreError),
     #[error("what is stored of {what} {id} cannot be used: {reason}")]
     Unusable { what: &'static str, id: String, reason: String },
+    #[error(
+        "version {version} of catalogue {catalogue:?} is damaged and cannot be recognised with \
+         ({reason}): use another version, train a new one, or restore a snapshot"
+    )]
+    Quarantined { catalogue: String, version: u32, reason: String },
     #[error("the server is not ready")]
     NotReady(Readiness),
     #[error("a task of the server panicked")]

@@ -110,6 +110,7 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("revoke_key", RULING, Changes),
     ("rotate_key", RULING, Changes),
     ("list_audit", RULING, Reads),
+    ("take_snapshot", RULING, Changes),
 ];
 
 /// What a request asks for, as far as the table knows.

@@ -12,6 +12,7 @@ pub(crate) mod objects;
 pub(crate) mod sensors;
 pub(crate) mod sessions;
 pub(crate) mod site;
+pub(crate) mod snapshots;
 pub(crate) mod training;
 
 use axum::Json;
@@ -70,6 +71,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(keys::rotate_key))
         .routes(routes!(keys::whoami))
         .routes(routes!(audit::list_audit))
+        .routes(routes!(snapshots::take_snapshot))
 }
 
 /// The answer to what made something: the thing, and the path that it has from now on.

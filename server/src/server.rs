@@ -7,6 +7,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use palpate_migrations::{MigrateError, migrate};
 use palpate_store::database::{Database, DatabaseError};
 use palpate_store::error::StoreError;
 use palpate_store::sled::{SledEngine, SledOptions};
@@ -22,6 +23,7 @@ use crate::catalogues::Catalogues;
 use crate::compute::Pool;
 use crate::config::{Access, Config};
 use crate::headers::is_origin;
+use crate::integrity;
 use crate::jobs::Jobs;
 use crate::keys::{Keys, KeysError};
 use crate::listener::{Door, Peer};
@@ -92,6 +94,9 @@ pub enum StartError {
     /// The database cannot be opened.
     #[error(transparent)]
     Database(#[from] DatabaseError),
+    /// The database cannot be brought to today's layout.
+    #[error("cannot migrate the database: {0}")]
+    Migrate(#[from] MigrateError),
     /// The database cannot be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -135,9 +140,7 @@ impl Server {
         let local_addr = listener.local_addr()?;
         let (stop, stopping) = watch::channel(false);
         let engine = open(&config).await?;
-        let store = Arc::clone(&engine);
-        let store = tokio::task::spawn_blocking(move || Database::with_engine(store));
-        let store = store.await.map_err(std::io::Error::other)??;
+        let store = database(Arc::clone(&engine), config.migrate).await?;
         let (keys, admin_key) =
             Keys::open(store.clone(), config.access, config.new_admin_key).await?;
         if is_exposed && !keys.required() {
@@ -149,8 +152,11 @@ impl Server {
                  `--tls-key`, or a proxy that speaks TLS"
             );
         }
+        let checked = store.clone();
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
+        let checked_catalogues = app.shared_catalogues();
         let working = tokio::spawn(jobs.work(stopping.clone()));
+        integrity::check(checked, checked_catalogues, stopping.clone())?;
         let mut stopped = stopping;
         let service = router(app).into_make_service_with_connect_info::<Peer>();
         let door = Door::new(listener, tls);
@@ -199,10 +205,25 @@ impl Server {
 
 async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError> {
     let folder = config.data.clone();
-    let opening =
-        tokio::task::spawn_blocking(move || SledEngine::open(&folder, &SledOptions::default()));
+    let options = SledOptions {
+        reserve_bytes: config.disk_reserve_bytes,
+        free_space: config.free_space.clone(),
+        ..SledOptions::default()
+    };
+    let opening = tokio::task::spawn_blocking(move || SledEngine::open(&folder, &options));
     let opened = opening.await.map_err(std::io::Error::other)?;
     Ok(Arc::new(opened.map_err(DatabaseError::from)?))
+}
+
+/// The database of an engine, in today's layout.
+async fn database(engine: Arc<SledEngine>, migrates: bool) -> Result<Database, StartError> {
+    let opening = tokio::task::spawn_blocking(move || {
+        if migrates {
+            migrate(&*engine)?;
+        }
+        Ok(Database::with_engine(engine)?)
+    });
+    opening.await.map_err(std::io::Error::other)?
 }
 
 /// Closes the engine when nobody else has it any more: the last tasks of the runtime let go

@@ -10,7 +10,9 @@ use crate::access::AccessKey;
 use crate::audit::AuditLog;
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
-use crate::engine::{Commit, CommitError, Engine, EngineError, EngineStats, Expected, OpenError};
+use crate::engine::{
+    Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, OpenError,
+};
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError};
 use crate::journal::{Journal, JournalSpaces};
@@ -22,7 +24,7 @@ use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
 
 /// The layout of keys and records that this version of Palpate writes.
-pub const LAYOUT: u32 = 1;
+pub const LAYOUT: u32 = 2;
 
 /// Everything Palpate keeps. Cheap to clone.
 #[derive(Clone)]
@@ -48,7 +50,11 @@ pub enum DatabaseError {
         made_by: String,
     },
     /// The database was written by an older Palpate and must be migrated.
-    #[error("the database has layout {found}, this version of Palpate needs {LAYOUT}: migrate it")]
+    #[error(
+        "the database has layout {found}, this version of Palpate needs {LAYOUT}: \
+         take a copy of the folder, then migrate it: `palpate migrate --data DIR`, or start with \
+         `--migrate`"
+    )]
     TooOld {
         /// Its layout.
         found: u32,
@@ -210,6 +216,14 @@ impl Database {
         let removed = self.sessions().remove(id).await?;
         self.journal().remove(id).await?;
         Ok(removed)
+    }
+
+    /// Everything as it is now, to be read whatever is written meanwhile. Blocks.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
+        self.engine.cut()
     }
 
     /// What the engine holds.

@@ -69,6 +69,20 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000_000)
     )]
     model_memory_mb: u64,
+    /// Bring stored data of an older layout to this version's; take a snapshot or a copy before.
+    /// Without it such data is refused.
+    #[arg(long, env = "PALPATE_MIGRATE")]
+    migrate: bool,
+    /// How much of the disk stays free, in MB: with less, writes are refused (507) and reading
+    /// goes on.
+    #[arg(
+        long,
+        env = "PALPATE_DISK_RESERVE_MB",
+        value_name = "MB",
+        default_value_t = 64,
+        value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
+    )]
+    disk_reserve_mb: u64,
 }
 
 /// Whether requests need an API key.
@@ -132,6 +146,8 @@ fn config(args: ServeArgs) -> Config {
         cors_origins: args.cors_origins,
         audit_entries_max: args.audit_entries,
         model_memory_bytes_max: args.model_memory_mb * 1_000_000,
+        migrate: args.migrate,
+        disk_reserve_bytes: args.disk_reserve_mb << 20,
         ..Config::new(args.data)
     }
 }

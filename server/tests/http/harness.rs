@@ -89,6 +89,18 @@ impl Harness {
         Self { server, ..self }
     }
 
+    /// Stops the server, does something to its folder, and starts it again.
+    pub(crate) async fn restart_after(self, between: impl FnOnce(&Path)) -> Self {
+        self.server.shutdown().await;
+        between(self.folder.path());
+        let server = Server::start(config(self.folder.path())).await.unwrap();
+        Self { server, ..self }
+    }
+
+    pub(crate) fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
     pub(crate) fn url(&self, path: &str) -> String {
         format!("{}{path}", self.server.address())
     }

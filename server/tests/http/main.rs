@@ -12,6 +12,7 @@ mod harness;
 mod headers;
 mod keys;
 mod matrix;
+mod keeping;
 mod memory;
 mod msgpack;
 mod next_touches;

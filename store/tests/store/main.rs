@@ -6,5 +6,8 @@ mod bytes;
 mod crash;
 mod damage;
 mod engines;
+mod fsck;
+mod keeping;
 mod repositories;
 mod samples;
+mod snapshots;
