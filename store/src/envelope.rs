@@ -48,6 +48,8 @@ pub enum Kind {
     Block = 14,
     /// A calibration of a sensor.
     Calibration = 15,
+    /// Which entry of a journal withdraws another one.
+    JournalRetraction = 20,
 }
 
 /// An envelope that was found whole.
