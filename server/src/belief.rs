@@ -38,7 +38,8 @@ const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG 
 /// So many poses of pair maps are looked at for each that is answered.
 const MODES_OF_AN_ORBIT: usize = 4;
 
-/// A belief, by method.
+/// A belief, by method. A copy takes in readings as what it was copied from, bit for bit.
+#[derive(Clone)]
 pub(crate) enum SessionBelief {
     Hybrid(HybridBelief),
     /// With the symmetries of the objects; none as printed.

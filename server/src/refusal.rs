@@ -29,7 +29,7 @@ pub(crate) enum Refusal {
     ContentType { found: String, expected: &'static str },
     #[error("{}", summary(.0))]
     Invalid(Vec<FieldError>),
-    #[error("session {session} is closed: it takes no more readings")]
+    #[error("session {session} is closed: it takes no more readings, and keeps those that it has")]
     SessionClosed { session: Uuid },
     #[error("catalogue {catalogue:?} has no current version: train it first")]
     Untrained { catalogue: String },
@@ -126,7 +126,7 @@ impl From<AppendError> for Refusal {
     fn from(error: AppendError) -> Self {
         match error {
             AppendError::Store(error) => Self::Store(error),
-            AppendError::Sequence { .. } => {
+            AppendError::Sequence { .. } | AppendError::Retracted { .. } => {
                 Self::Store(StoreError::Changed { what: "journal", id: Uuid::nil() })
             }
             AppendError::Repeated { robot, seq, .. } => {

@@ -4,6 +4,7 @@
 pub(crate) mod analyses;
 pub(crate) mod calibrations;
 pub(crate) mod events;
+pub(crate) mod history;
 pub(crate) mod jobs;
 pub(crate) mod maps;
 pub(crate) mod objects;
@@ -53,7 +54,9 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::list_sessions, sessions::create_session))
         .routes(routes!(sessions::get_session, sessions::delete_session))
         .routes(routes!(sessions::close_session))
-        .routes(routes!(sessions::add_readings))
+        .routes(routes!(history::list_session_readings, sessions::add_readings))
+        .routes(routes!(history::retract_reading))
+        .routes(routes!(history::retract_robot_reading))
         .routes(routes!(sessions::get_belief))
         .routes(routes!(sessions::get_marginals))
         .routes(routes!(sessions::ask_next_touches))

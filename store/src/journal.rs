@@ -128,6 +128,13 @@ enum Claim<'entry> {
     Retraction(u64),
 }
 
+/// A claim as it is stored.
+struct StoredClaim<'entry> {
+    claim: Claim<'entry>,
+    key: Vec<u8>,
+    record: Vec<u8>,
+}
+
 /// A family of journals, one for each owner.
 #[derive(Clone)]
 pub struct Journal {
@@ -342,7 +349,8 @@ impl Journal {
             let NewEntry { reading_id, received_at_ms, event } = entry.clone();
             let numbered = Entry { seq, reading_id, received_at_ms, event };
             commit = pieces::put(commit, &key, &record::encode(&numbered), None);
-            let Some((claim, key, record)) = self.claim(owner, seq, entry)? else { continue };
+            let Some(found) = self.claim(owner, seq, entry)? else { continue };
+            let StoredClaim { claim, key, record } = found;
             if let Some(at) = taken.insert(key.clone(), seq) {
                 return Err(self.taken(owner, &claim, at)?);
             }
@@ -358,19 +366,21 @@ impl Journal {
         owner: Uuid,
         seq: u64,
         entry: &'entry NewEntry,
-    ) -> Result<Option<(Claim<'entry>, Vec<u8>, Vec<u8>)>, AppendError> {
+    ) -> Result<Option<StoredClaim<'entry>>, AppendError> {
         if let (Event::Retraction { seq: withdrawn }, Some(space)) =
             (&entry.event, self.spaces.retractions)
         {
             let key = key::numbered(space, owner, *withdrawn);
             let record = record::encode(&JournalRetractionV1 { seq });
-            return Ok(Some((Claim::Retraction(*withdrawn), key, record)));
+            let claim = Claim::Retraction(*withdrawn);
+            return Ok(Some(StoredClaim { claim, key, record }));
         }
         let Some(id) = &entry.reading_id else { return Ok(None) };
         if id.robot.len() > ROBOT_BYTES_MAX {
             return Err(AppendError::RobotLength { found: id.robot.len() });
         }
         let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq);
-        Ok(Some((Claim::Robot(id), key, record::encode(&JournalRobotV1 { seq }))))
+        let record = record::encode(&JournalRobotV1 { seq });
+        Ok(Some(StoredClaim { claim: Claim::Robot(id), key, record }))
     }
 }

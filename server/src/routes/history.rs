@@ -1,0 +1,66 @@
+//! `/v1/sessions/{session}/readings/…`, `…/replay` and `…/explain`
+
+use axum::Json;
+use axum::extract::State;
+use palpate_schemas::{PageQuery, ReadingRetracted, ReadingsQuery, SessionReadingPage};
+
+use crate::app::App;
+use crate::extract::{Params, Segment1, Segment2, Segment3};
+use crate::openapi::Conflict;
+use crate::refusal::Refusal;
+
+/// List a session's readings
+///
+/// In the order in which they came, with the numbers by which they can be withdrawn.
+#[utoipa::path(get, path = "/v1/sessions/{session}/readings",
+    operation_id = "list_session_readings", tag = "sessions",
+    params(("session" = String, Path, description = "The session's id"), PageQuery),
+    responses((status = 200, description = "A page of readings", body = SessionReadingPage)))]
+pub(crate) async fn list_session_readings(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<SessionReadingPage>, Refusal> {
+    Ok(Json(app.sessions().readings(&session, &query)?))
+}
+
+/// Withdraw a reading
+///
+/// It stays listed and counts no more: the belief is as if it had never come, what it said of
+/// motions included. Sent again it stays withdrawn. Withdrawing it again changes nothing and
+/// answers as the first time. 409 when the session is closed.
+#[utoipa::path(delete, path = "/v1/sessions/{session}/readings/{number}",
+    operation_id = "retract_reading", tag = "sessions",
+    params(("session" = String, Path, description = "The session's id"),
+        ("number" = String, Path, description = "The reading's number within the session"),
+        ReadingsQuery),
+    responses((status = 200, description = "What became of the reading",
+        body = ReadingRetracted), Conflict))]
+pub(crate) async fn retract_reading(
+    State(app): State<App>,
+    Segment2(session, number): Segment2,
+    Params(query): Params<ReadingsQuery>,
+) -> Result<Json<ReadingRetracted>, Refusal> {
+    let detail = query.belief.unwrap_or_default();
+    Ok(Json(app.sessions().retract(&session, &number, detail).await?))
+}
+
+/// Withdraw a reading by its robot's number
+///
+/// As by its number within the session.
+#[utoipa::path(delete, path = "/v1/sessions/{session}/readings/{robot}/{seq}",
+    operation_id = "retract_robot_reading", tag = "sessions",
+    params(("session" = String, Path, description = "The session's id"),
+        ("robot" = String, Path, description = "The robot that took it"),
+        ("seq" = String, Path, description = "The robot's number of it"),
+        ReadingsQuery),
+    responses((status = 200, description = "What became of the reading",
+        body = ReadingRetracted), Conflict))]
+pub(crate) async fn retract_robot_reading(
+    State(app): State<App>,
+    Segment3(session, robot, seq): Segment3,
+    Params(query): Params<ReadingsQuery>,
+) -> Result<Json<ReadingRetracted>, Refusal> {
+    let detail = query.belief.unwrap_or_default();
+    Ok(Json(app.sessions().retract_of_robot(&session, &robot, &seq, detail).await?))
+}

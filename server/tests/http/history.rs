@@ -1,0 +1,1 @@
+//! What a session believed when, and what each reading contributed.
