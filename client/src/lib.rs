@@ -36,6 +36,8 @@ mod maps;
 
 mod sessions;
 
+mod history;
+
 mod events;
 
 mod touch_session;

@@ -214,8 +214,13 @@ pub struct ReadingContribution {
     /// without it from the belief with all, in bits, "none of these" included. Never negative.
     pub information_bits: Option<f64>,
     /// By how many bits it supports what the others say: log2 of the odds of their answer with
-    /// all readings, less that without this one.
+    /// all readings, less that without this one. Odds beyond 1024 to 1 count as that.
     pub support_bits: Option<f64>,
-    /// Whether it disagrees with the rest.
+    /// By how many bits the others, where they have the object, expect this reading more than a
+    /// touch anywhere; negative when it fits nowhere. With `hybrid`, once three others touched it
+    /// and for readings since it last moved; null otherwise.
+    pub fit_bits: Option<f64>,
+    /// Whether it disagrees with the rest, of three readings or more. With `hybrid`:
+    /// `fit_bits` is −3 or less. With the other methods: `support_bits` is −4 or less.
     pub disagrees: bool,
 }

@@ -148,6 +148,13 @@ impl SessionBelief {
         }
     }
 
+    /// By how many bits the belief expects a reading more than a touch anywhere; `None` when the
+    /// method does not say.
+    pub(crate) fn fit_bits(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
+        let Self::Hybrid(belief) = self else { return None };
+        Some(belief.log_fit(reading, sensor)? / std::f64::consts::LN_2)
+    }
+
     /// The belief as an answer with at most `n_modes` poses.
     pub(crate) fn answer(&self, n_modes: usize) -> Answer {
         match self {

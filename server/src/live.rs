@@ -4,10 +4,12 @@
 //! in one order, whatever order they came in. Whoever needs the belief folds what is missing, on
 //! the compute pool; if that panics nothing is in memory, and the next one to ask folds anew.
 
+mod explain;
 mod folding;
 mod memory;
 mod order;
 mod past;
+mod replay;
 mod retract;
 
 use std::collections::VecDeque;
@@ -39,6 +41,7 @@ use crate::wire::session::{Status, name, options};
 use crate::wire::{count, geometry};
 use folding::Folding;
 use memory::Memory;
+pub(crate) use replay::ReplayQuestion;
 
 /// How many answers are remembered for robots that repeat a reading.
 const ANSWERS_MAX: usize = 64;

@@ -63,6 +63,11 @@ pub(crate) enum Refusal {
          in which the object lies), or a first reading that touches it"
     )]
     NoTouch { session: Uuid },
+    #[error(
+        "session {session} rests on {found} readings, and at most {max} are compared: name an \
+         earlier revision with `?at=`"
+    )]
+    TooManyToExplain { session: Uuid, found: usize, max: usize },
     #[error("reading {seq} of robot {robot:?} was stored with other content")]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]

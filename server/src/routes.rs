@@ -57,6 +57,8 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(history::list_session_readings, sessions::add_readings))
         .routes(routes!(history::retract_reading))
         .routes(routes!(history::retract_robot_reading))
+        .routes(routes!(history::replay_session))
+        .routes(routes!(history::explain_session))
         .routes(routes!(sessions::get_belief))
         .routes(routes!(sessions::get_marginals))
         .routes(routes!(sessions::ask_next_touches))

@@ -169,15 +169,13 @@ impl Sessions {
         query: wire::BeliefQuery,
         known_revision: Option<u64>,
     ) -> Result<Option<wire::Belief>, Refusal> {
-        let poses = query.poses.map_or(Ok(POSES as u64), |poses| {
-            convert::within("?poses", u64::from(poses), 0, POSES_MAX)
-        })?;
+        let poses = poses(query.poses)?;
         let live = self.live(self.parse(id)?).await?;
         match query.at {
             Some(at) => {
-                live.belief_at(&self.tools(), poses as usize, u64::from(at), known_revision).await
+                live.belief_at(&self.tools(), poses, u64::from(at), known_revision).await
             }
-            None => self.belief_of(live, poses as usize, known_revision).await,
+            None => self.belief_of(live, poses, known_revision).await,
         }
     }
 
@@ -337,6 +335,12 @@ pub(crate) struct Tools<'a> {
     pub(crate) sensors: &'a Arc<Sensors>,
     pub(crate) pool: &'a Pool,
     pub(crate) readings_max: usize,
+}
+
+/// How many poses an answer is to have at most.
+fn poses(asked: Option<u32>) -> Result<usize, Refusal> {
+    let asked = asked.map_or(POSES as u64, u64::from);
+    Ok(convert::within("?poses", asked, 0, POSES_MAX)? as usize)
 }
 
 /// Whether an event ends a stream that follows one session.

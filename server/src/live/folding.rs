@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use palpate_core::reading::Reading;
-use palpate_store::entity::{Sensor, Session, StoredReading};
+use palpate_store::entity::{ReadingId, Sensor, Session, StoredReading};
 use palpate_store::journal::{Entry, Event, Journal};
 
 use super::memory::{Fold, Memory, Start};
@@ -30,8 +30,17 @@ pub(crate) struct Folding {
     pub(super) options: Options,
 }
 
+impl Ready {
+    /// Whether the object may have moved before it.
+    pub(super) fn object_moved(&self) -> bool {
+        self.stored.object_moved.is_some()
+    }
+}
+
 /// A reading that is ready to be folded.
 pub(super) struct Ready {
+    pub(super) number: u32,
+    pub(super) id: Option<ReadingId>,
     stored: StoredReading,
     reading: Reading,
     sensor: Arc<Sensor>,
@@ -44,7 +53,9 @@ impl Folding {
         memory: &'memory mut Memory,
         length: usize,
     ) -> Result<&'memory SessionBelief, Refusal> {
-        self.read(length, memory.chronicle.len(), |entry| memory.take(entry))?;
+        self.read(length, memory.chronicle.len(), |entry| {
+            memory.take(entry);
+        })?;
         let mut fold = match memory.begin() {
             Some(fold) => fold,
             None => self.nothing()?,
@@ -116,7 +127,7 @@ impl Folding {
         for run in sorted.chunk_by(|a, b| a + 1 == *b) {
             for entry in self.journal.entries(self.session.id, u64::from(run[0]), run.len())? {
                 if let Some(one) = self.one(&entry)? {
-                    ready.insert(entry.seq as u32, one);
+                    ready.insert(one.number, one);
                 }
             }
         }
@@ -125,8 +136,13 @@ impl Folding {
 
     /// Takes a reading into account.
     pub(super) fn add(&self, belief: &mut SessionBelief, ready: &Ready) -> Result<(), Refusal> {
-        let Ready { stored, reading, sensor } = ready;
+        let Ready { stored, reading, sensor, .. } = ready;
         belief.add(stored, reading, &sensor.description).map_err(|error| self.unusable(&error))
+    }
+
+    /// By how many bits a belief expects a reading more than a touch anywhere.
+    pub(super) fn fit_bits(belief: &SessionBelief, ready: &Ready) -> Option<f64> {
+        belief.fit_bits(&ready.reading, &ready.sensor.description)
     }
 
     fn one(&self, entry: &Entry) -> Result<Option<Ready>, Refusal> {
@@ -140,7 +156,14 @@ impl Folding {
             Some(base) => reading.with_base(base),
             None => reading,
         };
-        Ok(Some(Ready { stored: stored.clone(), reading, sensor }))
+        let (number, id) = (entry.seq as u32, entry.reading_id.clone());
+        Ok(Some(Ready { number, id, stored: stored.clone(), reading, sensor }))
+    }
+
+    /// Some of the journal's entries from `next` on, before `last`.
+    pub(super) fn entries(&self, next: usize, last: usize) -> Result<Vec<Entry>, Refusal> {
+        let limit = ENTRIES_PER_READ.min(last.saturating_sub(next));
+        Ok(self.journal.entries(self.session.id, next as u64, limit)?)
     }
 
     /// Reads the journal's entries from `next` up to `length`.
@@ -152,8 +175,7 @@ impl Folding {
     ) -> Result<(), Refusal> {
         let mut next = next;
         while next < length {
-            let limit = ENTRIES_PER_READ.min(length - next);
-            let entries = self.journal.entries(self.session.id, next as u64, limit)?;
+            let entries = self.entries(next, length)?;
             if entries.is_empty() {
                 return Ok(());
             }

@@ -37,11 +37,13 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Takes the journal's next entry, and forgets what it makes wrong.
-    pub(super) fn take(&mut self, entry: &Entry) {
+    /// Takes the journal's next entry, and forgets what it makes wrong; gives how many readings
+    /// of the order stay as they were.
+    pub(super) fn take(&mut self, entry: &Entry) -> usize {
         let stays = self.chronicle.take(entry);
         self.newest = self.newest.take().filter(|fold| fold.n <= stays);
         self.checkpoints.retain(|fold| fold.n <= stays);
+        stays
     }
 
     /// The belief to go on from, taken out; `None` begins with nothing.

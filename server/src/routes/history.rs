@@ -2,7 +2,10 @@
 
 use axum::Json;
 use axum::extract::State;
-use palpate_schemas::{PageQuery, ReadingRetracted, ReadingsQuery, SessionReadingPage};
+use palpate_schemas::{
+    ExplainQuery, Explanation, PageQuery, ReadingRetracted, ReadingsQuery, Replay, ReplayQuery,
+    SessionReadingPage,
+};
 
 use crate::app::App;
 use crate::extract::{Params, Segment1, Segment2, Segment3};
@@ -63,4 +66,41 @@ pub(crate) async fn retract_robot_reading(
 ) -> Result<Json<ReadingRetracted>, Refusal> {
     let detail = query.belief.unwrap_or_default();
     Ok(Json(app.sessions().retract_of_robot(&session, &robot, &seq, detail).await?))
+}
+
+/// Replay a session
+///
+/// What came with each revision and what was believed then, and the belief of revision `upto`
+/// in full. Late readings are folded where they belong from the revision on that brought them.
+/// When `next_after` is not null, ask again with it for the steps that are missing.
+#[utoipa::path(get, path = "/v1/sessions/{session}/replay", operation_id = "replay_session",
+    tag = "sessions",
+    params(("session" = String, Path, description = "The session's id"), ReplayQuery),
+    responses((status = 200, description = "The steps and the belief", body = Replay)))]
+pub(crate) async fn replay_session(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    Params(query): Params<ReplayQuery>,
+) -> Result<Json<Replay>, Refusal> {
+    Ok(Json(app.sessions().replay(&session, query).await?))
+}
+
+/// Explain a session's belief
+///
+/// Compares the belief with what it would be without each of its readings: what each contributes
+/// in bits, and which disagree with the rest. With `hybrid` a reading disagrees when the others
+/// expect it, on the object where they have it, at most an eighth as much as a touch anywhere;
+/// with the other methods when the odds of what all others say are at least 16 times as large
+/// without it. 409 when the belief rests on more than 200 readings.
+#[utoipa::path(get, path = "/v1/sessions/{session}/explain", operation_id = "explain_session",
+    tag = "sessions",
+    params(("session" = String, Path, description = "The session's id"), ExplainQuery),
+    responses((status = 200, description = "What each reading contributed", body = Explanation),
+        Conflict))]
+pub(crate) async fn explain_session(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    Params(query): Params<ExplainQuery>,
+) -> Result<Json<Explanation>, Refusal> {
+    Ok(Json(app.sessions().explain(&session, query).await?))
 }

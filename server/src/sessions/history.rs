@@ -7,9 +7,15 @@ use palpate_schemas::BeliefDetail;
 use palpate_store::entity::ReadingId;
 use uuid::Uuid;
 
-use super::Sessions;
+use super::{Sessions, poses};
+use crate::live::ReplayQuestion;
 use crate::refusal::Refusal;
-use crate::wire::{page_length, page_number, reading};
+use crate::wire::{page_length, page_number, reading, within};
+
+/// Steps of a replay when the request does not say.
+const STEPS: u32 = 100;
+/// The most steps of one answer.
+const STEPS_MAX: u64 = 1000;
 
 impl Sessions {
     /// A session's readings in the order in which they came, withdrawn ones included.
@@ -55,6 +61,31 @@ impl Sessions {
         let reading_id = ReadingId { robot: robot.to_owned(), seq };
         let number = self.store.journal().find(session, &reading_id)?.ok_or_else(unknown)?;
         self.retract_number(session, number, detail).await
+    }
+
+    /// What a session believed, revision by revision.
+    pub(crate) async fn replay(
+        self: &Arc<Self>,
+        id: &str,
+        query: wire::ReplayQuery,
+    ) -> Result<wire::Replay, Refusal> {
+        let limit = within("?limit", u64::from(query.limit.unwrap_or(STEPS)), 1, STEPS_MAX)?;
+        let poses = poses(query.poses)?;
+        let upto = query.upto.map(u64::from);
+        let after = u64::from(query.after.unwrap_or(0));
+        let question = ReplayQuestion { upto, after, limit, poses };
+        let live = self.live(self.parse(id)?).await?;
+        live.replay(&self.tools(), question).await
+    }
+
+    /// What each reading contributed to a session's belief.
+    pub(crate) async fn explain(
+        self: &Arc<Self>,
+        id: &str,
+        query: wire::ExplainQuery,
+    ) -> Result<wire::Explanation, Refusal> {
+        let live = self.live(self.parse(id)?).await?;
+        live.explain(&self.tools(), query.at.map(u64::from)).await
     }
 
     async fn retract_number(
