@@ -1,0 +1,75 @@
+//! Requests whose answer may never come: what a client knows of each afterwards.
+
+use std::time::Duration;
+
+use anyhow::Context;
+use reqwest::{Client, Method};
+use serde_json::Value;
+
+/// How long an answer may take.
+const PATIENCE: Duration = Duration::from_secs(90);
+
+/// What became of a request.
+#[derive(Debug)]
+pub(crate) enum Outcome {
+    /// Answered with success, and this body.
+    Done(Value),
+    /// Refused with this status: it was not done.
+    Refused(u16, Value),
+    /// No answer, or one that does not say: it may have been done.
+    Unknown,
+}
+
+impl Outcome {
+    /// The body of a success.
+    pub(crate) fn done(self) -> Option<Value> {
+        match self {
+            Self::Done(body) => Some(body),
+            Self::Refused(..) | Self::Unknown => None,
+        }
+    }
+
+    /// The status of a refusal.
+    pub(crate) fn refused(&self) -> Option<u16> {
+        match self {
+            Self::Refused(status, _) => Some(*status),
+            Self::Done(_) | Self::Unknown => None,
+        }
+    }
+}
+
+/// A client that never repeats a request by itself.
+pub(crate) fn client() -> anyhow::Result<Client> {
+    Client::builder().timeout(PATIENCE).build().context("cannot set up the HTTP client")
+}
+
+/// Sends a request; `body` as JSON.
+pub(crate) async fn send(
+    client: &Client,
+    method: Method,
+    url: String,
+    body: Option<&Value>,
+) -> Outcome {
+    let mut request = client.request(method, url);
+    if let Some(body) = body {
+        request = request.header("content-type", "application/json").body(body.to_string());
+    }
+    answer(request).await
+}
+
+/// Sends a request as it is.
+pub(crate) async fn answer(request: reqwest::RequestBuilder) -> Outcome {
+    let Ok(response) = request.send().await else { return Outcome::Unknown };
+    let status = response.status();
+    let Ok(text) = response.text().await else { return Outcome::Unknown };
+    let body = serde_json::from_str(&text).unwrap_or(Value::String(text));
+    if status.is_success() {
+        return Outcome::Done(body);
+    }
+    // An answer that came too late says that what was sent may be stored.
+    let detail = body["detail"].as_str().unwrap_or_default();
+    if status.as_u16() == 503 && detail.contains("may be stored") {
+        return Outcome::Unknown;
+    }
+    Outcome::Refused(status.as_u16(), body)
+}

@@ -1,0 +1,131 @@
+//! `torture`: kills and damages a real server again and again, and counts what it got wrong.
+//!
+//! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change.
+//! The last line of the standard output is one JSON object; every count of faults in it must
+//! be 0, and the exit code is 1 if one is not. Progress goes to the standard error.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
+
+mod check;
+mod corrupt;
+mod http;
+mod kill;
+mod ledger;
+mod material;
+mod robot;
+mod serving;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::{Parser, ValueEnum};
+use serde::Serialize;
+
+/// Kills and damages a real server again and again, and counts what it got wrong.
+#[derive(Debug, Parser)]
+struct Args {
+    /// What to do to it.
+    mode: Mode,
+    /// How often.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    rounds: u32,
+    /// How many clients write at the same time.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    writers: u32,
+    /// The seed of what is sent and of when and where it hits.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The command to torture; built by cargo when not given.
+    #[arg(long, value_name = "FILE")]
+    palpate: Option<PathBuf>,
+    /// Print nothing but the JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is done to the server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+enum Mode {
+    /// `kill -9` at random moments.
+    Kill,
+    /// Changed and cut files.
+    Corrupt,
+    /// Everything.
+    All,
+}
+
+/// What was found, in counts. The first ones are faults.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Counts {
+    acknowledged_lost: u64,
+    invented: u64,
+    beliefs_differ: u64,
+    silent_corruptions: u64,
+    orders_differ: u64,
+    unexpected_answers: u64,
+    rounds: u64,
+    writers: u32,
+    seed: u64,
+    acknowledged: u64,
+    unanswered: u64,
+    restarts: u64,
+    restart_seconds_max: f64,
+    beliefs_compared: u64,
+    versions_trained: u64,
+    damages: u64,
+    damages_refused: u64,
+    damages_named: u64,
+    damages_harmless: u64,
+    seconds: f64,
+}
+
+impl Counts {
+    fn faults(&self) -> u64 {
+        self.acknowledged_lost
+            + self.invented
+            + self.beliefs_differ
+            + self.silent_corruptions
+            + self.orders_differ
+            + self.unexpected_answers
+    }
+}
+
+#[tokio::main]
+async fn main() -> ExitCode {
+    let args = Args::parse();
+    // Reqwest wants a provider although nothing here speaks TLS.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    match run(&args).await {
+        Ok(counts) => {
+            println!("{}", serde_json::to_string(&counts).expect("counts are numbers"));
+            if counts.faults() == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+        }
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+async fn run(args: &Args) -> anyhow::Result<Counts> {
+    let begun = Instant::now();
+    let command = match &args.palpate {
+        Some(path) => path.clone(),
+        None => serving::build()?,
+    };
+    let mut counts = Counts { writers: args.writers, seed: args.seed, ..Counts::default() };
+    let say = |line: String| {
+        if !args.json {
+            eprintln!("{line}");
+        }
+    };
+    if matches!(args.mode, Mode::Kill | Mode::All) {
+        kill::run(&command, args, &mut counts, &say).await?;
+    }
+    if matches!(args.mode, Mode::Corrupt | Mode::All) {
+        corrupt::run(&command, args, &mut counts, &say).await?;
+    }
+    counts.seconds = begun.elapsed().as_secs_f64();
+    Ok(counts)
+}

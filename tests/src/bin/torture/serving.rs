@@ -1,0 +1,101 @@
+//! A real `palpate serve` as a child process: started, killed, started again.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use serde_json::Value;
+
+/// How long a server may take to listen; one that takes longer counts as hung.
+const START_PATIENCE: Duration = Duration::from_secs(60);
+
+/// A server in a process of its own. Dropped, it is killed.
+pub(crate) struct Serving {
+    child: Child,
+    /// Where it listens, such as `http://127.0.0.1:40123`.
+    pub(crate) url: String,
+}
+
+/// Why a server did not start: what it said on its standard error.
+#[derive(Debug)]
+pub(crate) struct Refused(pub(crate) String);
+
+/// Builds the command with the profile that this binary was built with, and says where it is.
+pub(crate) fn build() -> anyhow::Result<PathBuf> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut build = Command::new(cargo);
+    build.args(["build", "--quiet", "-p", "palpate", "--manifest-path"]);
+    build.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml"));
+    let is_release = !cfg!(debug_assertions);
+    if is_release {
+        build.arg("--release");
+    }
+    // The standard output is for the answer alone.
+    build.stdout(Stdio::null());
+    let status = build.status().context("cannot run cargo")?;
+    if !status.success() {
+        bail!("cannot build the command: name one with --palpate FILE");
+    }
+    let own = std::env::current_exe().context("cannot find this program's folder")?;
+    let profile = if is_release { "release" } else { "debug" };
+    let folder = own
+        .ancestors()
+        .find(|folder| folder.file_name().is_some_and(|name| name == profile))
+        .context("cannot find the folder of the build: name the command with --palpate FILE")?;
+    Ok(folder.join(format!("palpate{}", std::env::consts::EXE_SUFFIX)))
+}
+
+impl Serving {
+    /// Starts a server on a folder and returns when it listens.
+    pub(crate) fn start(command: &Path, data: &Path) -> anyhow::Result<Result<Self, Refused>> {
+        let mut child = Command::new(command)
+            .args(["serve", "--listen", "127.0.0.1:0", "--json", "--data"])
+            .arg(data)
+            .env("RUST_LOG", "error")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("cannot start {}", command.display()))?;
+        let stdout = child.stdout.take().context("the child has no standard output")?;
+        let mut stderr = child.stderr.take().context("the child has no standard error")?;
+        let said = std::thread::spawn(move || {
+            let mut said = Vec::new();
+            // A log that nobody reads would fill the pipe and hold the server up.
+            let _ = stderr.read_to_end(&mut said);
+            String::from_utf8_lossy(&said).trim().to_owned()
+        });
+        let (sender, listening) = mpsc::channel();
+        std::thread::spawn(move || {
+            let mut line = String::new();
+            let _ = BufReader::new(stdout).read_line(&mut line);
+            // Nobody waits any more for a server that took too long.
+            let _ = sender.send(line);
+        });
+        let line = listening.recv_timeout(START_PATIENCE).unwrap_or_default();
+        let answer: Option<Value> = serde_json::from_str(&line).ok();
+        if let Some(url) = answer.as_ref().and_then(|answer| answer["server"].as_str()) {
+            return Ok(Ok(Self { url: url.to_owned(), child }));
+        }
+        let _ = child.kill();
+        child.wait().context("cannot wait for the child")?;
+        Ok(Err(Refused(said.join().unwrap_or_default())))
+    }
+
+    /// Ends it as a loss of power does, in the middle of whatever it does.
+    pub(crate) fn kill(mut self) -> anyhow::Result<()> {
+        self.child.kill().context("cannot kill the server")?;
+        self.child.wait().context("cannot wait for the server")?;
+        Ok(())
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
