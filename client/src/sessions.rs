@@ -1,8 +1,8 @@
 //! Calls about sessions: readings in, beliefs out.
 
 use palpate_schemas::{
-    AddReadings, AskNextTouches, Belief, BeliefQuery, CreateSession, Marginals,
-    MarginalsQuery, NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    AddReadings, AskNextTouches, Belief, BeliefQuery, CreateSession, Marginals, MarginalsQuery,
+    NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
 };
 use uuid::Uuid;
 

@@ -221,6 +221,6 @@ pub struct ReadingContribution {
     /// and for readings since it last moved; null otherwise.
     pub fit_bits: Option<f64>,
     /// Whether it disagrees with the rest, of three readings or more. With `hybrid`:
-    /// `fit_bits` is −3 or less. With the other methods: `support_bits` is −4 or less.
+    /// `fit_bits` is −8 or less. With the other methods: `support_bits` is −4 or less.
     pub disagrees: bool,
 }

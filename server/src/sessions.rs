@@ -172,9 +172,7 @@ impl Sessions {
         let poses = poses(query.poses)?;
         let live = self.live(self.parse(id)?).await?;
         match query.at {
-            Some(at) => {
-                live.belief_at(&self.tools(), poses, u64::from(at), known_revision).await
-            }
+            Some(at) => live.belief_at(&self.tools(), poses, u64::from(at), known_revision).await,
             None => self.belief_of(live, poses, known_revision).await,
         }
     }

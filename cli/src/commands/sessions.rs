@@ -5,7 +5,8 @@ mod history;
 use clap::{Args, Subcommand};
 use futures::StreamExt;
 use palpate_client::schemas::{
-    AxisUnit, Belief, BeliefQuery, ExplainQuery, Marginals, MarginalsQuery, PageQuery, Session, SessionEvent,
+    AxisUnit, Belief, BeliefQuery, ExplainQuery, Marginals, MarginalsQuery, PageQuery, Session,
+    SessionEvent,
 };
 use serde::Serialize;
 use uuid::Uuid;

@@ -77,8 +77,7 @@ impl Comparison {
             return Err(Refusal::TooManyToExplain { session, found, max: READINGS_MAX });
         }
         let mut ready = folding.ready(order)?;
-        let readings: Vec<Ready> =
-            order.iter().filter_map(|number| ready.remove(number)).collect();
+        let readings: Vec<Ready> = order.iter().filter_map(|number| ready.remove(number)).collect();
         let before = folding.nothing()?.belief;
         let mut belief = before.clone();
         for reading in &readings {

@@ -251,9 +251,8 @@ impl Robot {
     /// The names of its objects that it has not deleted.
     fn living(&self) -> Vec<String> {
         let objects = self.ledger.objects.iter();
-        let living = objects.filter(|(_, object)| {
-            object.created == Fate::Acknowledged && object.deleted.is_none()
-        });
+        let living = objects
+            .filter(|(_, object)| object.created == Fate::Acknowledged && object.deleted.is_none());
         living.map(|(name, _)| name.clone()).collect()
     }
 }
