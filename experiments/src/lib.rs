@@ -33,6 +33,7 @@ pub mod plot;
 pub mod ppf_peer;
 pub mod real_frames;
 pub mod report;
+pub mod restart;
 pub mod resolution;
 pub mod sensing;
 pub mod server_throughput;
