@@ -188,6 +188,7 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
         listed["items"].as_array().unwrap().iter().map(|item| &item["n_readings"]).collect();
     // The touches before; a file that is sent twice counts once.
     assert_eq!(counts, [10, 5, 5]);
+    a_session_is_looked_into(replayed["session"].as_str().unwrap(), &answer, &ask);
     let again = answer(&format!("{mug} --offline --out 2.json"));
     assert_eq!(again["session"], serde_json::Value::Null);
     let file = |name: &str| std::fs::read(at.join(name)).unwrap();
@@ -197,6 +198,32 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
     let moved = answer(moving);
     assert_eq!(moved["readings"], 12);
     assert!(moved["probability"].as_f64().unwrap() > 1.0 / 3.0, "{moved}");
+}
+
+/// Lists a session's five readings, withdraws one, replays and explains what is left.
+fn a_session_is_looked_into(
+    session: &str,
+    answer: &impl Fn(&str) -> serde_json::Value,
+    ask: &impl Fn(&str) -> Output,
+) {
+    let readings = answer(&format!("sessions readings {session} --json"));
+    let second = &readings["items"][1];
+    let (robot, seq) = (second["robot"].as_str().unwrap(), &second["seq"]);
+    let number = answer(&format!("sessions retract {session} 3 --json"));
+    assert_eq!((&number["number"], &number["n_readings"]), (&3.into(), &4.into()));
+    let robots = format!("sessions retract {session} --robot {robot} --seq {seq} --json");
+    assert_eq!(answer(&robots)["number"], 1);
+    let replay = answer(&format!("sessions replay {session} --upto 6 --after 2 --json"));
+    assert_eq!(replay["steps"].as_array().unwrap().len(), 4);
+    assert_eq!(replay["belief"]["n_readings"], 4);
+    let explanation = answer(&format!("sessions explain {session} --json"));
+    assert_eq!(explanation["readings"].as_array().unwrap().len(), 3);
+    let words = |what: &str| stdout(&ask(&format!("sessions {what} {session}")));
+    assert!(words("readings").contains("withdrawn by revision 6"), "{}", words("readings"));
+    assert!(words("replay").contains("withdrawal of 3"), "{}", words("replay"));
+    assert!(words("explain").contains("revision 7"), "{}", words("explain"));
+    let neither = ask(&format!("sessions retract {session}"));
+    assert_eq!(neither.status.code(), Some(2), "{}", stderr(&neither));
 }
 
 #[test]

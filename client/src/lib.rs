@@ -39,6 +39,8 @@ mod keys;
 mod sessions;
 mod snapshots;
 
+mod history;
+
 mod events;
 
 mod touch_session;

@@ -1,13 +1,14 @@
 //! Calls about sessions: readings in, beliefs out.
 
 use palpate_schemas::{
-    AddReadings, AskNextTouches, Belief, BeliefDetail, BeliefQuery, CreateSession, Marginals,
-    MarginalsQuery, NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    AddReadings, AskNextTouches, Belief, BeliefQuery, CreateSession, Marginals, MarginalsQuery,
+    NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
 };
 use uuid::Uuid;
 
 use crate::client::Client;
 use crate::error::Error;
+use crate::history::detail_name;
 use crate::objects::repeat_of;
 use crate::request::Request;
 use crate::retry::Repeat;
@@ -64,11 +65,7 @@ impl Client {
         readings: &AddReadings,
         query: ReadingsQuery,
     ) -> Result<ReadingsAdded, Error> {
-        let detail = query.belief.map(|detail| match detail {
-            BeliefDetail::Full => "full",
-            BeliefDetail::Top => "top",
-            BeliefDetail::None => "none",
-        });
+        let detail = query.belief.map(detail_name);
         let request = Request::post(["v1", "sessions", &session.to_string(), "readings"])
             .query("belief", detail)
             .json(readings)
@@ -76,7 +73,7 @@ impl Client {
         self.send(request).await
     }
 
-    /// What is known of a session's object, or was after its first `query.at` readings.
+    /// What is known of a session's object, or was at its revision `query.at`.
     ///
     /// # Errors
     /// [`Error`].

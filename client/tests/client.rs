@@ -11,8 +11,8 @@ use axum::http::{StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use axum::routing::any;
 use palpate_client::schemas::{
-    AddReadings, BeliefQuery, CreateObject, CreateSession, JobState, PageQuery, Pose, ProblemType,
-    Reading, ReadingsQuery, SetCurrent,
+    AddReadings, BeliefDetail, BeliefQuery, CreateObject, CreateSession, ExplainQuery, JobState,
+    PageQuery, Pose, ProblemType, Reading, ReadingsQuery, ReplayQuery, SetCurrent,
 };
 use palpate_client::{Client, ClientOptions, Error, RetryPolicy};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -123,6 +123,22 @@ async fn what_a_query_asks_for_reaches_the_server() {
     assert!(client.object_map("default", 3, "mug", &page).await.is_err());
     let map = "/v1/catalogues/default/versions/3/objects/mug/map?limit=1000&cursor=1000";
     assert_eq!(heard.recv().await.unwrap(), map);
+    let session = format!("/v1/sessions/{}", Uuid::nil());
+    let detail = BeliefDetail::Top;
+    assert!(client.retract_robot_reading(Uuid::nil(), "arm/ü", 4, detail).await.is_err());
+    let reading = format!("{session}/readings/arm%2F%C3%BC/4?belief=top");
+    assert_eq!(heard.recv().await.unwrap(), reading);
+    assert!(client.retract_reading(Uuid::nil(), 9, BeliefDetail::None).await.is_err());
+    assert_eq!(heard.recv().await.unwrap(), format!("{session}/readings/9?belief=none"));
+    let query = ReplayQuery { upto: Some(8), after: Some(2), limit: Some(3), poses: Some(0) };
+    assert!(client.replay(Uuid::nil(), query).await.is_err());
+    let replay = format!("{session}/replay?upto=8&after=2&limit=3&poses=0");
+    assert_eq!(heard.recv().await.unwrap(), replay);
+    assert!(client.explain(Uuid::nil(), ExplainQuery { at: Some(5) }).await.is_err());
+    assert_eq!(heard.recv().await.unwrap(), format!("{session}/explain?at=5"));
+    assert!(client.session_readings(Uuid::nil(), &page).await.is_err());
+    let readings = format!("{session}/readings?limit=1000&cursor=1000");
+    assert_eq!(heard.recv().await.unwrap(), readings);
 }
 
 #[tokio::test]

@@ -11,6 +11,7 @@ mod answer;
 pub mod calibrate;
 mod carried;
 mod evidence;
+mod fit;
 mod hypothesis;
 pub mod options;
 mod outlook;

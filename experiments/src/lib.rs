@@ -34,6 +34,7 @@ pub mod ppf_peer;
 pub mod real_frames;
 pub mod report;
 pub mod resolution;
+pub mod restart;
 pub mod sensing;
 pub mod server_throughput;
 pub mod sim_to_real;

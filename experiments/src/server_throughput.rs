@@ -28,7 +28,8 @@ use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 
 const SENSOR: &str = "throughput-6x6";
-const CATALOGUE: &str = "throughput";
+/// The catalogue that is trained.
+pub(crate) const CATALOGUE: &str = "throughput";
 /// Readings of a session before the robot turns to the next object.
 const READINGS_PER_SESSION: usize = 10;
 const BATCH: usize = 32;
@@ -104,7 +105,7 @@ pub async fn run(
 }
 
 /// Trains the built-in objects over REST and takes unseen readings of each.
-async fn prepare(
+pub(crate) async fn prepare(
     config: &ServerThroughput,
     client: &Client,
     progress: Progress<'_>,
@@ -212,7 +213,8 @@ async fn work(
     Ok((latency, posted))
 }
 
-fn on_the_wire(reading: &core_reading::Reading, robot: usize, seq: usize) -> Reading {
+/// A reading for the wire, with its robot's number.
+pub(crate) fn on_the_wire(reading: &core_reading::Reading, robot: usize, seq: usize) -> Reading {
     let pose = reading.session_from_sensor();
     Reading {
         robot: Some(format!("robot-{robot}")),

@@ -10,6 +10,7 @@ pub mod appearance;
 pub mod calibration;
 pub mod geometry;
 pub mod health;
+pub mod history;
 pub mod next_touch;
 pub mod object;
 pub mod page;
@@ -41,6 +42,10 @@ pub use geometry::{
     VersionReference,
 };
 pub use health::{Check, Liveness, Readiness, Version};
+pub use history::{
+    BestObject, ExplainQuery, ExplainedAnswer, Explanation, ReadingContribution, ReadingRetracted,
+    Replay, ReplayQuery, ReplayStep, SessionChange, SessionReading, SessionReadingPage,
+};
 pub use next_touch::{AskNextTouches, NextTouch, NextTouches, TouchCandidate, TouchWorkspace};
 pub use object::{
     AddTrainingReadings, CreateObject, MeshFormat, MeshInfo, MeshQuery, MeshReport, MeshUnit,

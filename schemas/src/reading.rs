@@ -27,8 +27,10 @@ pub struct Reading {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_length = 256, example = "base_link")]
     pub frame_id: Option<String>,
-    /// When it was taken, by the robot's clock. Simulated time may begin at 0: the server
-    /// stores the stamp and does not compare it with its own clock.
+    /// When it was taken, by the robot's clock. Simulated time may begin at 0: the server does
+    /// not compare the stamp with its own clock. A session's readings are folded in the order of
+    /// their stamps, those without one first, then of robots, then of `seq`: give one always
+    /// where several robots share a session.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp: Option<Stamp>,
     /// The sensor's pose in the session frame (`session_from_sensor`); for training readings
@@ -53,8 +55,9 @@ pub struct Reading {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.0, maximum = 10.0, example = 0.12)]
     pub approach_m: Option<f64>,
-    /// How far the object may have moved since the session's reading before. For `hybrid`: what
-    /// the object is stays as probable as it was, where it is becomes loose by so much.
+    /// How far the object may have moved since the session's reading before, in the order of
+    /// stamps, robots and `seq`. For `hybrid`: what the object is stays as probable as it was,
+    /// where it is becomes loose by so much. Withdrawn with the reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_moved: Option<Looseness>,
 }

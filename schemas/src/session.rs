@@ -158,8 +158,14 @@ pub struct Session {
     pub frame_id: Option<String>,
     /// Whether it takes readings.
     pub state: SessionState,
-    /// How many readings it has.
+    /// How many readings it has; withdrawn ones do not count.
     pub n_readings: u32,
+    /// How many readings are withdrawn.
+    #[serde(default)]
+    pub n_retracted: u32,
+    /// Counts what changed its readings: readings that came, withdrawals, and its end.
+    #[serde(default)]
+    pub revision: u32,
     /// Seconds without a new reading after which it closes.
     pub ttl_s: Option<u32>,
     /// When it was created.
@@ -230,7 +236,7 @@ pub struct ReadingsAdded {
     pub n_new: u32,
     /// How many were there already (same robot and seq, same content) and are not counted twice.
     pub n_repeated: u32,
-    /// How many readings the session has now.
+    /// How many readings count in the session now.
     pub n_readings: u32,
     /// The belief after them; null with `belief=none`.
     pub belief: Option<Belief>,
@@ -245,8 +251,8 @@ pub struct BeliefQuery {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 0, maximum = 100)]
     pub poses: Option<u32>,
-    /// After how many of the session's readings, in the order they came; 0 is before the
-    /// first, all of them when not given.
+    /// Of which revision, such as the one of an earlier belief: after so many readings and
+    /// retractions, as they came; 0 is before the first, the newest when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 0)]
     pub at: Option<u32>,
@@ -257,9 +263,10 @@ pub struct BeliefQuery {
 pub struct Belief {
     /// The session.
     pub session: Uuid,
-    /// Counts the changes of the session's readings; its value is the `ETag`.
+    /// Counts the changes of the session's readings (one that came, one that was withdrawn, the
+    /// session's end); its value is the `ETag`.
     pub revision: u32,
-    /// How many readings it rests on.
+    /// How many readings it rests on; withdrawn ones do not count.
     pub n_readings: u32,
     /// The objects, likeliest first; with `unknown` their probabilities sum to 1 when all are
     /// listed.

@@ -38,7 +38,8 @@ const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG 
 /// So many poses of pair maps are looked at for each that is answered.
 const MODES_OF_AN_ORBIT: usize = 4;
 
-/// A belief, by method.
+/// A belief, by method. A copy takes in readings as what it was copied from, bit for bit.
+#[derive(Clone)]
 pub(crate) enum SessionBelief {
     Hybrid(HybridBelief),
     /// With the symmetries of the objects; none as printed.
@@ -145,6 +146,13 @@ impl SessionBelief {
             Self::Sva(belief, _) => Ok(belief.add(reading, sensor)?),
             Self::Geometric(belief) => Ok(belief.add(reading, sensor)?),
         }
+    }
+
+    /// By how many bits the belief expects a reading more than a touch anywhere; `None` when the
+    /// method does not say.
+    pub(crate) fn fit_bits(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
+        let Self::Hybrid(belief) = self else { return None };
+        Some(belief.log_fit(reading, sensor)? / std::f64::consts::LN_2)
     }
 
     /// The belief as an answer with at most `n_modes` poses.

@@ -1,10 +1,16 @@
 //! One session in memory: its belief, how far it is folded, and who follows it.
 //!
-//! Invariant: `belief` rests on the first `n_folded` entries of the journal, or there is no
-//! belief and `n_folded` is 0. Whoever needs the belief folds what is missing, on the compute
-//! pool; if that panics there is no belief, and the next one to ask folds anew.
+//! The belief is a function of the set of the readings that are not withdrawn: they are folded
+//! in one order, whatever order they came in. Whoever needs the belief folds what is missing, on
+//! the compute pool; if that panics nothing is in memory, and the next one to ask folds anew.
 
+mod explain;
 mod folding;
+mod memory;
+mod order;
+mod past;
+mod replay;
+mod retract;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -34,6 +40,8 @@ use crate::wire::reading::Incoming;
 use crate::wire::session::{Status, name, options};
 use crate::wire::{count, geometry};
 use folding::Folding;
+use memory::Memory;
+pub(crate) use replay::ReplayQuestion;
 
 /// How many answers are remembered for robots that repeat a reading.
 const ANSWERS_MAX: usize = 64;
@@ -50,10 +58,9 @@ pub(crate) struct Live {
 
 #[derive(Default)]
 struct State {
-    belief: Option<SessionBelief>,
-    n_folded: u64,
-    /// What was answered to the reading that a robot is likeliest to repeat, newest last.
-    answers: VecDeque<(ReadingId, wire::Belief)>,
+    memory: Memory,
+    /// Beliefs that were answered to readings, by their revisions, newest last: robots repeat.
+    answers: VecDeque<wire::Belief>,
 }
 
 impl Live {
@@ -108,45 +115,69 @@ impl Live {
         if n_new > 0 && status.closed_at_ms.is_some() {
             return Err(Refusal::SessionClosed { session: self.session.id });
         }
-        let n_readings = status.n_readings + n_new as u64;
-        if n_readings > tools.readings_max as u64 {
+        if status.n_stored() + n_new as u64 > tools.readings_max as u64 {
             return Err(Refusal::ReadingsFull {
                 what: "session",
-                found: status.n_readings,
+                found: status.n_stored(),
                 more: n_new,
                 max: tools.readings_max,
             });
         }
-        let place = self.place(tools, detail)?;
+        let repeated = if n_new == 0 { self.revision_of(tools.store, &readings)? } else { None };
+        let remembered = repeated.and_then(|revision| state.remembered(revision));
+        let is_answered = remembered.is_some() || detail == BeliefDetail::None;
+        let place =
+            if repeated.is_some() && is_answered { None } else { self.place(tools, detail)? };
         if n_new > 0 {
             let entries: Vec<NewEntry> = new.iter().map(|reading| reading.entry(now)).collect();
             let journal = tools.store.journal();
-            journal.append(self.session.id, status.n_readings, &entries).await?;
+            journal.append(self.session.id, status.length, &entries).await?;
             metrics::counter!("palpate_readings_total").increment(n_new as u64);
         }
-        let length = tools.store.journal().len(self.session.id)?;
-        let last_id = readings.last().and_then(|reading| reading.id.clone());
-        let remembered = if n_new == 0 { state.remembered(last_id.as_ref()) } else { None };
-        let belief = match (remembered, place) {
-            (Some(belief), _) => Some(belief),
-            (None, Some(place)) => {
-                let answer = self.ask(&mut state, tools, place, length, answer(POSES)).await?;
-                let belief = self.shown(length, &answer);
-                if n_new > 0 {
-                    state.remember(last_id, &belief);
-                    self.publish(SessionEvent::Belief { belief: belief.clone() });
-                }
-                Some(belief)
+        let belief = match (remembered, place, repeated) {
+            (Some(belief), ..) => Some(belief),
+            (None, None, _) => None,
+            (None, Some(place), Some(revision)) => {
+                let start = past::start(&state.memory, revision);
+                Some(self.past(tools, place, revision, POSES, start).await?)
             }
-            (None, None) => None,
+            (None, Some(place), None) => {
+                Some(self.renew(&mut state, tools, place, status.length + n_new as u64).await?)
+            }
         };
         Ok(wire::ReadingsAdded {
             session: self.session.id,
             n_new: count(n_new),
             n_repeated: count(readings.len() - n_new),
-            n_readings: count(n_readings),
+            n_readings: count(status.n_readings + n_new as u64),
             belief: shown(belief, detail),
         })
+    }
+
+    /// The belief after what was just stored, for whoever sent it and those who follow.
+    async fn renew(
+        &self,
+        state: &mut State,
+        tools: &Tools<'_>,
+        place: Place,
+        length: u64,
+    ) -> Result<wire::Belief, Refusal> {
+        let answer = self.ask(state, tools, place, length, answer(POSES)).await?;
+        let belief = self.shown(length, &answer);
+        state.remember(&belief);
+        self.publish(SessionEvent::Belief { belief: belief.clone() });
+        Ok(belief)
+    }
+
+    /// The revision of the belief that was answered to readings which are all known.
+    fn revision_of(&self, store: &Database, readings: &[Incoming]) -> Result<Option<u64>, Refusal> {
+        let journal = store.journal();
+        let mut revision = None;
+        for id in readings.iter().filter_map(|reading| reading.id.as_ref()) {
+            let number = journal.find(self.session.id, id)?;
+            revision = revision.max(number.map(|number| number + 1));
+        }
+        Ok(revision)
     }
 
     /// The belief as it is now; `None` when its revision is known.
@@ -210,33 +241,6 @@ impl Live {
         Ok(next_touches(session, length, &ranking, &question))
     }
 
-    /// The belief after the session's first `at` readings, folded anew; `None` when that
-    /// revision is known. Nobody waits for it: what is folded never changes.
-    pub(crate) async fn belief_at(
-        &self,
-        tools: &Tools<'_>,
-        poses: usize,
-        at: u64,
-        known_revision: Option<u64>,
-    ) -> Result<Option<wire::Belief>, Refusal> {
-        let found = self.status(tools.store, now_ms())?.n_readings;
-        if at > found {
-            let detail = format!("came {at}, but the session has {found} readings");
-            return Err(Refusal::field("?at", detail));
-        }
-        if known_revision == Some(at) {
-            return Ok(None);
-        }
-        let place = tools.pool.place()?;
-        let folding = self.folding(tools, 0, at);
-        let answer =
-            place.run(move || Ok::<_, Refusal>(folding.run(None)?.answer(poses))).await??;
-        if (answer.n_readings as u64) < at {
-            return Err(self.unknown());
-        }
-        Ok(Some(self.shown(at, &answer)))
-    }
-
     /// Closes the session: nothing follows in its journal. Closing it again changes nothing.
     pub(crate) async fn close(&self, store: &Database) -> Result<(), Refusal> {
         let _state = self.state.lock().await;
@@ -246,7 +250,7 @@ impl Live {
             return Ok(());
         }
         let closed = NewEntry { reading_id: None, received_at_ms: now, event: Event::Closed };
-        store.journal().append(self.session.id, status.n_readings, &[closed]).await?;
+        store.journal().append(self.session.id, status.length, &[closed]).await?;
         let table = store.sessions();
         let noted = table.update(self.session.id, |session| {
             session.closed_at_ms = Some(now);
@@ -302,16 +306,14 @@ impl Live {
         length: u64,
         question: impl FnOnce(&SessionBelief) -> T + Send + 'static,
     ) -> Result<T, Refusal> {
-        let folding = self.folding(tools, std::mem::take(&mut state.n_folded), length);
-        let before = state.belief.take();
+        let folding = self.folding(tools);
+        let mut memory = std::mem::take(&mut state.memory);
         let work = move || {
-            let belief = folding.run(before)?;
-            let answer = question(&belief);
-            Ok::<_, Refusal>((belief, answer))
+            let answer = question(folding.bring(&mut memory, length as usize)?);
+            Ok::<_, Refusal>((memory, answer))
         };
-        let (after, answer) = place.run(work).await??;
-        state.belief = Some(after);
-        state.n_folded = length;
+        let (memory, answer) = place.run(work).await??;
+        state.memory = memory;
         Ok(answer)
     }
 
@@ -329,31 +331,28 @@ impl Live {
         Ok(ObjectIdx(found as u32))
     }
 
-    fn folding(&self, tools: &Tools<'_>, from: u64, length: u64) -> Folding {
+    fn folding(&self, tools: &Tools<'_>) -> Folding {
         Folding {
             session: self.session.clone(),
             model: Arc::clone(&self.model),
             journal: tools.store.journal(),
             sensors: Arc::clone(tools.sensors),
             options: options(&self.session),
-            from,
-            length,
         }
     }
 }
 
 impl State {
-    fn remembered(&self, id: Option<&ReadingId>) -> Option<wire::Belief> {
+    fn remembered(&self, revision: u64) -> Option<wire::Belief> {
         let answers = self.answers.iter().rev();
-        answers.into_iter().find(|(known, _)| Some(known) == id).map(|(_, belief)| belief.clone())
+        answers.into_iter().find(|belief| u64::from(belief.revision) == revision).cloned()
     }
 
-    fn remember(&mut self, id: Option<ReadingId>, belief: &wire::Belief) {
-        let Some(id) = id else { return };
+    fn remember(&mut self, belief: &wire::Belief) {
         if self.answers.len() == ANSWERS_MAX {
             self.answers.pop_front();
         }
-        self.answers.push_back((id, belief.clone()));
+        self.answers.push_back(belief.clone());
     }
 }
 

@@ -137,6 +137,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::Invalid(_) => ProblemType::InvalidValue,
         Refusal::ReadingConflict { .. } => ProblemType::Conflict,
         Refusal::SessionClosed { .. }
+        | Refusal::TooManyToExplain { .. }
         | Refusal::Untrained { .. }
         | Refusal::NoGeometry { .. }
         | Refusal::NoAppearance { .. }

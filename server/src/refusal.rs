@@ -32,7 +32,7 @@ pub(crate) enum Refusal {
     ContentType { found: String, expected: &'static str },
     #[error("{}", summary(.0))]
     Invalid(Vec<FieldError>),
-    #[error("session {session} is closed: it takes no more readings")]
+    #[error("session {session} is closed: it takes no more readings, and keeps those that it has")]
     SessionClosed { session: Uuid },
     #[error("catalogue {catalogue:?} has no current version: train it first")]
     Untrained { catalogue: String },
@@ -66,6 +66,11 @@ pub(crate) enum Refusal {
          in which the object lies), or a first reading that touches it"
     )]
     NoTouch { session: Uuid },
+    #[error(
+        "session {session} rests on {found} readings, and at most {max} are compared: name an \
+         earlier revision with `?at=`"
+    )]
+    TooManyToExplain { session: Uuid, found: usize, max: usize },
     #[error("reading {seq} of robot {robot:?} was stored with other content")]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]
@@ -157,7 +162,7 @@ impl From<AppendError> for Refusal {
     fn from(error: AppendError) -> Self {
         match error {
             AppendError::Store(error) => Self::Store(error),
-            AppendError::Sequence { .. } => {
+            AppendError::Sequence { .. } | AppendError::Retracted { .. } => {
                 Self::Store(StoreError::Changed { what: "journal", id: Uuid::nil() })
             }
             AppendError::Repeated { robot, seq, .. } => {

@@ -104,6 +104,11 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("close_session", TOUCHING, Changes),
     ("delete_session", TOUCHING, Changes),
     ("add_readings", TOUCHING, Touches),
+    ("list_session_readings", ALL, Reads),
+    ("retract_reading", TOUCHING, Changes),
+    ("retract_robot_reading", TOUCHING, Changes),
+    ("replay_session", ALL, Reads),
+    ("explain_session", ALL, Reads),
     ("list_keys", RULING, Reads),
     ("get_key", RULING, Reads),
     ("create_key", RULING, Changes),
@@ -209,7 +214,9 @@ mod tests {
                 assert!(may(&operation, Trainer), "trainer sees less than viewer: {operation}");
             }
             if may(&operation, Robot) && rule.effect != Reads {
-                let of_sessions = operation.contains("session") || operation == "add_readings";
+                let of_readings = ["add_readings", "retract_reading", "retract_robot_reading"];
+                let of_sessions =
+                    operation.contains("session") || of_readings.contains(&operation.as_str());
                 assert!(of_sessions, "robot: {operation}");
             }
             if operation.contains("key") || operation.contains("audit") {

@@ -5,6 +5,7 @@ pub(crate) mod analyses;
 pub(crate) mod audit;
 pub(crate) mod calibrations;
 pub(crate) mod events;
+pub(crate) mod history;
 pub(crate) mod jobs;
 pub(crate) mod keys;
 pub(crate) mod maps;
@@ -60,7 +61,11 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::list_sessions, sessions::create_session))
         .routes(routes!(sessions::get_session, sessions::delete_session))
         .routes(routes!(sessions::close_session))
-        .routes(routes!(sessions::add_readings))
+        .routes(routes!(history::list_session_readings, sessions::add_readings))
+        .routes(routes!(history::retract_reading))
+        .routes(routes!(history::retract_robot_reading))
+        .routes(routes!(history::replay_session))
+        .routes(routes!(history::explain_session))
         .routes(routes!(sessions::get_belief))
         .routes(routes!(sessions::get_marginals))
         .routes(routes!(sessions::ask_next_touches))

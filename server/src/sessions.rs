@@ -6,6 +6,9 @@
 //! no guard of the map lives across an await. What changes a session runs in a task of its
 //! own, so that a robot that hangs up does not leave it half done.
 
+mod history;
+mod status;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -15,7 +18,6 @@ use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, Method, SessionEvent, SessionState};
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
-use palpate_store::journal::Event;
 use tokio::sync::broadcast;
 use uuid::Uuid;
 
@@ -29,6 +31,8 @@ use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::wire::session::Status;
 use crate::wire::{self as convert, cursor, page_id, page_length};
+
+pub(crate) use status::status;
 
 /// Pose hypotheses of an answer when the request does not say.
 pub(crate) const POSES: usize = 5;
@@ -80,7 +84,7 @@ impl Sessions {
         self.try_out(&session, &model).await?;
         self.store.sessions().create(&session).await?;
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
-        let status = Status { n_readings: 0, closed_at_ms: None };
+        let status = Status::default();
         let shown = convert::session::session(&session, &model.name, status);
         self.keep(session.id, Arc::new(Live::new(session, model)));
         Ok(shown)
@@ -165,15 +169,11 @@ impl Sessions {
         query: wire::BeliefQuery,
         known_revision: Option<u64>,
     ) -> Result<Option<wire::Belief>, Refusal> {
-        let poses = query.poses.map_or(Ok(POSES as u64), |poses| {
-            convert::within("?poses", u64::from(poses), 0, POSES_MAX)
-        })?;
+        let poses = poses(query.poses)?;
         let live = self.live(self.parse(id)?).await?;
         match query.at {
-            Some(at) => {
-                live.belief_at(&self.tools(), poses as usize, u64::from(at), known_revision).await
-            }
-            None => self.belief_of(live, poses as usize, known_revision).await,
+            Some(at) => live.belief_at(&self.tools(), poses, u64::from(at), known_revision).await,
+            None => self.belief_of(live, poses, known_revision).await,
         }
     }
 
@@ -335,24 +335,10 @@ pub(crate) struct Tools<'a> {
     pub(crate) readings_max: usize,
 }
 
-/// What a session is doing, by its journal.
-pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<Status, Refusal> {
-    let journal = store.journal();
-    let length = journal.len(session.id)?;
-    let last = match length.checked_sub(1) {
-        Some(last) => journal.entry(session.id, last)?,
-        None => None,
-    };
-    if let Some(last) = &last
-        && last.event == Event::Closed
-    {
-        return Ok(Status { n_readings: length - 1, closed_at_ms: Some(last.received_at_ms) });
-    }
-    let since = last.map_or(session.created_at_ms, |last| last.received_at_ms);
-    let expires = since.saturating_add(session.time_to_live_ms);
-    let is_expired = session.time_to_live_ms > 0 && now >= expires;
-    let closed_at_ms = is_expired.then_some(expires);
-    Ok(Status { n_readings: length, closed_at_ms })
+/// How many poses an answer is to have at most.
+fn poses(asked: Option<u32>) -> Result<usize, Refusal> {
+    let asked = asked.map_or(POSES as u64, u64::from);
+    Ok(convert::within("?poses", asked, 0, POSES_MAX)? as usize)
 }
 
 /// Whether an event ends a stream that follows one session.
@@ -361,48 +347,5 @@ pub(crate) fn is_last(event: &SessionEvent) -> bool {
         SessionEvent::Belief { .. } => false,
         SessionEvent::Closed { session } => session.state == SessionState::Closed,
         SessionEvent::Deleted { .. } => true,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use palpate_store::entity::{Method, StoredReading};
-    use palpate_store::journal::NewEntry;
-
-    use super::*;
-
-    #[tokio::test]
-    async fn a_session_closes_when_nothing_new_comes_for_its_time_to_live() {
-        let store = Database::in_memory();
-        let session = Session {
-            id: Uuid::from_u128(1),
-            catalogue: Uuid::nil(),
-            version: 1,
-            method: Method::Sva,
-            sensors: Vec::new(),
-            frame_id: String::new(),
-            prior: Vec::new(),
-            object_may_move: false,
-            seed: 0,
-            time_to_live_ms: 1000,
-            options: String::new(),
-            created_at_ms: 5000,
-            closed_at_ms: None,
-        };
-        let closed_at = |now| status(&store, &session, now).unwrap().closed_at_ms;
-        assert_eq!((closed_at(5999), closed_at(6000)), (None, Some(6000)));
-        let reading = Event::Reading(StoredReading {
-            sensor: Uuid::nil(),
-            session_from_sensor: None,
-            pressures: vec![None],
-            stamp_ns: None,
-            calibration: 0,
-            feature: None,
-            approach: 0.0,
-            object_moved: None,
-        });
-        let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
-        store.journal().append(session.id, 0, &[entry]).await.unwrap();
-        assert_eq!((closed_at(6899), closed_at(9000)), (None, Some(6900)));
     }
 }

@@ -10,6 +10,7 @@ pub(crate) mod appearance;
 pub(crate) mod belief;
 pub(crate) mod calibration;
 pub(crate) mod geometry;
+pub(crate) mod history;
 pub(crate) mod next_touch;
 pub(crate) mod object;
 pub(crate) mod reading;

@@ -150,6 +150,7 @@ impl Database {
             head: Space::TrainingHead,
             entries: Space::Training,
             robots: Space::TrainingRobot,
+            retractions: None,
         };
         Journal::new(Arc::clone(&self.engine), spaces)
     }
@@ -179,6 +180,7 @@ impl Database {
             head: Space::JournalHead,
             entries: Space::Journal,
             robots: Space::JournalRobot,
+            retractions: Some(Space::JournalRetraction),
         };
         Journal::new(Arc::clone(&self.engine), spaces)
     }

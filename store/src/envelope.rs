@@ -52,6 +52,8 @@ pub enum Kind {
     AccessKey = 16,
     /// An entry of the audit log.
     Audit = 17,
+    /// Which entry of a journal withdraws another one.
+    JournalRetraction = 20,
     /// How many commits there were, and the sum of all records.
     Tally = 30,
 }

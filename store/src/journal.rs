@@ -2,8 +2,10 @@
 //!
 //! Entries are numbered from 0 without gaps and never change. An append states the number it
 //! expects to get, so of two writers one is told; a robot's own number is indexed, so a
-//! repeated request is found. One append is one commit: all its entries or none.
+//! repeated request is found, and so is what withdraws an entry: none is withdrawn twice. One
+//! append is one commit: all its entries or none.
 
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -11,10 +13,11 @@ use uuid::Uuid;
 
 use crate::engine::{Commit, Engine, EngineError, Expected};
 use crate::entity::{ReadingId, StoredReading};
+use crate::envelope::EnvelopeError;
 use crate::error::{RecordError, StoreError, conflict};
 use crate::key::{self, Space};
 use crate::pieces;
-use crate::record::{self, JournalHeadV1, JournalRobotV1};
+use crate::record::{self, JournalHeadV1, JournalRetractionV1, JournalRobotV1};
 
 /// No robot's name may be longer, in bytes.
 pub const ROBOT_BYTES_MAX: usize = 64;
@@ -22,6 +25,8 @@ pub const ROBOT_BYTES_MAX: usize = 64;
 const APPEND_ATTEMPTS: usize = 64;
 /// An entry's key: space, owner, sequence.
 const ENTRY_KEY_BYTES: usize = 25;
+/// How many retractions are read at once.
+const RETRACTIONS_PER_SCAN: usize = 1024;
 
 /// What a journal's entry says.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +87,14 @@ pub enum AppendError {
         /// The entry that has it.
         at: u64,
     },
+    /// The entry is withdrawn already, or twice in this append.
+    #[error("entry {seq} is withdrawn already, by entry {at}")]
+    Retracted {
+        /// The entry that is to be withdrawn.
+        seq: u64,
+        /// The entry that withdraws it.
+        at: u64,
+    },
     /// A robot's name is too long.
     #[error("robot's name has {found} bytes, expected at most {ROBOT_BYTES_MAX}")]
     RobotLength {
@@ -105,6 +118,21 @@ pub(crate) struct JournalSpaces {
     pub(crate) head: Space,
     pub(crate) entries: Space,
     pub(crate) robots: Space,
+    /// `None`: entries of these journals are not withdrawn.
+    pub(crate) retractions: Option<Space>,
+}
+
+/// What a new entry takes that only one entry may have.
+enum Claim<'entry> {
+    Robot(&'entry ReadingId),
+    Retraction(u64),
+}
+
+/// A claim as it is stored.
+struct StoredClaim<'entry> {
+    claim: Claim<'entry>,
+    key: Vec<u8>,
+    record: Vec<u8>,
 }
 
 /// A family of journals, one for each owner.
@@ -142,17 +170,32 @@ impl Journal {
         expected: u64,
         entries: &[NewEntry],
     ) -> Result<(), AppendError> {
-        let (commit, ids) = self.append_commit(owner, expected, entries)?;
+        let (commit, claims) = self.append_commit(owner, expected, entries)?;
         match self.engine.commit(commit).await.map_err(conflict) {
             Ok(()) => Ok(()),
             Err(Ok(0)) => Err(AppendError::Sequence { expected, found: self.len(owner)? }),
-            Err(Ok(expectation)) => {
-                let id = ids[expectation - 1];
-                let at = self.find(owner, id)?.unwrap_or(expected);
-                Err(AppendError::Repeated { robot: id.robot.clone(), seq: id.seq, at })
-            }
+            Err(Ok(expectation)) => Err(self.taken(owner, &claims[expectation - 1], expected)?),
             Err(Err(error)) => Err(error.into()),
         }
+    }
+
+    /// Why a claim of an append that began with entry `expected` did not hold.
+    fn taken(
+        &self,
+        owner: Uuid,
+        claim: &Claim<'_>,
+        expected: u64,
+    ) -> Result<AppendError, StoreError> {
+        Ok(match claim {
+            Claim::Robot(id) => {
+                let at = self.find(owner, id)?.unwrap_or(expected);
+                AppendError::Repeated { robot: id.robot.clone(), seq: id.seq, at }
+            }
+            Claim::Retraction(seq) => {
+                let at = self.retraction(owner, *seq)?.unwrap_or(expected);
+                AppendError::Retracted { seq: *seq, at }
+            }
+        })
     }
 
     /// Appends entries behind whatever is there and says which number the first one got.
@@ -183,6 +226,49 @@ impl Journal {
         let found: JournalRobotV1 =
             record::decode(&bytes).map_err(StoreError::damaged(self.spaces.robots))?;
         Ok(Some(found.seq))
+    }
+
+    /// The entry that withdraws entry `seq`.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn retraction(&self, owner: Uuid, seq: u64) -> Result<Option<u64>, StoreError> {
+        let Some(space) = self.spaces.retractions else { return Ok(None) };
+        let Some(bytes) = self.engine.get(&key::numbered(space, owner, seq))? else {
+            return Ok(None);
+        };
+        let found: JournalRetractionV1 =
+            record::decode(&bytes).map_err(StoreError::damaged(space))?;
+        Ok(Some(found.seq))
+    }
+
+    /// All entries that are withdrawn, each with the entry that withdraws it.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn retractions(&self, owner: Uuid) -> Result<BTreeMap<u64, u64>, StoreError> {
+        let mut found = BTreeMap::new();
+        let Some(space) = self.spaces.retractions else { return Ok(found) };
+        let damaged = StoreError::damaged(space);
+        let prefix = key::id(space, owner);
+        let mut after = None;
+        loop {
+            let page = self.engine.scan(&prefix, after.as_deref(), RETRACTIONS_PER_SCAN)?;
+            let is_last = page.len() < RETRACTIONS_PER_SCAN;
+            for (key, bytes) in &page {
+                let record: JournalRetractionV1 = record::decode(bytes).map_err(&damaged)?;
+                let seq: Option<[u8; 8]> = key[prefix.len()..].try_into().ok();
+                let seq = u64::from_be_bytes(seq.ok_or_else(|| {
+                    let (expected, found) = (ENTRY_KEY_BYTES, key.len());
+                    damaged(RecordError::Envelope(EnvelopeError::Length { expected, found }))
+                })?);
+                found.insert(seq, record.seq);
+            }
+            if is_last {
+                return Ok(found);
+            }
+            after = page.into_iter().next_back().map(|(key, _)| key);
+        }
     }
 
     /// Up to `limit` entries from number `from` on.
@@ -233,7 +319,8 @@ impl Journal {
     /// # Errors
     /// The engine's.
     pub async fn remove(&self, owner: Uuid) -> Result<(), StoreError> {
-        for space in [self.spaces.head, self.spaces.robots, self.spaces.entries] {
+        let JournalSpaces { head, entries, robots, retractions } = self.spaces;
+        for space in [Some(head), Some(robots), retractions, Some(entries)].into_iter().flatten() {
             pieces::remove_all(&*self.engine, &key::id(space, owner)).await?;
         }
         Ok(())
@@ -244,7 +331,7 @@ impl Journal {
         owner: Uuid,
         expected: u64,
         entries: &'entries [NewEntry],
-    ) -> Result<(Commit, Vec<&'entries ReadingId>), AppendError> {
+    ) -> Result<(Commit, Vec<Claim<'entries>>), AppendError> {
         let head = key::id(self.spaces.head, owner);
         let before = match expected {
             0 => Expected::Absent,
@@ -255,26 +342,45 @@ impl Journal {
         if !entries.is_empty() {
             commit = commit.put(head, record::encode(&JournalHeadV1 { next }));
         }
-        let mut ids = Vec::new();
+        let mut claims = Vec::new();
+        let mut taken: HashMap<Vec<u8>, u64> = HashMap::new();
         for (seq, entry) in (expected..).zip(entries) {
             let key = key::numbered(self.spaces.entries, owner, seq);
             let NewEntry { reading_id, received_at_ms, event } = entry.clone();
             let numbered = Entry { seq, reading_id, received_at_ms, event };
             commit = pieces::put(commit, &key, &record::encode(&numbered), None);
-            let Some(id) = &entry.reading_id else { continue };
-            if id.robot.len() > ROBOT_BYTES_MAX {
-                return Err(AppendError::RobotLength { found: id.robot.len() });
+            let Some(found) = self.claim(owner, seq, entry)? else { continue };
+            let StoredClaim { claim, key, record } = found;
+            if let Some(at) = taken.insert(key.clone(), seq) {
+                return Err(self.taken(owner, &claim, at)?);
             }
-            if let Some(place) = ids.iter().position(|known| *known == id) {
-                let (robot, at) = (id.robot.clone(), expected + place as u64);
-                return Err(AppendError::Repeated { robot, seq: id.seq, at });
-            }
-            let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq);
-            commit = commit
-                .expect(key.clone(), Expected::Absent)
-                .put(key, record::encode(&JournalRobotV1 { seq }));
-            ids.push(id);
+            commit = commit.expect(key.clone(), Expected::Absent).put(key, record);
+            claims.push(claim);
         }
-        Ok((commit, ids))
+        Ok((commit, claims))
+    }
+
+    /// What entry `seq` takes that only one entry may have: its key and its record.
+    fn claim<'entry>(
+        &self,
+        owner: Uuid,
+        seq: u64,
+        entry: &'entry NewEntry,
+    ) -> Result<Option<StoredClaim<'entry>>, AppendError> {
+        if let (Event::Retraction { seq: withdrawn }, Some(space)) =
+            (&entry.event, self.spaces.retractions)
+        {
+            let key = key::numbered(space, owner, *withdrawn);
+            let record = record::encode(&JournalRetractionV1 { seq });
+            let claim = Claim::Retraction(*withdrawn);
+            return Ok(Some(StoredClaim { claim, key, record }));
+        }
+        let Some(id) = &entry.reading_id else { return Ok(None) };
+        if id.robot.len() > ROBOT_BYTES_MAX {
+            return Err(AppendError::RobotLength { found: id.robot.len() });
+        }
+        let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq);
+        let record = record::encode(&JournalRobotV1 { seq });
+        Ok(Some(StoredClaim { claim: Claim::Robot(id), key, record }))
     }
 }

@@ -38,6 +38,8 @@ pub enum Space {
     Journal = b'r',
     /// Robots' own numbers of session readings.
     JournalRobot = b'w',
+    /// Which entries of session journals are withdrawn, by session and sequence.
+    JournalRetraction = b'x',
     /// Catalogues by id.
     Catalogue = b'c',
     /// Manifests of catalogue versions, by catalogue and number.

@@ -342,6 +342,12 @@ pub(crate) struct JournalRobotV1 {
     pub(crate) seq: u64,
 }
 
+/// Which entry of a journal withdraws another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub(crate) struct JournalRetractionV1 {
+    pub(crate) seq: u64,
+}
+
 /// The id that has a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct NameV1 {
@@ -366,6 +372,10 @@ impl Plain for JournalHeadV1 {
 
 impl Plain for JournalRobotV1 {
     const KIND: Kind = Kind::JournalRobot;
+}
+
+impl Plain for JournalRetractionV1 {
+    const KIND: Kind = Kind::JournalRetraction;
 }
 
 impl Plain for NameV1 {

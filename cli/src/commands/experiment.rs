@@ -10,6 +10,7 @@ mod robustness;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::{Args, Subcommand, ValueEnum};
@@ -19,6 +20,7 @@ use palpate_experiments::contact_rates::{self, ContactRates};
 use palpate_experiments::covering::{self, Covering};
 use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_named};
 use palpate_experiments::report::{Outcome, Progress};
+use palpate_experiments::restart::{self, Restart};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
 use palpate_experiments::sva_objects::{self, SvaObjects};
 use palpate_experiments::symmetry::{self, SymmetryTrials};
@@ -118,6 +120,15 @@ enum Experiment {
         /// Readings that are posted in each setting.
         #[arg(long, default_value_t = 1280, value_parser = count)]
         readings: usize,
+    },
+    /// How long a restart takes until all open sessions' beliefs are answered again.
+    Restart {
+        /// Open sessions.
+        #[arg(long, default_value_t = 1000, value_parser = count)]
+        sessions: usize,
+        /// Readings of each, up to 1000.
+        #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1000))]
+        readings: u32,
     },
 }
 
@@ -221,6 +232,10 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
             let config = ServerThroughput { seed, readings, ..ServerThroughput::default() };
             with_a_server(&config, command, &show).await?
         }
+        Experiment::Restart { sessions, readings } => {
+            let config = Restart { seed, sessions, readings: readings as usize };
+            over_a_restart(&config, command, &show).await?
+        }
     };
     progress.clear();
     let written = outcome.write(&out)?;
@@ -263,6 +278,9 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::ServerThroughput { readings } => {
             format!("server-throughput --readings {readings}")
         }
+        Experiment::Restart { sessions, readings } => {
+            format!("restart --sessions {sessions} --readings {readings}")
+        }
     };
     format!("palpate experiment {rest} --seed {seed}")
 }
@@ -284,16 +302,42 @@ async fn with_a_server(
     progress: Progress<'_>,
 ) -> anyhow::Result<Outcome> {
     let folder = tempfile::Builder::new().prefix("palpate-throughput-").tempdir()?;
-    let any_port = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
-    let server =
-        Server::start(Config { listen: any_port, ..Config::new(folder.path().join("data")) })
-            .await?;
-    let address = format!("http://{}", server.local_addr());
-    let client = Client::with_options(&address, ClientOptions::default())?;
+    let (server, client) = serve(folder.path()).await?;
     let outcome = tokio::select! {
         outcome = server_throughput::run(config, &client, command, progress) => outcome,
         _ = tokio::signal::ctrl_c() => Err(crate::exit::Ended::Interrupted.into()),
     };
     server.shutdown().await;
     outcome
+}
+
+/// Fills a server of its own, starts it anew and asks for what it knew.
+async fn over_a_restart(
+    config: &Restart,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let folder = tempfile::Builder::new().prefix("palpate-restart-").tempdir()?;
+    let (server, client) = serve(folder.path()).await?;
+    let filled = tokio::select! {
+        filled = restart::fill(config, &client, progress) => filled,
+        _ = tokio::signal::ctrl_c() => Err(crate::exit::Ended::Interrupted.into()),
+    };
+    server.shutdown().await;
+    let filled = filled?;
+    let begun = Instant::now();
+    let (server, client) = serve(folder.path()).await?;
+    let start_seconds = begun.elapsed().as_secs_f64();
+    let outcome = restart::ask(config, filled, start_seconds, &client, command).await;
+    server.shutdown().await;
+    outcome
+}
+
+/// A server on a folder and a free port, and a client of it.
+async fn serve(folder: &Path) -> anyhow::Result<(Server, Client)> {
+    let any_port = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
+    let server =
+        Server::start(Config { listen: any_port, ..Config::new(folder.join("data")) }).await?;
+    let address = format!("http://{}", server.local_addr());
+    Ok((server, Client::with_options(&address, ClientOptions::default())?))
 }

@@ -1,9 +1,12 @@
 //! `palpate sessions`: objects being touched, and what is known of them.
 
+mod history;
+
 use clap::{Args, Subcommand};
 use futures::StreamExt;
 use palpate_client::schemas::{
-    AxisUnit, Belief, BeliefQuery, Marginals, MarginalsQuery, PageQuery, Session, SessionEvent,
+    AxisUnit, Belief, BeliefQuery, ExplainQuery, Marginals, MarginalsQuery, PageQuery, Session,
+    SessionEvent,
 };
 use serde::Serialize;
 use uuid::Uuid;
@@ -45,6 +48,46 @@ enum Action {
         #[arg(long)]
         object: Option<String>,
     },
+    /// List a session's readings, withdrawn ones included.
+    Readings {
+        /// Its id.
+        session: Uuid,
+    },
+    /// Withdraw a reading: it counts no more, as if it had never come.
+    #[command(after_help = "Examples:\n  palpate sessions retract <session> 17\n  \
+        palpate sessions retract <session> --robot arm-3 --seq 4")]
+    Retract {
+        /// The session's id.
+        session: Uuid,
+        /// The reading's number within the session, as `readings` lists it.
+        #[arg(required_unless_present = "robot", conflicts_with = "robot")]
+        number: Option<u32>,
+        /// The robot that took it.
+        #[arg(long, requires = "seq")]
+        robot: Option<String>,
+        /// The robot's number of it.
+        #[arg(long, requires = "robot")]
+        seq: Option<u64>,
+    },
+    /// Show what a session believed, revision by revision.
+    Replay {
+        /// Its id.
+        session: Uuid,
+        /// The last revision [default: the newest].
+        #[arg(long)]
+        upto: Option<u32>,
+        /// The revision behind which to begin.
+        #[arg(long, default_value_t = 0)]
+        after: u32,
+    },
+    /// Show what each reading contributed, and which disagree with the rest.
+    Explain {
+        /// The session's id.
+        session: Uuid,
+        /// The revision to explain [default: the newest].
+        #[arg(long)]
+        at: Option<u32>,
+    },
     /// Remove a session with its readings.
     Remove {
         /// Its id.
@@ -80,6 +123,25 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
         Action::Marginals { session, object } => {
             let marginals = client.marginals(session, &MarginalsQuery { object }).await?;
             output.answer(&marginals, marginals_words)
+        }
+        Action::Readings { session } => {
+            let readings = history::readings(client, session).await?;
+            output.answer(&readings, history::readings_words)
+        }
+        Action::Retract { session, number, robot, seq } => {
+            let retracted = history::retract(client, session, number, robot.zip(seq)).await?;
+            output.answer(&retracted, |retracted| {
+                let belief = retracted.belief.as_ref().map(one_line).unwrap_or_default();
+                format!("withdrew reading {}\n{belief}", retracted.number)
+            })
+        }
+        Action::Replay { session, upto, after } => {
+            let replay = history::replay(client, session, upto, after).await?;
+            output.answer(&replay, history::replay_words)
+        }
+        Action::Explain { session, at } => {
+            let explanation = client.explain(session, ExplainQuery { at }).await?;
+            output.answer(&explanation, history::explanation_words)
         }
         Action::Remove { session } => {
             client.delete_session(session).await?;

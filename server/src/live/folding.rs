@@ -1,10 +1,16 @@
-//! Folding a session's journal into its belief, on a thread of the compute pool.
+//! Folding a session's readings into its belief, on a thread of the compute pool.
+//!
+//! The journal says which readings there are, the chronicle in which order they are folded.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use palpate_store::entity::{Session, StoredReading};
-use palpate_store::journal::{Event, Journal};
+use palpate_core::reading::Reading;
+use palpate_store::entity::{ReadingId, Sensor, Session, StoredReading};
+use palpate_store::journal::{Entry, Event, Journal};
 
+use super::memory::{Fold, Memory, Start};
+use super::order::Chronicle;
 use crate::belief::SessionBelief;
 use crate::catalogues::Model;
 use crate::refusal::Refusal;
@@ -22,43 +28,126 @@ pub(crate) struct Folding {
     pub(super) journal: Journal,
     pub(super) sensors: Arc<Sensors>,
     pub(super) options: Options,
-    pub(super) from: u64,
-    pub(super) length: u64,
+}
+
+impl Ready {
+    /// Whether the object may have moved before it.
+    pub(super) fn object_moved(&self) -> bool {
+        self.stored.object_moved.is_some()
+    }
+}
+
+/// A reading that is ready to be folded.
+pub(super) struct Ready {
+    pub(super) number: u32,
+    pub(super) id: Option<ReadingId>,
+    stored: StoredReading,
+    reading: Reading,
+    sensor: Arc<Sensor>,
 }
 
 impl Folding {
-    pub(crate) fn run(&self, before: Option<SessionBelief>) -> Result<SessionBelief, Refusal> {
-        let (mut belief, mut next) = match before {
-            Some(belief) => (belief, self.from),
-            None => (self.empty()?, 0),
+    /// Brings what is in memory up to the journal's first `length` entries.
+    pub(super) fn bring<'memory>(
+        &self,
+        memory: &'memory mut Memory,
+        length: usize,
+    ) -> Result<&'memory SessionBelief, Refusal> {
+        self.read(length, memory.chronicle.len(), |entry| {
+            memory.take(entry);
+        })?;
+        let mut fold = match memory.begin() {
+            Some(fold) => fold,
+            None => self.nothing()?,
         };
-        while next < self.length {
-            let limit = ENTRIES_PER_READ.min((self.length - next) as usize);
-            let entries = self.journal.entries(self.session.id, next, limit)?;
-            for entry in &entries {
-                match &entry.event {
-                    Event::Reading(reading) => {
-                        let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
-                        self.fold(&mut belief, reading, robot)?;
-                    }
-                    Event::Retraction { .. } | Event::Closed => {}
+        let order = memory.chronicle.order().to_vec();
+        self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.options.method))?;
+        Ok(memory.keep(fold))
+    }
+
+    /// The belief after the journal's first `length` entries, folded anew; from `start`, when
+    /// that is known to be on the way. `None` when the journal has fewer entries.
+    pub(super) fn past(
+        &self,
+        length: usize,
+        start: Option<Start>,
+    ) -> Result<SessionBelief, Refusal> {
+        let (order, begin) = match start {
+            Some(start) => start,
+            None => (self.chronicle(length)?.order().to_vec(), None),
+        };
+        let mut fold = match begin {
+            Some(fold) => fold,
+            None => self.nothing()?,
+        };
+        self.fold_on(&mut fold, &order, |_| {})?;
+        Ok(fold.belief)
+    }
+
+    /// What the journal's first `length` entries say.
+    pub(super) fn chronicle(&self, length: usize) -> Result<Chronicle, Refusal> {
+        let mut chronicle = Chronicle::default();
+        self.read(length, 0, |entry| {
+            chronicle.take(entry);
+        })?;
+        if chronicle.len() < length { Err(self.gone()) } else { Ok(chronicle) }
+    }
+
+    /// The belief before any reading.
+    pub(super) fn nothing(&self) -> Result<Fold, Refusal> {
+        let belief = SessionBelief::new(&self.session, &self.model);
+        Ok(Fold { belief: belief.map_err(|error| self.unusable(&error))?, n: 0 })
+    }
+
+    /// Folds the readings of `order` that are missing; `each` sees the belief after each.
+    pub(super) fn fold_on(
+        &self,
+        fold: &mut Fold,
+        order: &[u32],
+        mut each: impl FnMut(&Fold),
+    ) -> Result<(), Refusal> {
+        while fold.n < order.len() {
+            let next = &order[fold.n..order.len().min(fold.n + ENTRIES_PER_READ)];
+            let ready = self.ready(next)?;
+            for number in next {
+                let ready = ready.get(number).ok_or_else(|| self.gone())?;
+                self.add(&mut fold.belief, ready)?;
+                fold.n += 1;
+                each(fold);
+            }
+        }
+        Ok(())
+    }
+
+    /// Readings by their numbers, ready to be folded.
+    pub(super) fn ready(&self, numbers: &[u32]) -> Result<BTreeMap<u32, Ready>, Refusal> {
+        let mut sorted = numbers.to_vec();
+        sorted.sort_unstable();
+        let mut ready = BTreeMap::new();
+        for run in sorted.chunk_by(|a, b| a + 1 == *b) {
+            for entry in self.journal.entries(self.session.id, u64::from(run[0]), run.len())? {
+                if let Some(one) = self.one(&entry)? {
+                    ready.insert(one.number, one);
                 }
             }
-            next += limit as u64;
         }
-        Ok(belief)
+        Ok(ready)
     }
 
-    fn empty(&self) -> Result<SessionBelief, Refusal> {
-        SessionBelief::new(&self.session, &self.model).map_err(|error| self.unusable(&error))
+    /// Takes a reading into account.
+    pub(super) fn add(&self, belief: &mut SessionBelief, ready: &Ready) -> Result<(), Refusal> {
+        let Ready { stored, reading, sensor, .. } = ready;
+        belief.add(stored, reading, &sensor.description).map_err(|error| self.unusable(&error))
     }
 
-    fn fold(
-        &self,
-        belief: &mut SessionBelief,
-        stored: &StoredReading,
-        robot: Option<&str>,
-    ) -> Result<(), Refusal> {
+    /// By how many bits a belief expects a reading more than a touch anywhere.
+    pub(super) fn fit_bits(belief: &SessionBelief, ready: &Ready) -> Option<f64> {
+        belief.fit_bits(&ready.reading, &ready.sensor.description)
+    }
+
+    fn one(&self, entry: &Entry) -> Result<Option<Ready>, Refusal> {
+        let Event::Reading(stored) = &entry.event else { return Ok(None) };
+        let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
         let sensor = self.sensors.get(&stored.sensor.to_string())?;
         let calibration = self.sensors.calibrations().of(sensor.id, stored.calibration)?;
         let reading = from_store(stored, &sensor, calibration.as_deref())
@@ -67,7 +156,38 @@ impl Folding {
             Some(base) => reading.with_base(base),
             None => reading,
         };
-        belief.add(stored, &reading, &sensor.description).map_err(|error| self.unusable(&error))
+        let (number, id) = (entry.seq as u32, entry.reading_id.clone());
+        Ok(Some(Ready { number, id, stored: stored.clone(), reading, sensor }))
+    }
+
+    /// Some of the journal's entries from `next` on, before `last`.
+    pub(super) fn entries(&self, next: usize, last: usize) -> Result<Vec<Entry>, Refusal> {
+        let limit = ENTRIES_PER_READ.min(last.saturating_sub(next));
+        Ok(self.journal.entries(self.session.id, next as u64, limit)?)
+    }
+
+    /// Reads the journal's entries from `next` up to `length`.
+    fn read(
+        &self,
+        length: usize,
+        next: usize,
+        mut each: impl FnMut(&Entry),
+    ) -> Result<(), Refusal> {
+        let mut next = next;
+        while next < length {
+            let entries = self.entries(next, length)?;
+            if entries.is_empty() {
+                return Ok(());
+            }
+            entries.iter().for_each(&mut each);
+            next += entries.len();
+        }
+        Ok(())
+    }
+
+    /// A reading that was there: the session was deleted.
+    fn gone(&self) -> Refusal {
+        Refusal::NotFound { what: "session", reference: self.session.id.to_string() }
     }
 
     fn unusable(&self, error: &dyn std::error::Error) -> Refusal {

@@ -81,9 +81,11 @@ pub(crate) async fn close_session(
 ///
 /// 1 to 1000 readings in one list, also when it is only one; all are taken or none. Answered
 /// when they are durable, with the belief after them. `robot` and `seq` together identify a
-/// reading: sent again with the same content it is not counted twice and the answer of
-/// before comes back (the last 64 answers of a session are remembered until the server stops;
-/// otherwise the belief as it is now). 409 with other content, or when the session is closed or full.
+/// reading: sent again with the same content it is not counted twice, and when all of a request
+/// are known it is answered with the belief of the first time, also after a restart and when the
+/// reading was withdrawn since. 409 with other content, or when the session is closed or full.
+/// The belief is the same in whatever order readings with ids come: they are folded in the order
+/// of their stamps (those without first), then robots, then `seq`.
 #[utoipa::path(post, path = "/v1/sessions/{session}/readings", operation_id = "add_readings",
     tag = "sessions", request_body = AddReadings,
     params(("session" = String, Path, description = "The session's id"), ReadingsQuery),
@@ -102,8 +104,8 @@ pub(crate) async fn add_readings(
 /// Get a session's belief
 ///
 /// With `If-None-Match` and the `ETag` of a belief that is still the newest, 304. With `at`
-/// the belief as it was after so many readings, computed anew from the stored readings; it
-/// never changes, and its `ETag` is the one that it had then.
+/// the belief of an earlier revision, computed anew from the stored readings; it never changes,
+/// and its `ETag` is the one that it had then.
 #[utoipa::path(get, path = "/v1/sessions/{session}/belief", operation_id = "get_belief",
     tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), BeliefQuery),

@@ -184,6 +184,29 @@ pub(crate) fn stored(entry: &Entry) -> Option<wire::StoredReading> {
     })
 }
 
+/// A stored reading of a session for the wire, with the entry that withdraws it; `None` for
+/// entries that are not readings.
+pub(crate) fn of_session(entry: &Entry, withdrawn_by: Option<u64>) -> Option<wire::SessionReading> {
+    let Event::Reading(reading) = &entry.event else { return None };
+    let moved =
+        |moved: Looseness| wire::Looseness { position_m: moved.position, angle_rad: moved.angle };
+    Some(wire::SessionReading {
+        number: super::count(entry.seq),
+        robot: entry.reading_id.as_ref().map(|id| id.robot.clone()),
+        seq: entry.reading_id.as_ref().map(|id| id.seq),
+        sensor: reading.sensor,
+        stamp: reading.stamp_ns.map(stamp),
+        received_at: super::time(entry.received_at_ms),
+        retracted_by: withdrawn_by.map(|by| super::count(by + 1)),
+        pose: reading.session_from_sensor.as_ref().map(sensor::pose),
+        image: reading.pressures.clone(),
+        calibration: (reading.calibration > 0).then_some(reading.calibration),
+        feature: reading.feature.clone(),
+        approach_m: reading.approach,
+        object_moved: reading.object_moved.map(moved),
+    })
+}
+
 /// Checks a pose.
 pub(crate) fn pose(pointer: &str, given: &wire::Pose) -> Result<Pose, Refusal> {
     let far = given.position.iter().position(|value| value.abs() > POSITION_MAX);

@@ -50,10 +50,22 @@ pub(crate) struct Options {
 }
 
 /// What a session is doing, beside what is stored under its id.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Status {
+    /// How many entries its journal has: its revision.
+    pub(crate) length: u64,
+    /// Readings that count.
     pub(crate) n_readings: u64,
+    /// Readings that are withdrawn.
+    pub(crate) n_retracted: u64,
     pub(crate) closed_at_ms: Option<u64>,
+}
+
+impl Status {
+    /// How many readings are stored, those that are withdrawn included.
+    pub(crate) fn n_stored(&self) -> u64 {
+        self.n_readings + self.n_retracted
+    }
 }
 
 /// A session for the wire.
@@ -75,6 +87,8 @@ pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wir
         frame_id: frame_id(session).map(str::to_owned),
         state: if is_open { SessionState::Open } else { SessionState::Closed },
         n_readings: count(status.n_readings),
+        n_retracted: count(status.n_retracted),
+        revision: count(status.length),
         ttl_s: (session.time_to_live_ms > 0).then(|| count(session.time_to_live_ms / 1000)),
         created_at: time(session.created_at_ms),
         closed_at: status.closed_at_ms.map(time),

@@ -78,7 +78,10 @@ async fn the_belief_at_a_reading_is_what_was_answered_to_it() {
     let known = it.client.get(it.url(&format!("{path}/belief?at=3")));
     let known = known.header("if-none-match", "\"3\"").send().await.unwrap();
     assert_eq!(known.status(), 304);
-    for at in ["6", "-1", "last"] {
+    // The sixth entry is the session's end.
+    let end = it.get(&format!("{path}/belief?at=6")).await.expect(200);
+    assert_eq!((&end["objects"], &end["revision"]), (&answered[5]["objects"], &json!(6)));
+    for at in ["7", "-1", "last"] {
         let refused = it.get(&format!("{path}/belief?at={at}")).await;
         refused.problem(422, "invalid-value", Some("?at"));
     }
@@ -128,7 +131,7 @@ async fn a_reading_that_is_repeated_after_a_restart_counts_once() {
         reading["seq"] = json!(seq);
     }
     let first = json!({"readings": readings[..2]});
-    it.post(&format!("{path}/readings"), &first).await.expect(200);
+    let answered = it.post(&format!("{path}/readings"), &first).await.expect(200);
     let both = json!({"readings": readings[1..]});
     it.post(&format!("{path}/readings"), &both).await.expect(200);
     let belief = it.get(&format!("{path}/belief")).await.expect(200);
@@ -136,7 +139,7 @@ async fn a_reading_that_is_repeated_after_a_restart_counts_once() {
     for _ in 0..2 {
         let again = it.post(&format!("{path}/readings"), &first).await.expect(200);
         assert_eq!((&again["n_new"], &again["n_repeated"]), (&json!(0), &json!(2)));
-        assert_eq!((&again["n_readings"], &again["belief"]), (&json!(3), &belief));
+        assert_eq!((&again["n_readings"], &again["belief"]), (&json!(3), &answered["belief"]));
     }
     readings[0]["image"][0] = json!(9.0);
     let changed = it.post(&format!("{path}/readings"), &json!({"readings": readings})).await;

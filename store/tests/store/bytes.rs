@@ -3,7 +3,8 @@
 //! `golden/records_v1.txt` was written by this test's `current` on layout 1 and is never
 //! changed: what it holds must be readable for ever. A new schema adds a file:
 //! `golden/records_v2.txt` has journal entries of schema 2 and calibrations,
-//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4.
+//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4,
+//! `golden/retractions_v1.txt` what withdraws a reading.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -27,6 +28,7 @@ const GOLDEN: &str = include_str!("golden/records_v1.txt");
 const GOLDEN_V2: &str = include_str!("golden/records_v2.txt");
 const GOLDEN_V3: &str = include_str!("golden/records_v3.txt");
 const GOLDEN_V4: &str = include_str!("golden/records_v4.txt");
+const GOLDEN_RETRACTIONS: &str = include_str!("golden/retractions_v1.txt");
 
 /// Every key and value of a filled database, a line each in hexadecimal; values above 500
 /// bytes (pieces of files) by their hash.
@@ -67,6 +69,19 @@ fn current_v4() -> String {
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
     let closed = NewEntry { event: Event::Closed, ..samples::entry("b", 1) };
     let entries = [samples::moved_entry("a", 1), closed];
+    samples::wait(async {
+        database.journal().append(Uuid::from_u128(50), 0, &entries).await.unwrap();
+    });
+    lines(&*engine)
+}
+
+/// The same of a database with a reading that is withdrawn.
+fn current_retractions() -> String {
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    let database = Database::with_engine(Arc::clone(&engine)).unwrap();
+    let event = Event::Retraction { seq: 0 };
+    let retraction = NewEntry { reading_id: None, received_at_ms: 1_790_000_000_001, event };
+    let entries = [samples::moved_entry("a", 1), retraction];
     samples::wait(async {
         database.journal().append(Uuid::from_u128(50), 0, &entries).await.unwrap();
     });
@@ -137,6 +152,18 @@ fn todays_bytes_of_schema_4_are_the_frozen_bytes() {
         assert_eq!(now, frozen);
     }
     assert_eq!(current.lines().count(), GOLDEN_V4.lines().count(), "\n{current}");
+}
+
+#[test]
+fn todays_bytes_of_retractions_are_the_frozen_bytes() {
+    assert_eq!(current_retractions(), GOLDEN_RETRACTIONS);
+}
+
+#[test]
+fn frozen_bytes_of_retractions_are_read() {
+    let (journal, owner) = (thawed(GOLDEN_RETRACTIONS).journal(), Uuid::from_u128(50));
+    assert_eq!(journal.retraction(owner, 0), Ok(Some(1)));
+    assert_eq!(journal.entry(owner, 1).unwrap().unwrap().event, Event::Retraction { seq: 0 });
 }
 
 #[test]

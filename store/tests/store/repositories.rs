@@ -181,7 +181,7 @@ fn a_repeated_reading_is_found_and_not_stored_twice() {
         let repeated = AppendError::Repeated { robot: "a".to_owned(), seq: 7, at: 0 };
         assert_eq!(again, Err(repeated));
         let twice = wait(journal.append_next(owner, &[entry("c", 1), entry("c", 1)]));
-        assert!(matches!(twice, Err(AppendError::Repeated { at: 1, .. })));
+        assert!(matches!(twice, Err(AppendError::Repeated { at: 1, .. })), "{twice:?}");
         assert_eq!(journal.len(owner), Ok(1));
         let find = |robot: &str, seq| journal.find(owner, &ReadingId { robot: robot.into(), seq });
         assert_eq!(find("a", 7), Ok(Some(0)));
@@ -206,6 +206,32 @@ fn readings_of_large_sensors_and_other_events_are_kept() {
         assert_eq!(found.into_iter().map(|entry| entry.event).collect::<Vec<_>>(), events);
         wait(journal.remove(owner)).unwrap();
         assert_eq!(journal.len(owner), Ok(0));
+    });
+}
+
+#[test]
+fn an_entry_is_withdrawn_once() {
+    check(|database| {
+        let (journal, owner) = (database.journal(), Uuid::from_u128(1));
+        let retraction = |seq| NewEntry {
+            reading_id: None,
+            received_at_ms: 1,
+            event: Event::Retraction { seq },
+        };
+        wait(journal.append(owner, 0, &[entry("a", 1), entry("a", 2), entry("b", 1)])).unwrap();
+        assert_eq!(journal.retraction(owner, 1), Ok(None));
+        wait(journal.append(owner, 3, &[retraction(1)])).unwrap();
+        let again = wait(journal.append(owner, 4, &[retraction(0), retraction(1)]));
+        assert_eq!(again, Err(AppendError::Retracted { seq: 1, at: 3 }));
+        let twice = wait(journal.append(owner, 4, &[retraction(2), retraction(2)]));
+        assert_eq!(twice, Err(AppendError::Retracted { seq: 2, at: 4 }));
+        assert_eq!(journal.len(owner), Ok(4), "all or none");
+        wait(journal.append(owner, 4, &[entry("c", 1), retraction(0)])).unwrap();
+        assert_eq!(journal.retraction(owner, 0), Ok(Some(5)));
+        let all: Vec<_> = journal.retractions(owner).unwrap().into_iter().collect();
+        assert_eq!(all, [(0, 5), (1, 3)]);
+        wait(journal.remove(owner)).unwrap();
+        assert_eq!(journal.retractions(owner).unwrap().len(), 0);
     });
 }
 

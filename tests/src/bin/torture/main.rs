@@ -1,6 +1,7 @@
 //! `torture`: kills and damages a real server again and again, and counts what it got wrong.
 //!
-//! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change.
+//! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change;
+//! `order`: one set of readings is sent in many ways.
 //! The last line of the standard output is one JSON object; every count of faults in it must
 //! be 0, and the exit code is 1 if one is not. Progress goes to the standard error.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
@@ -11,6 +12,7 @@ mod http;
 mod kill;
 mod ledger;
 mod material;
+mod order;
 mod robot;
 mod serving;
 
@@ -51,6 +53,8 @@ enum Mode {
     Kill,
     /// Changed and cut files.
     Corrupt,
+    /// Readings in other orders, in batches, twice, and withdrawn; eight ways a round.
+    Order,
     /// Everything.
     All,
 }
@@ -72,6 +76,7 @@ struct Counts {
     restarts: u64,
     restart_seconds_max: f64,
     beliefs_compared: u64,
+    orders_compared: u64,
     versions_trained: u64,
     damages: u64,
     damages_refused: u64,
@@ -125,6 +130,9 @@ async fn run(args: &Args) -> anyhow::Result<Counts> {
     }
     if matches!(args.mode, Mode::Corrupt | Mode::All) {
         corrupt::run(&command, args, &mut counts, &say).await?;
+    }
+    if matches!(args.mode, Mode::Order | Mode::All) {
+        order::run(&command, args, &mut counts, &say).await?;
     }
     counts.seconds = begun.elapsed().as_secs_f64();
     Ok(counts)

@@ -1,0 +1,156 @@
+//! What `palpate sessions` shows of a session's history.
+
+use palpate_client::Client;
+use palpate_client::schemas::{
+    BeliefDetail, Explanation, PageQuery, ReadingRetracted, Replay, ReplayQuery, SessionChange,
+    SessionReading, SessionReadingPage,
+};
+use uuid::Uuid;
+
+use super::NONE_OF_THESE;
+use crate::output;
+
+/// Steps that are asked for at once.
+const STEPS: u32 = 1000;
+
+/// All readings of a session, as one page.
+pub(super) async fn readings(client: &Client, session: Uuid) -> anyhow::Result<SessionReadingPage> {
+    let mut all = SessionReadingPage { items: Vec::new(), next_cursor: None };
+    loop {
+        let query = PageQuery { limit: Some(1000), cursor: all.next_cursor.take() };
+        let page = client.session_readings(session, &query).await?;
+        all.items.extend(page.items);
+        if page.next_cursor.is_none() {
+            return Ok(all);
+        }
+        all.next_cursor = page.next_cursor;
+    }
+}
+
+/// Withdraws a reading, by its number within the session or by a robot's.
+pub(super) async fn retract(
+    client: &Client,
+    session: Uuid,
+    number: Option<u32>,
+    of_robot: Option<(String, u64)>,
+) -> anyhow::Result<ReadingRetracted> {
+    let detail = BeliefDetail::Full;
+    match (number, of_robot) {
+        (_, Some((robot, seq))) => {
+            Ok(client.retract_robot_reading(session, &robot, seq, detail).await?)
+        }
+        (Some(number), None) => Ok(client.retract_reading(session, number, detail).await?),
+        (None, None) => anyhow::bail!("expected a reading's number, or --robot and --seq"),
+    }
+}
+
+/// The whole replay behind `after`, with the steps of all answers.
+pub(super) async fn replay(
+    client: &Client,
+    session: Uuid,
+    upto: Option<u32>,
+    after: u32,
+) -> anyhow::Result<Replay> {
+    let ask = |upto, after| {
+        let query = ReplayQuery { upto, after: Some(after), limit: Some(STEPS), poses: None };
+        client.replay(session, query)
+    };
+    let mut all = ask(upto, after).await?;
+    while let Some(after) = all.next_after {
+        // What comes meanwhile is not in it.
+        let more = ask(Some(all.upto), after).await?;
+        all.steps.extend(more.steps);
+        all.next_after = more.next_after;
+    }
+    Ok(all)
+}
+
+/// Readings, one a line.
+pub(super) fn readings_words(page: &SessionReadingPage) -> String {
+    output::table(
+        ["number", "robot", "seq", "stamp", "received", "position (m)", ""],
+        page.items.iter().map(|reading| {
+            let stamp = reading.stamp.map(|s| format!("{}.{:09}", s.sec, s.nanosec));
+            let position = reading.pose.as_ref().map(|pose| {
+                let [x, y, z] = pose.position;
+                format!("{x:.4} {y:.4} {z:.4}")
+            });
+            [
+                reading.number.to_string(),
+                reading.robot.clone().unwrap_or_default(),
+                reading.seq.map(|seq| seq.to_string()).unwrap_or_default(),
+                stamp.unwrap_or_default(),
+                reading.received_at.clone(),
+                position.unwrap_or_default(),
+                remark(reading),
+            ]
+        }),
+    )
+}
+
+fn remark(reading: &SessionReading) -> String {
+    reading.retracted_by.map(|by| format!("withdrawn by revision {by}")).unwrap_or_default()
+}
+
+/// Steps, one a line.
+pub(super) fn replay_words(replay: &Replay) -> String {
+    let steps = output::table(
+        ["revision", "what came", "readings", "likeliest", "", "entropy"],
+        replay.steps.iter().map(|step| {
+            let (name, probability) = match &step.best {
+                Some(best) if best.probability >= step.unknown => {
+                    (best.name.as_str(), best.probability)
+                }
+                _ => (NONE_OF_THESE, step.unknown),
+            };
+            [
+                step.revision.to_string(),
+                change(&step.change),
+                step.n_readings.to_string(),
+                name.to_owned(),
+                format!("{:5.1} %", probability * 100.0),
+                format!("{:.2} bits", step.entropy_bits),
+            ]
+        }),
+    );
+    format!("{steps}\n\n{}", super::belief_words(&replay.belief))
+}
+
+fn change(change: &SessionChange) -> String {
+    match change {
+        SessionChange::Reading { number, robot, seq, late } => {
+            let late = if *late { ", late" } else { "" };
+            match (robot, seq) {
+                (Some(robot), Some(seq)) => format!("reading {number} ({robot} {seq}{late})"),
+                _ => format!("reading {number}{late}"),
+            }
+        }
+        SessionChange::Retraction { number } => format!("withdrawal of {number}"),
+        SessionChange::Closed => "the end".to_owned(),
+    }
+}
+
+/// Contributions, one a line.
+pub(super) fn explanation_words(explanation: &Explanation) -> String {
+    let shown = |bits: Option<f64>| bits.map(|bits| format!("{bits:+.2}")).unwrap_or_default();
+    let rows = output::table(
+        ["number", "robot", "seq", "bits", "information", "support", "fit", ""],
+        explanation.readings.iter().map(|reading| {
+            [
+                reading.number.to_string(),
+                reading.robot.clone().unwrap_or_default(),
+                reading.seq.map(|seq| seq.to_string()).unwrap_or_default(),
+                shown(reading.bits),
+                shown(reading.information_bits),
+                shown(reading.support_bits),
+                shown(reading.fit_bits),
+                if reading.disagrees { "disagrees with the rest" } else { "" }.to_owned(),
+            ]
+        }),
+    );
+    let answer = &explanation.answer;
+    let name = answer.name.as_deref().unwrap_or(NONE_OF_THESE);
+    let percent = answer.probability * 100.0;
+    let rest = if explanation.complete { "" } else { "\n\ntime ran out before all were compared" };
+    format!("revision {}: {name}, {percent:.1} %\n\n{rows}{rest}", explanation.revision)
+}

@@ -1,0 +1,100 @@
+//! Calls about a session's history: its readings, withdrawing them, replay, explanation.
+
+use palpate_schemas::{
+    BeliefDetail, ExplainQuery, Explanation, PageQuery, ReadingRetracted, Replay, ReplayQuery,
+    SessionReadingPage,
+};
+use uuid::Uuid;
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::request::Request;
+use crate::retry::Repeat;
+
+impl Client {
+    /// A page of a session's readings in the order in which they came.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn session_readings(
+        &self,
+        session: Uuid,
+        page: &PageQuery,
+    ) -> Result<SessionReadingPage, Error> {
+        let path = ["v1", "sessions", &session.to_string(), "readings"];
+        self.send(Request::get(path).page(page)).await
+    }
+
+    /// Withdraws the reading that has a number within the session, and answers the belief
+    /// without it. Withdrawn again it answers as the first time.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the session is closed.
+    pub async fn retract_reading(
+        &self,
+        session: Uuid,
+        number: u32,
+        detail: BeliefDetail,
+    ) -> Result<ReadingRetracted, Error> {
+        let path = ["v1", "sessions", &session.to_string(), "readings", &number.to_string()];
+        self.retract(Request::delete(path), detail).await
+    }
+
+    /// The same by a robot's own number of the reading.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the session is closed.
+    pub async fn retract_robot_reading(
+        &self,
+        session: Uuid,
+        robot: &str,
+        seq: u64,
+        detail: BeliefDetail,
+    ) -> Result<ReadingRetracted, Error> {
+        let (session, seq) = (session.to_string(), seq.to_string());
+        let path = ["v1", "sessions", &session, "readings", robot, &seq];
+        self.retract(Request::delete(path), detail).await
+    }
+
+    /// What a session believed, revision by revision.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn replay(&self, session: Uuid, query: ReplayQuery) -> Result<Replay, Error> {
+        let path = ["v1", "sessions", &session.to_string(), "replay"];
+        let request = Request::get(path)
+            .query("upto", query.upto)
+            .query("after", query.after)
+            .query("limit", query.limit)
+            .query("poses", query.poses);
+        self.send(request).await
+    }
+
+    /// What each reading contributed to a session's belief, and which disagree with the rest.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when it rests on too many readings.
+    pub async fn explain(&self, session: Uuid, query: ExplainQuery) -> Result<Explanation, Error> {
+        let path = ["v1", "sessions", &session.to_string(), "explain"];
+        self.send(Request::get(path).query("at", query.at)).await
+    }
+
+    async fn retract(
+        &self,
+        request: Request,
+        detail: BeliefDetail,
+    ) -> Result<ReadingRetracted, Error> {
+        let request = request.query("belief", Some(detail_name(detail)));
+        // Unlike other removals, a second one is answered as the first.
+        self.send(request.repeat(Repeat::Harmless)).await
+    }
+}
+
+/// How much of a belief is asked for, as a query has it.
+pub(crate) fn detail_name(detail: BeliefDetail) -> &'static str {
+    match detail {
+        BeliefDetail::Full => "full",
+        BeliefDetail::Top => "top",
+        BeliefDetail::None => "none",
+    }
+}

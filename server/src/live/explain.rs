@@ -1,0 +1,118 @@
+//! What each reading contributed to a belief: it is compared with the belief of all others.
+//!
+//! Leave-one-out, with the method that the session has, whichever that is: the readings are
+//! folded without each in turn, from the belief of those before it. For n readings n²/2 folds;
+//! so n is bounded, the work is done in slices and ends when time is up.
+
+use std::time::{Duration, Instant};
+
+use palpate_core::belief::answer::Answer;
+use palpate_schemas as wire;
+
+use super::Live;
+use super::folding::{Folding, Ready};
+use super::replay::SLICE;
+use crate::belief::SessionBelief;
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::sessions::Tools;
+use crate::wire::history::{self, Without};
+
+/// The most readings of a belief that is explained.
+const READINGS_MAX: usize = 200;
+/// How long one answer may take altogether.
+const TIME_MAX: Duration = Duration::from_secs(60);
+
+/// A comparison under way.
+struct Comparison {
+    folding: Folding,
+    /// In the order in which they are folded.
+    readings: Vec<Ready>,
+    /// The belief of all.
+    whole: Answer,
+    /// The belief of those before the reading that is left out now.
+    before: SessionBelief,
+    /// The belief without that reading, and how many readings it has seen or left out.
+    without: Option<(SessionBelief, usize)>,
+    /// From this reading on the object rests where the belief has it.
+    resting: usize,
+    /// What is believed without each reading, as far as it is known.
+    known: Vec<Without>,
+}
+
+impl Live {
+    /// What each reading contributed to the belief of a revision, the newest if none is named.
+    pub(crate) async fn explain(
+        &self,
+        tools: &Tools<'_>,
+        at: Option<u64>,
+    ) -> Result<wire::Explanation, Refusal> {
+        let begun = Instant::now();
+        let newest = self.status(tools.store, now_ms())?.length;
+        let revision = at.unwrap_or(newest);
+        self.check_revision(tools, "?at", revision)?;
+        let folding = self.folding(tools);
+        let begin = move || Comparison::begin(folding, revision as usize);
+        let mut comparison = tools.pool.place()?.run(begin).await??;
+        while !comparison.is_complete() && begun.elapsed() < TIME_MAX {
+            let slice = move || {
+                comparison.go_on()?;
+                Ok::<_, Refusal>(comparison)
+            };
+            comparison = tools.pool.place()?.run(slice).await??;
+        }
+        let Comparison { readings, whole, known, .. } = comparison;
+        let ids = readings.into_iter().map(|ready| (ready.number, ready.id)).collect();
+        Ok(history::explanation(&self.session, revision, ids, &whole, &known, &self.model))
+    }
+}
+
+impl Comparison {
+    /// Folds all readings of a revision, and is ready to leave out the first.
+    fn begin(folding: Folding, revision: usize) -> Result<Self, Refusal> {
+        let chronicle = folding.chronicle(revision)?;
+        let order = chronicle.order();
+        if order.len() > READINGS_MAX {
+            let (session, found) = (folding.session.id, order.len());
+            return Err(Refusal::TooManyToExplain { session, found, max: READINGS_MAX });
+        }
+        let mut ready = folding.ready(order)?;
+        let readings: Vec<Ready> = order.iter().filter_map(|number| ready.remove(number)).collect();
+        let before = folding.nothing()?.belief;
+        let mut belief = before.clone();
+        for reading in &readings {
+            folding.add(&mut belief, reading)?;
+        }
+        let whole = belief.answer(0);
+        let resting = readings.iter().rposition(Ready::object_moved).unwrap_or(0);
+        Ok(Self { folding, readings, whole, before, without: None, resting, known: Vec::new() })
+    }
+
+    fn is_complete(&self) -> bool {
+        self.known.len() == self.readings.len()
+    }
+
+    /// Goes on for a slice of time.
+    fn go_on(&mut self) -> Result<(), Refusal> {
+        let begun = Instant::now();
+        while !self.is_complete() && begun.elapsed() < SLICE {
+            let left_out = self.known.len();
+            let (mut belief, next) =
+                self.without.take().unwrap_or_else(|| (self.before.clone(), left_out + 1));
+            match self.readings.get(next) {
+                Some(reading) => {
+                    self.folding.add(&mut belief, reading)?;
+                    self.without = Some((belief, next + 1));
+                }
+                None => {
+                    let reading = &self.readings[left_out];
+                    let fit = || Folding::fit_bits(&belief, reading);
+                    let fit_bits = if left_out >= self.resting { fit() } else { None };
+                    self.known.push(Without { answer: belief.answer(0), fit_bits });
+                    self.folding.add(&mut self.before, reading)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}

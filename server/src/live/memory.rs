@@ -1,0 +1,126 @@
+//! What is in memory of a session's beliefs: the newest, and a few earlier ones to go back to.
+//!
+//! A belief rests on the first `n` readings of the order. A late reading or a retraction
+//! forgets the beliefs that rest on more than what stays before it; the next fold begins with
+//! the newest that is left. Earlier beliefs are kept at growing distances, so that going back
+//! by `k` readings folds a multiple of `k` again, not all of them. Copies equal what they are
+//! copied from, so it changes no bit where a fold begins.
+
+use palpate_schemas::Method;
+use palpate_store::journal::Entry;
+
+use super::order::Chronicle;
+use crate::belief::SessionBelief;
+
+/// Earlier beliefs that are kept.
+const CHECKPOINTS_MAX: usize = 4;
+/// So many readings lie between two beliefs that are kept, at least.
+const STRIDE: usize = 4;
+
+/// A belief and how many readings of the order it rests on.
+#[derive(Clone)]
+pub(super) struct Fold {
+    pub(super) belief: SessionBelief,
+    pub(super) n: usize,
+}
+
+/// The order in which readings are to be folded, and how far they are, if anything is.
+pub(super) type Start = (Vec<u32>, Option<Fold>);
+
+/// What is in memory of a session.
+#[derive(Default)]
+pub(super) struct Memory {
+    pub(super) chronicle: Chronicle,
+    newest: Option<Fold>,
+    /// Ascending.
+    checkpoints: Vec<Fold>,
+}
+
+impl Memory {
+    /// Takes the journal's next entry, and forgets what it makes wrong; gives how many readings
+    /// of the order stay as they were.
+    pub(super) fn take(&mut self, entry: &Entry) -> usize {
+        let stays = self.chronicle.take(entry);
+        self.newest = self.newest.take().filter(|fold| fold.n <= stays);
+        self.checkpoints.retain(|fold| fold.n <= stays);
+        stays
+    }
+
+    /// The belief to go on from, taken out; `None` begins with nothing.
+    pub(super) fn begin(&mut self) -> Option<Fold> {
+        self.newest.take().or_else(|| self.checkpoints.last().cloned())
+    }
+
+    /// Keeps the newest belief.
+    pub(super) fn keep(&mut self, newest: Fold) -> &SessionBelief {
+        &self.newest.insert(newest).belief
+    }
+
+    /// Keeps a copy of a belief to go back to, now and then; one at most of every few.
+    pub(super) fn note(&mut self, fold: &Fold, method: Method) {
+        let is_new = self.checkpoints.last().is_none_or(|last| last.n < fold.n);
+        if !fold.n.is_multiple_of(STRIDE) || !is_new || !is_light(method) {
+            return;
+        }
+        self.checkpoints.push(fold.clone());
+        if self.checkpoints.len() > CHECKPOINTS_MAX {
+            let at: Vec<usize> = self.checkpoints.iter().map(|fold| fold.n).collect();
+            self.checkpoints.remove(least_missed(&at));
+        }
+    }
+
+    /// The newest belief of those that rest on readings as `order` has them, copied.
+    pub(super) fn before(&self, order: &[u32]) -> Option<Fold> {
+        let both = order.iter().zip(self.chronicle.order());
+        let common = both.take_while(|(then, now)| then == now).count();
+        let known = self.checkpoints.iter().chain(&self.newest);
+        known.filter(|fold| fold.n <= common).max_by_key(|fold| fold.n).cloned()
+    }
+}
+
+/// Whether a copy is cheap. The dissertation's filters hold tables of many megabytes.
+fn is_light(method: Method) -> bool {
+    match method {
+        Method::Hybrid
+        | Method::Sva
+        | Method::Geometric
+        | Method::Appearance
+        | Method::AppearanceLiteral => true,
+        Method::SvaLiteral | Method::GeometricHistogram | Method::GeometricParticles => false,
+    }
+}
+
+/// Which of ascending places (never the last) is missed least: the gap that it leaves is the
+/// smallest beside its distance from the end.
+fn least_missed(at: &[usize]) -> usize {
+    let end = at.last().copied().unwrap_or(0) + 1;
+    let missed = |place: usize| {
+        let before = place.checked_sub(1).map_or(0, |before| at[before]);
+        let gap = at[place + 1] - before;
+        gap as f64 / (end - at[place]) as f64
+    };
+    let places = 0..at.len().saturating_sub(1);
+    places.min_by(|a, b| missed(*a).total_cmp(&missed(*b))).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_lies_at_growing_distances() {
+        let mut at: Vec<usize> = Vec::new();
+        for n in (STRIDE..=400).step_by(STRIDE) {
+            at.push(n);
+            if at.len() > CHECKPOINTS_MAX {
+                at.remove(least_missed(&at));
+            }
+            let newest = at.last().copied();
+            assert_eq!(newest, Some(n));
+        }
+        assert_eq!(at.len(), CHECKPOINTS_MAX);
+        let ages: Vec<usize> = at.iter().map(|n| 400 - n).collect();
+        assert!(ages.windows(2).all(|pair| pair[0] >= 2 * pair[1]), "{ages:?}");
+        assert!(ages[2] <= 4 * STRIDE, "one is near: {ages:?}");
+    }
+}

@@ -1,0 +1,77 @@
+//! Beliefs as they were: after the first entries of a session's journal.
+//!
+//! They never change, so nobody waits for them but who asks.
+
+use palpate_core::belief::answer::Answer;
+use palpate_schemas as wire;
+
+use super::Live;
+use super::memory::{Memory, Start};
+use crate::clock::now_ms;
+use crate::compute::Place;
+use crate::refusal::Refusal;
+use crate::sessions::Tools;
+
+impl Live {
+    /// The belief after the first `at` entries of the session's journal; `None` when that
+    /// revision is known.
+    pub(crate) async fn belief_at(
+        &self,
+        tools: &Tools<'_>,
+        poses: usize,
+        at: u64,
+        known_revision: Option<u64>,
+    ) -> Result<Option<wire::Belief>, Refusal> {
+        self.check_revision(tools, "?at", at)?;
+        if known_revision == Some(at) {
+            return Ok(None);
+        }
+        let place = tools.pool.place()?;
+        // Whoever is folding right now is not waited for.
+        let start = self.state.try_lock().ok().and_then(|state| start(&state.memory, at));
+        Ok(Some(self.past(tools, place, at, poses, start).await?))
+    }
+
+    /// Refuses a revision that the session has not had yet.
+    pub(super) fn check_revision(
+        &self,
+        tools: &Tools<'_>,
+        field: &str,
+        revision: u64,
+    ) -> Result<(), Refusal> {
+        let newest = self.status(tools.store, now_ms())?.length;
+        if revision <= newest {
+            return Ok(());
+        }
+        let detail = format!("came {revision}, but the session's revision is {newest}");
+        Err(Refusal::field(field, detail))
+    }
+
+    /// The belief of a revision, folded from `start`, or else from nothing.
+    pub(super) async fn past(
+        &self,
+        tools: &Tools<'_>,
+        place: Place,
+        revision: u64,
+        poses: usize,
+        start: Option<Start>,
+    ) -> Result<wire::Belief, Refusal> {
+        let folding = self.folding(tools);
+        let work = move || -> Result<Answer, Refusal> {
+            Ok(folding.past(revision as usize, start)?.answer(poses))
+        };
+        let answer = place.run(work).await??;
+        Ok(self.shown(revision, &answer))
+    }
+}
+
+/// The order of a revision's readings, and the newest belief in memory on the way to it;
+/// `None` when the revision is not in memory.
+pub(super) fn start(memory: &Memory, revision: u64) -> Option<Start> {
+    let length = revision as usize;
+    (memory.chronicle.len() >= length).then(|| {
+        let order = memory.chronicle.order_at(length);
+        let begin = memory.before(&order);
+        (order, begin)
+    })
+}

@@ -1,0 +1,117 @@
+//! What a session believed, revision by revision.
+//!
+//! Readings that came in time are folded once; a late one folds again what stands behind it,
+//! from the nearest belief that is kept. The work is done in slices, so that other sessions'
+//! readings are not held up, and ends when time is up: the answer says from where to go on.
+
+use std::time::{Duration, Instant};
+
+use palpate_schemas as wire;
+use palpate_store::journal::Entry;
+
+use super::folding::Folding;
+use super::memory::Memory;
+use super::{Live, past};
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::sessions::Tools;
+use crate::wire::{count, history};
+
+/// A slice of work on the compute pool.
+pub(super) const SLICE: Duration = Duration::from_millis(100);
+/// How long one answer may take altogether.
+const TIME_MAX: Duration = Duration::from_secs(20);
+
+/// What to replay.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ReplayQuestion {
+    /// The last revision; the newest when not given.
+    pub(crate) upto: Option<u64>,
+    /// The revision behind which the steps begin.
+    pub(crate) after: u64,
+    /// How many steps at most.
+    pub(crate) limit: u64,
+    /// How many poses of the belief at most.
+    pub(crate) poses: usize,
+}
+
+/// A replay under way.
+struct Walk {
+    folding: Folding,
+    memory: Memory,
+    last: usize,
+    steps: Vec<wire::ReplayStep>,
+}
+
+impl Live {
+    /// The steps behind `after` up to `upto`, and the belief of `upto`.
+    pub(crate) async fn replay(
+        &self,
+        tools: &Tools<'_>,
+        question: ReplayQuestion,
+    ) -> Result<wire::Replay, Refusal> {
+        let begun = Instant::now();
+        let newest = self.status(tools.store, now_ms())?.length;
+        let upto = question.upto.unwrap_or(newest);
+        self.check_revision(tools, "?upto", upto)?;
+        if question.after > upto {
+            let detail = format!("came {}, expected at most `upto`, {upto}", question.after);
+            return Err(Refusal::field("?after", detail));
+        }
+        let last = upto.min(question.after + question.limit);
+        let mut walk = Walk {
+            folding: self.folding(tools),
+            memory: Memory::default(),
+            last: last as usize,
+            steps: Vec::new(),
+        };
+        let after = question.after as usize;
+        let mut is_over = false;
+        while !is_over && (walk.steps.is_empty() || begun.elapsed() < TIME_MAX) {
+            let slice = move || {
+                let is_over = walk.go_on(after)?;
+                Ok::<_, Refusal>((walk, is_over))
+            };
+            (walk, is_over) = tools.pool.place()?.run(slice).await??;
+        }
+        let reached = question.after + walk.steps.len() as u64;
+        let start = past::start(&walk.memory, upto);
+        let belief = self.past(tools, tools.pool.place()?, upto, question.poses, start).await?;
+        Ok(wire::Replay {
+            session: self.session.id,
+            upto: count(upto),
+            steps: walk.steps,
+            next_after: (reached < upto).then(|| count(reached)),
+            belief,
+        })
+    }
+}
+
+impl Walk {
+    /// Goes on for a slice of time; true when there is nothing more to do.
+    fn go_on(&mut self, after: usize) -> Result<bool, Refusal> {
+        let begun = Instant::now();
+        if self.memory.chronicle.len() < after {
+            self.folding.bring(&mut self.memory, after)?;
+        }
+        let next = self.memory.chronicle.len();
+        let entries = self.folding.entries(next, self.last)?;
+        for entry in &entries {
+            let step = self.step(entry)?;
+            self.steps.push(step);
+            if begun.elapsed() >= SLICE {
+                break;
+            }
+        }
+        Ok(entries.is_empty() || self.memory.chronicle.len() == self.last)
+    }
+
+    /// Takes one entry.
+    fn step(&mut self, entry: &Entry) -> Result<wire::ReplayStep, Refusal> {
+        let stays = self.memory.take(entry);
+        let late = stays + 1 < self.memory.chronicle.order().len();
+        let length = self.memory.chronicle.len();
+        let answer = self.folding.bring(&mut self.memory, length)?.answer(0);
+        Ok(history::step(entry, late, &answer, &self.folding.model))
+    }
+}

@@ -1,0 +1,60 @@
+//! Withdrawing a reading: it stays in the journal and counts no more.
+
+use palpate_schemas as wire;
+use palpate_schemas::BeliefDetail;
+use palpate_store::journal::{Event, NewEntry};
+
+use super::{Live, past, shown};
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::sessions::{POSES, Tools};
+use crate::wire::count;
+
+impl Live {
+    /// Withdraws the reading that is entry `number` of the journal, and answers the belief
+    /// without it. Again, it changes nothing and answers as the first time.
+    pub(crate) async fn retract(
+        &self,
+        tools: &Tools<'_>,
+        number: u64,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, Refusal> {
+        let mut state = self.state.lock().await;
+        let now = now_ms();
+        let (session, journal) = (self.session.id, tools.store.journal());
+        let status = self.status(tools.store, now)?;
+        let entry = journal.entry(session, number)?;
+        if !entry.is_some_and(|entry| matches!(entry.event, Event::Reading(_))) {
+            return Err(Refusal::NotFound { what: "reading", reference: number.to_string() });
+        }
+        let before = journal.retraction(session, number)?;
+        if before.is_none() && status.closed_at_ms.is_some() {
+            return Err(Refusal::SessionClosed { session });
+        }
+        let place = self.place(tools, detail)?;
+        if before.is_none() {
+            let event = Event::Retraction { seq: number };
+            let entry = NewEntry { reading_id: None, received_at_ms: now, event };
+            journal.append(session, status.length, &[entry]).await?;
+            tracing::info!(session.id = %session, reading.number = number,
+                "Withdrew reading {number} of session {session}");
+        }
+        let is_new = before.is_none();
+        let revision = before.unwrap_or(status.length) + 1;
+        let belief = match place {
+            None => None,
+            Some(place) if is_new => Some(self.renew(&mut state, tools, place, revision).await?),
+            Some(place) => {
+                let start = past::start(&state.memory, revision);
+                Some(self.past(tools, place, revision, POSES, start).await?)
+            }
+        };
+        Ok(wire::ReadingRetracted {
+            session,
+            number: count(number),
+            revision: count(revision),
+            n_readings: count(status.n_readings - u64::from(is_new)),
+            belief: shown(belief, detail),
+        })
+    }
+}

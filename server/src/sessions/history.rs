@@ -1,0 +1,107 @@
+//! Sessions: their readings one by one, withdrawing them, and what was believed when and why.
+
+use std::sync::Arc;
+
+use palpate_schemas as wire;
+use palpate_schemas::BeliefDetail;
+use palpate_store::entity::ReadingId;
+use uuid::Uuid;
+
+use super::{Sessions, poses};
+use crate::live::ReplayQuestion;
+use crate::refusal::Refusal;
+use crate::wire::{page_length, page_number, reading, within};
+
+/// Steps of a replay when the request does not say.
+const STEPS: u32 = 100;
+/// The most steps of one answer.
+const STEPS_MAX: u64 = 1000;
+
+impl Sessions {
+    /// A session's readings in the order in which they came, withdrawn ones included.
+    pub(crate) fn readings(
+        &self,
+        id: &str,
+        query: &wire::PageQuery,
+    ) -> Result<wire::SessionReadingPage, Refusal> {
+        let session = self.find(id)?.id;
+        let (from, limit) = (page_number(query)?, page_length(query)?);
+        let journal = self.store.journal();
+        let withdrawn = journal.retractions(session)?;
+        let entries = journal.entries(session, from, limit)?;
+        let next = from + entries.len() as u64;
+        let shown = |entry| reading::of_session(entry, withdrawn.get(&entry.seq).copied());
+        let items = entries.iter().filter_map(shown).collect();
+        let is_last = next >= journal.len(session)?;
+        Ok(wire::SessionReadingPage { items, next_cursor: (!is_last).then(|| next.to_string()) })
+    }
+
+    /// Withdraws the reading that has a number within the session.
+    pub(crate) async fn retract(
+        self: &Arc<Self>,
+        id: &str,
+        number: &str,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, Refusal> {
+        let session = self.find(id)?.id;
+        self.retract_number(session, number.parse().map_err(|_| no_reading(number))?, detail).await
+    }
+
+    /// Withdraws the reading that has a robot's number.
+    pub(crate) async fn retract_of_robot(
+        self: &Arc<Self>,
+        id: &str,
+        robot: &str,
+        seq: &str,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, Refusal> {
+        let session = self.find(id)?.id;
+        let unknown = || no_reading(&format!("{robot}/{seq}"));
+        let seq = seq.parse().map_err(|_| unknown())?;
+        let reading_id = ReadingId { robot: robot.to_owned(), seq };
+        let number = self.store.journal().find(session, &reading_id)?.ok_or_else(unknown)?;
+        self.retract_number(session, number, detail).await
+    }
+
+    /// What a session believed, revision by revision.
+    pub(crate) async fn replay(
+        self: &Arc<Self>,
+        id: &str,
+        query: wire::ReplayQuery,
+    ) -> Result<wire::Replay, Refusal> {
+        let limit = within("?limit", u64::from(query.limit.unwrap_or(STEPS)), 1, STEPS_MAX)?;
+        let poses = poses(query.poses)?;
+        let upto = query.upto.map(u64::from);
+        let after = u64::from(query.after.unwrap_or(0));
+        let question = ReplayQuestion { upto, after, limit, poses };
+        let live = self.live(self.parse(id)?).await?;
+        live.replay(&self.tools(), question).await
+    }
+
+    /// What each reading contributed to a session's belief.
+    pub(crate) async fn explain(
+        self: &Arc<Self>,
+        id: &str,
+        query: wire::ExplainQuery,
+    ) -> Result<wire::Explanation, Refusal> {
+        let live = self.live(self.parse(id)?).await?;
+        live.explain(&self.tools(), query.at.map(u64::from)).await
+    }
+
+    async fn retract_number(
+        self: &Arc<Self>,
+        session: Uuid,
+        number: u64,
+        detail: BeliefDetail,
+    ) -> Result<wire::ReadingRetracted, Refusal> {
+        let live = self.live(session).await?;
+        let sessions = Arc::clone(self);
+        let task =
+            tokio::spawn(async move { live.retract(&sessions.tools(), number, detail).await });
+        task.await.unwrap_or(Err(Refusal::Panicked))
+    }
+}
+
+fn no_reading(reference: &str) -> Refusal {
+    Refusal::NotFound { what: "reading", reference: reference.to_owned() }
+}

@@ -1,0 +1,171 @@
+//! The history of a session for the wire: steps, and what readings contributed.
+
+use palpate_core::belief::answer::Answer;
+use palpate_schemas as wire;
+use palpate_schemas::Method;
+use palpate_store::entity::{ReadingId, Session};
+use palpate_store::journal::{Entry, Event};
+
+use crate::catalogues::Model;
+use crate::wire::session::options;
+use crate::wire::{count, time};
+
+/// A reading does not fit when the others expect it this many bits less than a touch anywhere: a
+/// touch that lies beside all that is mapped loses 6.6, its pattern of contact may lose 4.3 more.
+const UNFIT_BITS: f64 = 8.0;
+
+/// Where fits are not known, a reading disagrees with the rest when the odds of what the rest
+/// says are this many bits larger without it: when it speaks against it sixteen to one.
+const AGAINST_BITS: f64 = 4.0;
+
+/// Odds beyond 2¹⁰ : 1 count as that: how much surer than sure a method is says nothing.
+const ODDS_BITS_MAX: f64 = 10.0;
+
+/// Less probable than this counts as this probable, so that contributions are finite.
+const PROBABILITY_MIN: f64 = 1e-12;
+
+/// Of fewer readings none can be said to be the wrong one.
+const READINGS_MIN: usize = 3;
+
+/// What is believed without a reading.
+pub(crate) struct Without {
+    pub(crate) answer: Answer,
+    /// By how many bits the reading is expected then more than a touch anywhere.
+    pub(crate) fit_bits: Option<f64>,
+}
+
+/// What an entry of the journal brought, and what was believed then.
+pub(crate) fn step(entry: &Entry, late: bool, answer: &Answer, model: &Model) -> wire::ReplayStep {
+    let change = match &entry.event {
+        Event::Reading(_) => wire::SessionChange::Reading {
+            number: count(entry.seq),
+            robot: entry.reading_id.as_ref().map(|id| id.robot.clone()),
+            seq: entry.reading_id.as_ref().map(|id| id.seq),
+            late,
+        },
+        Event::Retraction { seq } => wire::SessionChange::Retraction { number: count(*seq) },
+        Event::Closed => wire::SessionChange::Closed,
+    };
+    let best = answer.best_object().map(|best| {
+        let object = &model.objects[best.0 as usize];
+        let probability = answer.probabilities[best.0 as usize];
+        wire::BestObject { object: object.id, name: object.name.clone(), probability }
+    });
+    wire::ReplayStep {
+        revision: count(entry.seq + 1),
+        change,
+        at: time(entry.received_at_ms),
+        n_readings: count(answer.n_readings),
+        best,
+        unknown: answer.unknown,
+        entropy_bits: answer.entropy_bits,
+    }
+}
+
+/// What each reading contributed: `without` are the beliefs without each, as far as known.
+pub(crate) fn explanation(
+    session: &Session,
+    revision: u64,
+    readings: Vec<(u32, Option<ReadingId>)>,
+    whole: &Answer,
+    without: &[Without],
+    model: &Model,
+) -> wire::Explanation {
+    let method = options(session).method;
+    let is_comparable = readings.len() >= READINGS_MIN;
+    let p = identities(whole);
+    let best = most(&p);
+    let object = model.objects.get(best);
+    let complete = without.len() == readings.len();
+    let contribution = |(place, (number, id)): (usize, (u32, Option<ReadingId>))| {
+        let (robot, seq) = id.map(|id| (id.robot, id.seq)).unzip();
+        let q = without.get(place).map(|without| identities(&without.answer));
+        let fit_bits = without.get(place).and_then(|without| without.fit_bits);
+        let support_bits = q.as_ref().map(|q| log2_odds(&p, most(q)) - log2_odds(q, most(q)));
+        wire::ReadingContribution {
+            number,
+            robot,
+            seq,
+            bits: q.as_ref().map(|q| p[best].log2() - q[best].log2()),
+            information_bits: q.as_ref().map(|q| divergence_bits(&p, q)),
+            support_bits,
+            fit_bits,
+            disagrees: is_comparable && disagrees(method, fit_bits, support_bits),
+        }
+    };
+    wire::Explanation {
+        session: session.id,
+        revision: count(revision),
+        answer: wire::ExplainedAnswer {
+            object: object.map(|object| object.id),
+            name: object.map(|object| object.name.clone()),
+            probability: p[best],
+        },
+        readings: readings.into_iter().enumerate().map(contribution).collect(),
+        complete,
+    }
+}
+
+/// Whether a reading disagrees with the rest: by how it fits, with the method that knows.
+fn disagrees(method: Method, fit_bits: Option<f64>, support_bits: Option<f64>) -> bool {
+    match method {
+        Method::Hybrid => fit_bits.is_some_and(|bits| bits <= -UNFIT_BITS),
+        Method::Sva
+        | Method::SvaLiteral
+        | Method::Geometric
+        | Method::GeometricHistogram
+        | Method::GeometricParticles
+        | Method::Appearance
+        | Method::AppearanceLiteral => support_bits.is_some_and(|bits| bits <= -AGAINST_BITS),
+    }
+}
+
+/// Probabilities of all objects and, last, of none of them.
+fn identities(answer: &Answer) -> Vec<f64> {
+    let all = answer.probabilities.iter().chain([&answer.unknown]);
+    all.map(|p| p.max(PROBABILITY_MIN)).collect()
+}
+
+/// The most probable one; the first of equal ones.
+fn most(p: &[f64]) -> usize {
+    (0..p.len()).fold(0, |best, place| if p[place] > p[best] { place } else { best })
+}
+
+/// log2 of the odds of one against all others together, within bounds.
+fn log2_odds(p: &[f64], place: usize) -> f64 {
+    let others: f64 = p.iter().enumerate().filter(|(other, _)| *other != place).map(|o| o.1).sum();
+    (p[place] / others).log2().clamp(-ODDS_BITS_MAX, ODDS_BITS_MAX)
+}
+
+/// The Kullback–Leibler divergence of `q` from `p`, bits.
+fn divergence_bits(p: &[f64], q: &[f64]) -> f64 {
+    p.iter().zip(q).map(|(p, q)| p * (p / q).log2()).sum::<f64>().max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(found: f64, expected: f64) {
+        assert!((found - expected).abs() < 1e-12, "{found} instead of {expected}");
+    }
+
+    #[test]
+    fn bits_are_those_of_the_textbook() {
+        let (p, q) = ([0.5, 0.25, 0.25], [0.25, 0.5, 0.25]);
+        // 0.5 · log2 2 + 0.25 · log2 ½ + 0.25 · log2 1.
+        check(divergence_bits(&p, &q), 0.25);
+        check(divergence_bits(&p, &p), 0.0);
+        // Odds of 1 : 1, and of 1 : 3.
+        check(log2_odds(&p, 0), 0.0);
+        check(log2_odds(&p, 1), -(3.0_f64.log2()));
+        assert_eq!((most(&p), most(&q), most(&[0.3, 0.4, 0.4])), (0, 1, 1));
+    }
+
+    #[test]
+    fn surer_than_sure_is_sure() {
+        check(log2_odds(&[1.0 - 1e-9, 1e-9], 0), 10.0);
+        check(log2_odds(&[1.0 - 1e-9, 1e-9], 1), -10.0);
+    }
+}
