@@ -1,12 +1,15 @@
 //! What can be typed: the subcommands and the options that all of them share.
 
+use std::path::PathBuf;
+
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    analyses::AnalysesArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
-    jobs::JobsArgs, letters::LettersArgs, maps::MapsArgs, next_touch::NextTouchArgs,
-    objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs,
-    sessions::SessionsArgs, touch::TouchArgs, train::TrainArgs,
+    analyses::AnalysesArgs, audit::AuditArgs, demo::DemoArgs, experiment::ExperimentArgs,
+    explore::ExploreArgs, fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs,
+    maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs,
+    report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
+    snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -22,7 +25,7 @@ Examples:
   palpate touch --object mug --mesh mug.stl --readings 15 --seed 7
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 server unreachable, 4 object not recognised,
-130 interrupted.";
+5 stored data damaged, 130 interrupted.";
 
 /// Recognises objects by touch, for fleets of robots.
 #[derive(Debug, Parser)]
@@ -37,6 +40,19 @@ pub(crate) struct Cli {
         value_name = "URL"
     )]
     pub(crate) server: String,
+    /// The API key, where the server asks for one; better in the variable than on the line.
+    #[arg(
+        long = "key",
+        global = true,
+        env = "PALPATE_KEY",
+        hide_env_values = true,
+        value_name = "KEY"
+    )]
+    // Not `key`: subcommands have arguments of that name, and names are shared with them.
+    pub(crate) api_key: Option<String>,
+    /// The only authority whose certificates to trust for https, a PEM file; the system's else.
+    #[arg(long, global = true, env = "PALPATE_CA", value_name = "FILE")]
+    pub(crate) ca: Option<PathBuf>,
     /// Print JSON to the standard output, everything else to the standard error.
     #[arg(long, global = true)]
     pub(crate) json: bool,
@@ -79,6 +95,18 @@ pub(crate) enum Command {
     NextTouch(NextTouchArgs),
     /// Sessions: objects being touched, and what is known of them.
     Sessions(SessionsArgs),
+    /// API keys: create, list, revoke, rotate.
+    Keys(KeysArgs),
+    /// Say whom the server takes this key for.
+    Whoami,
+    /// Who changed what.
+    Audit(AuditArgs),
+    /// Copies of all that a server has stored: take, verify, restore.
+    Snapshot(SnapshotArgs),
+    /// Check a folder of stored data that no server has open.
+    Fsck(FsckArgs),
+    /// Bring a folder of stored data to the layout of this version.
+    Migrate(MigrateArgs),
     /// Rerun the tables and figures of docs/results.md.
     Experiment(ExperimentArgs),
     /// Print the description of the HTTP API (OpenAPI 3.1).
@@ -106,6 +134,14 @@ mod tests {
         for line in [
             "palpate serve --data ./d --listen 0.0.0.0:7411",
             "palpate serve --model-memory-mb 250",
+            "palpate serve --migrate --disk-reserve-mb 256",
+            "palpate fsck --data ./d --json",
+            "palpate fsck --data ./d --collect",
+            "palpate fsck --data ./d --accept",
+            "palpate migrate --data ./d",
+            "palpate snapshot create monday.snapshot",
+            "palpate snapshot verify monday.snapshot --json",
+            "palpate snapshot restore monday.snapshot --data ./restored",
             "palpate demo",
             "palpate demo --once --json --trials 40",
             "palpate objects add mug --mesh mug.stl",
@@ -143,6 +179,15 @@ mod tests {
             "palpate sensors calibration finger --number 1 --json",
             "palpate analyses covering --element-width-mm 2 --thickness-mm 1,2.5",
             "palpate openapi",
+            "palpate serve --access keys --listen 0.0.0.0:7411 --tls-cert c.pem --tls-key k.pem",
+            "palpate serve --cors-origin https://a.example --cors-origin http://b.example:3000",
+            "palpate serve --new-admin-key --open-metrics --audit-entries 1000",
+            "palpate keys create arm-3 --role robot --expires-days 90",
+            "palpate keys list --json",
+            "palpate keys revoke arm-3",
+            "palpate keys rotate arm-3 --grace-s 3600",
+            "palpate whoami --key palpate_x --ca ca.pem",
+            "palpate audit --since 2026-05-01T00:00:00Z --by arm-3 --operation delete_object -n 20",
             "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
             "palpate experiment server-throughput --json",
             "palpate experiment covering --seed 1",
@@ -157,6 +202,8 @@ mod tests {
         for line in [
             "palpate",
             "palpate touch --mesh mug.stl",
+            "palpate snapshot restore monday.snapshot",
+            "palpate fsck",
             "palpate serve --model-memory-mb 0",
             "palpate objects add mug --mesh mug.stl --unit inch",
             "palpate objects example --out meshes",
@@ -167,6 +214,11 @@ mod tests {
             "palpate letters press A --out a.json --readings 193",
             "palpate jobs cancel not-an-id",
             "palpate demo --trials 0",
+            "palpate serve --tls-cert c.pem",
+            "palpate serve --access never",
+            "palpate serve --audit-entries 0",
+            "palpate keys create arm-3",
+            "palpate keys create arm-3 --role boss",
             "palpate explore",
             "palpate next-touch",
             "palpate next-touch 0198a0d0-0000-7000-8000-000000000000 --workspace 1,2,3",

@@ -1,13 +1,17 @@
 //! The subcommands, one file each, and where each of them is called.
 
 pub(crate) mod analyses;
+pub(crate) mod audit;
 pub(crate) mod calibrate;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod explore;
+pub(crate) mod fsck;
 pub(crate) mod jobs;
+pub(crate) mod keys;
 pub(crate) mod letters;
 pub(crate) mod maps;
+pub(crate) mod migrate;
 pub(crate) mod next_touch;
 pub(crate) mod objects;
 pub(crate) mod openapi;
@@ -15,10 +19,12 @@ pub(crate) mod report;
 pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
+pub(crate) mod snapshot;
 pub(crate) mod touch;
 pub(crate) mod train;
 
-use palpate_client::Client;
+use anyhow::Context as _;
+use palpate_client::{Client, ClientOptions};
 
 use crate::args::{Cli, Command};
 use crate::output::Output;
@@ -35,7 +41,18 @@ pub(crate) struct Context {
 /// Does what was typed.
 pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
     let output = Output { json: cli.json };
-    let context = || Ok::<_, anyhow::Error>(Context { client: Client::new(&cli.server)?, output });
+    let context = || {
+        let authority_pem = cli.ca.as_ref().map(|path| {
+            std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+        });
+        let key = cli.api_key.clone().filter(|key| !key.is_empty());
+        let authority_pem = authority_pem.transpose()?;
+        let options = ClientOptions { key, authority_pem, ..ClientOptions::default() };
+        Ok::<_, anyhow::Error>(Context {
+            client: Client::with_options(&cli.server, options)?,
+            output,
+        })
+    };
     match cli.command {
         Command::Serve(args) => serve::run(args, output).await,
         Command::Demo(args) => demo::run(args, output).await,
@@ -51,6 +68,12 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Explore(args) => explore::run(args, &context()?).await,
         Command::NextTouch(args) => next_touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
+        Command::Keys(args) => keys::run(args, &context()?).await,
+        Command::Whoami => keys::whoami(&context()?).await,
+        Command::Audit(args) => audit::run(args, &context()?).await,
+        Command::Snapshot(args) => snapshot::run(args, output, context).await,
+        Command::Fsck(args) => fsck::run(args, output).await,
+        Command::Migrate(args) => migrate::run(args, output).await,
         Command::Experiment(args) => experiment::run(args, output).await,
         Command::Openapi => openapi::run(),
     }

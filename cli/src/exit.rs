@@ -1,7 +1,7 @@
 //! Exit codes, so that scripts can tell what happened.
 //!
 //! 0 done · 1 failed · 2 wrong usage (clap's) · 3 server unreachable · 4 object not
-//! recognised · 130 interrupted (128 + SIGINT, as shells have it).
+//! recognised · 5 stored data damaged · 130 interrupted (128 + SIGINT, as shells have it).
 
 use std::process::ExitCode;
 
@@ -14,6 +14,9 @@ pub(crate) enum Ended {
     /// The robot touched one thing and the server said another, or nothing certain.
     #[error("not recognised")]
     NotRecognised,
+    /// What is stored is damaged, as the answer says.
+    #[error("damaged")]
+    Damaged,
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
@@ -26,6 +29,9 @@ pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
         Err(error) => {
             if error.downcast_ref::<Ended>().is_none() {
                 eprintln!("error: {}", words(&error));
+                if status(&error) == Some(401) {
+                    eprintln!("hint: set PALPATE_KEY to a key, or give it with --key");
+                }
                 if is_unreachable(&error) {
                     eprintln!(
                         "hint: start one with `palpate serve --data DIR`, or name it: --server URL"
@@ -58,10 +64,15 @@ fn words(error: &anyhow::Error) -> String {
 fn code(error: &anyhow::Error) -> u8 {
     match error.downcast_ref::<Ended>() {
         Some(Ended::NotRecognised) => 4,
+        Some(Ended::Damaged) => 5,
         Some(Ended::Interrupted) => 130,
         None if is_unreachable(error) => 3,
         None => 1,
     }
+}
+
+fn status(error: &anyhow::Error) -> Option<u16> {
+    error.downcast_ref::<ClientError>().and_then(ClientError::status)
 }
 
 fn is_unreachable(error: &anyhow::Error) -> bool {
@@ -91,6 +102,7 @@ mod tests {
         assert_eq!(code(&anyhow::Error::from(unreachable).context("adding the mug")), 3);
         assert_eq!(code(&other.into()), 1);
         assert_eq!(code(&Ended::NotRecognised.into()), 4);
+        assert_eq!(code(&Ended::Damaged.into()), 5);
         assert_eq!(code(&Ended::Interrupted.into()), 130);
         assert_eq!(code(&anyhow::anyhow!("a broken file")), 1);
     }

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 fn palpate(arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     command.args(arguments.split_whitespace());
-    for name in ["PALPATE_SERVER", "PALPATE_DATA", "PALPATE_LISTEN", "RUST_LOG"] {
+    for name in ["PALPATE_SERVER", "PALPATE_DATA", "PALPATE_LISTEN", "PALPATE_KEY", "RUST_LOG"] {
         command.env_remove(name);
     }
     command

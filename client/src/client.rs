@@ -1,5 +1,6 @@
 //! The client: where the server is, how long to wait, and the one way every call takes.
 
+use std::fmt;
 use std::time::Duration;
 
 use backon::Retryable;
@@ -15,7 +16,7 @@ use crate::retry::{RetryPolicy, is_worth_repeating};
 const BODY_SHOWN_MAX: usize = 200;
 
 /// How a client behaves.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct ClientOptions {
     /// How long a connection may take.
     pub connect_timeout: Duration,
@@ -25,6 +26,22 @@ pub struct ClientOptions {
     pub retry: RetryPolicy,
     /// The key to be let in with, sent as a bearer token.
     pub key: Option<String>,
+    /// The only authority whose certificates are trusted, as PEM; the system's when not given.
+    pub authority_pem: Option<Vec<u8>>,
+}
+
+impl fmt::Debug for ClientOptions {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // A key has no business in a log.
+        formatter
+            .debug_struct("ClientOptions")
+            .field("connect_timeout", &self.connect_timeout)
+            .field("request_timeout", &self.request_timeout)
+            .field("retry", &self.retry)
+            .field("has_key", &self.key.is_some())
+            .field("has_authority", &self.authority_pem.is_some())
+            .finish()
+    }
 }
 
 impl Default for ClientOptions {
@@ -34,6 +51,7 @@ impl Default for ClientOptions {
             request_timeout: Duration::from_secs(60),
             retry: RetryPolicy::default(),
             key: None,
+            authority_pem: None,
         }
     }
 }
@@ -50,7 +68,8 @@ impl Client {
     /// A client of the server at `address`, such as `http://127.0.0.1:7411`.
     ///
     /// # Errors
-    /// [`Error::Address`] and [`Error::SetUp`]; the server is not asked yet.
+    /// [`Error::Address`], [`Error::Key`], [`Error::Authority`] and [`Error::SetUp`]; the server
+    /// is not asked yet.
     pub fn new(address: &str) -> Result<Self, Error> {
         Self::with_options(address, ClientOptions::default())
     }
@@ -62,6 +81,10 @@ impl Client {
     pub fn with_options(address: &str, options: ClientOptions) -> Result<Self, Error> {
         let address_error = || Error::Address { found: address.to_owned() };
         let server = Url::parse(address).map_err(|_| address_error())?;
+        let has_key_form = |key: &String| key.trim().bytes().all(|byte| byte.is_ascii_graphic());
+        if !options.key.iter().all(has_key_form) {
+            return Err(Error::Key);
+        }
         if !matches!(server.scheme(), "http" | "https") || server.host_str().is_none() {
             return Err(address_error());
         }
@@ -71,7 +94,11 @@ impl Client {
             .connect_timeout(options.connect_timeout)
             .redirect(reqwest::redirect::Policy::none())
             .user_agent(concat!("palpate-client/", env!("CARGO_PKG_VERSION")));
-        if server.scheme() == "http" {
+        if let Some(pem) = &options.authority_pem {
+            let authorities = reqwest::Certificate::from_pem_bundle(pem);
+            let authorities = authorities.ok().filter(|found| !found.is_empty());
+            http = http.tls_certs_only(authorities.ok_or(Error::Authority)?);
+        } else if server.scheme() == "http" {
             // No certificates are needed, and some machines have none.
             http = http.tls_certs_only([]);
         }
@@ -147,6 +174,13 @@ impl Client {
         accepted(&url, sent.map_err(|error| transport_error(&url, error))?).await
     }
 
+    /// Opens an answer that is read as it comes; it may be long, and has no time-out.
+    pub(crate) async fn open_file(&self, request: &Request) -> Result<Response, Error> {
+        let url = self.url(request);
+        let sent = self.build(request, &url).send().await;
+        accepted(&url, sent.map_err(|error| transport_error(&url, error))?).await
+    }
+
     pub(crate) fn url(&self, request: &Request) -> Url {
         request.url(&self.server)
     }
@@ -172,7 +206,7 @@ impl Client {
     fn build(&self, request: &Request, url: &Url) -> reqwest::RequestBuilder {
         let mut builder = self.http.request(request.method.clone(), url.clone());
         if let Some(key) = &self.options.key {
-            builder = builder.bearer_auth(key);
+            builder = builder.bearer_auth(key.trim());
         }
         for (name, value) in &request.headers {
             builder = builder.header(*name, value);

@@ -78,6 +78,12 @@ pub enum Error {
         /// What was given.
         found: String,
     },
+    /// The key has characters that no key has.
+    #[error("the key has spaces or characters that no key has, expected one like palpate_…")]
+    Key,
+    /// The authority to trust is none.
+    #[error("the authority to trust is not PEM with a certificate (BEGIN CERTIFICATE)")]
+    Authority,
     /// The HTTP client cannot be set up on this machine.
     #[error("cannot set up the HTTP client: {}", root_cause(source))]
     SetUp {

@@ -34,7 +34,10 @@ mod training;
 
 mod maps;
 
+mod keys;
+
 mod sessions;
+mod snapshots;
 
 mod history;
 

@@ -20,6 +20,7 @@ mod propose;
 mod refine;
 mod score;
 mod search;
+mod shortlist;
 mod sighting;
 mod stated;
 #[cfg(test)]
@@ -33,6 +34,7 @@ use rayon::prelude::*;
 
 pub use options::HybridOptions;
 pub use outlook::Expected;
+pub use usual::prepare;
 
 use crate::log_prob::log_sum_exp;
 use crate::model::surface::SurfaceModel;
@@ -40,6 +42,7 @@ use crate::reading::{Looseness, Reading};
 use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
+use crate::surface::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::surface::touch::observe_touch;
 use carried::Carried;
 use evidence::{Evidence, Known};
@@ -93,6 +96,9 @@ struct ObjectState {
     log_evidence: f64,
     /// What the first pair of touches said.
     pair: PairEvidence,
+    /// ln of how dense the table of all objects' pairs says its pairs are about those of the
+    /// touches, beside other objects.
+    standing: f64,
     /// Where it was before it may have moved.
     carried: Carried,
 }
@@ -115,7 +121,7 @@ impl HybridBelief {
         options: HybridOptions,
         prior: Option<&[f64]>,
     ) -> Result<Self, RecogniseError> {
-        let n_objects = model.maps.len();
+        let n_objects = model.maps().len();
         Ok(Self {
             log_prior: log_prior(prior, n_objects)?,
             objects: vec![ObjectState::default(); n_objects],
@@ -158,7 +164,8 @@ impl HybridBelief {
             }
             2 => {
                 self.follow();
-                self.propose(&[0], f64::INFINITY);
+                self.take_census(&[0], true);
+                self.propose(&[0], f64::INFINITY, self.n_listed());
                 self.compare_pairs();
             }
             _ => {
@@ -190,7 +197,8 @@ impl HybridBelief {
             state.hypotheses.truncate(carried::POSES_MAX);
             let best = state.hypotheses.first().map_or(0.0, |best| best.score);
             state.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
-            state.log_evidence = 0.0;
+            (state.log_evidence, state.standing) = (0.0, 0.0);
+            state.pair = PairEvidence::default();
         }
         self.touches.clear();
         self.patterns.clear();
@@ -240,9 +248,11 @@ impl HybridBelief {
     fn compare_looks(&mut self) {
         self.stage = 1;
         let touch = &self.touches[0];
-        for_each_object(&mut self.objects, &self.model.maps, |state, map| {
-            let sum: f32 = map.patches().iter().map(|patch| touch.appearance(&patch.feature)).sum();
-            state.log_evidence = f64::from((sum / map.patches().len() as f32).ln());
+        let n_compared = self.n_listed().map_or(usize::MAX, |_| TOUCHES_PER_OBJECT);
+        for_each_object(&mut self.objects, self.model.maps(), |state, map| {
+            let patches = &map.patches()[..n_compared.min(map.patches().len())];
+            let sum: f32 = patches.iter().map(|patch| touch.appearance(&patch.feature)).sum();
+            state.log_evidence = f64::from((sum / patches.len() as f32).ln());
         });
     }
 
@@ -279,7 +289,7 @@ impl HybridBelief {
     /// What changes with a touch, and what it is judged by.
     fn parts(&mut self) -> (&mut [ObjectState], Evidence<'_>) {
         let evidence = Evidence {
-            maps: &self.model.maps,
+            maps: self.model.maps(),
             kernel: &self.kernel,
             touches: &self.touches,
             patterns: &self.patterns,

@@ -209,7 +209,7 @@ fn outcomes(
             direction: object_from_session.turn(direction).as_vec3(),
             reach: approach.reach as f32,
         };
-        let map = &belief.model().maps[expected.object.0 as usize];
+        let map = &belief.model().maps()[expected.object.0 as usize];
         let turn = session_from_object.rotation.as_quat();
         let met = meet(map, &ray, hand).map(|(met, _)| Met {
             position: turn * (met.position - ray.start),
@@ -250,7 +250,7 @@ fn anywhere_in(
     let per_object = (n / shares.len().max(1)).max(1);
     let mut expected = Vec::with_capacity(per_object * shares.len());
     for (object, share) in shares.into_iter().enumerate() {
-        let radius = f64::from(candidates::radius_of(&belief.model().maps[object]));
+        let radius = f64::from(candidates::radius_of(&belief.model().maps()[object]));
         let room = (workspace.radius - radius).max(0.0);
         for _ in 0..per_object {
             let off = room * stream.uniform(0.0, 1.0).cbrt() * stream.direction();

@@ -41,6 +41,8 @@ pub enum Purpose {
     NextTouch = 30,
     /// Which trials a bootstrap draws again.
     Bootstrap = 31,
+    /// Objects put together at random.
+    Assembly = 32,
 }
 
 /// A reproducible stream of random numbers.

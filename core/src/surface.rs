@@ -2,13 +2,16 @@
 //!
 //! A [`SurfaceMap`] holds thinned touches ([`SurfacePatch`]), a grid of voxels that finds the
 //! touches near a point, a grid of what is material (`solid`), and a table of touch pairs by
-//! their geometry (`pair_table`). What a
-//! touch looks like is a point of a catalogue-wide [`AppearanceSpace`].
+//! their geometry (`pair_table`); some pairs of all objects are in one table (`joint_pairs`).
+//! What a touch looks like is a point of a catalogue-wide [`AppearanceSpace`].
 //! Frames: the object's. Lengths in metres, single precision: 80 mm are known to 10 nm.
 //! Beyond the dissertation; sections 5.6.3–5.6.6 name the idea.
 
 pub mod appearance;
+pub mod joint_pairs;
 pub mod map;
+mod pair_cells;
+pub mod pair_geometry;
 pub mod pair_table;
 pub mod solid;
 pub mod thinning;

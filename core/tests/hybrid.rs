@@ -71,7 +71,7 @@ static MODEL: LazyLock<Arc<SurfaceModel>> = LazyLock::new(|| {
     let config = SurfaceConfig::default();
     let map = |set| Arc::new(map_surface(set, &space, &config, Some(DVec3::ZERO)).unwrap());
     let maps = sets.iter().map(map).collect();
-    Arc::new(SurfaceModel { space, calibration: EvidenceCalibration::default(), maps })
+    Arc::new(SurfaceModel::new(space, EvidenceCalibration::default(), maps))
 });
 
 fn belief() -> HybridBelief {
@@ -156,11 +156,34 @@ fn check_moved_if_posed(answer: &Answer, moved: &Answer, motion: &Pose, n: usize
     }
 }
 
+/// So many objects that they are shared out and the table of all pairs lists some; `n` and
+/// `n + N_OBJECTS` are alike.
+fn many() -> Arc<SurfaceModel> {
+    let maps = (0..40).map(|n| MODEL.maps()[n % N_OBJECTS].clone()).collect();
+    Arc::new(MODEL.with_maps(maps))
+}
+
+#[test]
+fn with_poses_proposed_for_few_of_many_objects_the_right_one_is_named() {
+    let model = many();
+    assert!(model.joint_pairs().is_some() && MODEL.joint_pairs().is_none());
+    let mut options = HybridOptions::default();
+    // 7 of 40, beside those whose hypotheses hold.
+    options.budget.listed_per_root = 1;
+    for object in 0..N_OBJECTS {
+        let mut belief = HybridBelief::new(model.clone(), options, None).unwrap();
+        for reading in touches(object, 12, 2) {
+            belief.add(&reading, &six_by_six());
+        }
+        let answer = belief.answer(1);
+        let alike = answer.probabilities.iter().skip(object).step_by(N_OBJECTS);
+        assert!(alike.sum::<f64>() > 0.9, "{object}: {answer:?}");
+    }
+}
+
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
-    // So many objects that they are shared out.
-    let maps = (0..40).map(|n| MODEL.maps[n % N_OBJECTS].clone()).collect();
-    let model = Arc::new(SurfaceModel { maps, ..MODEL.as_ref().clone() });
+    let model = many();
     let answer_with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {

@@ -81,38 +81,63 @@ impl Warp {
     }
 }
 
-/// `n` objects: the parents, then members of their families in turn. Equal seeds give equal
-/// objects, and fewer are the first of more.
-///
-/// # Errors
-/// When a parent cannot be warped into something new.
-pub fn families(parents: Vec<TestObject>, n: usize, seed: u64) -> anyhow::Result<Vec<TestObject>> {
-    let n_parents = parents.len();
-    let mut refined = Vec::with_capacity(n_parents);
-    for parent in &parents {
-        refined.push(subdivided(&parent.mesh)?);
+/// Objects one after the other: the parents, then members of their families in turn. Equal
+/// seeds give equal objects. Only the parents are kept: a catalogue of any size needs no memory
+/// for its meshes.
+pub struct Families {
+    parents: Vec<TestObject>,
+    refined: Vec<Mesh>,
+    /// Of every family, what its members so far are told apart by.
+    signatures: Vec<Vec<Vec<f64>>>,
+    seed: u64,
+    next: usize,
+}
+
+impl Families {
+    /// Families of these parents.
+    ///
+    /// # Errors
+    /// When a parent cannot be made of smaller triangles.
+    pub fn new(parents: Vec<TestObject>, seed: u64) -> anyhow::Result<Self> {
+        let refined: Vec<Mesh> =
+            parents.iter().map(|parent| subdivided(&parent.mesh)).collect::<anyhow::Result<_>>()?;
+        let signatures = refined.iter().map(|mesh| vec![signature(mesh)]).collect();
+        Ok(Self { parents, refined, signatures, seed, next: 0 })
     }
-    let mut signatures: Vec<Vec<Vec<f64>>> = refined.iter().map(|m| vec![signature(m)]).collect();
-    let mut objects = parents;
-    for index in objects.len()..n {
-        let (parent, generation) = (index % n_parents, index / n_parents);
-        let mut stream = Stream::new(seed, Purpose::Shape, index as u64);
-        let least = DIFFERENT / (80.0 * MM) * refined[parent].largest_dimension();
-        let mut draws = 0;
-        let mesh = loop {
-            let mesh = Warp::draw(&mut stream).apply(&refined[parent])?;
+
+    fn member(&mut self, index: usize) -> anyhow::Result<TestObject> {
+        let (parent, generation) = (index % self.parents.len(), index / self.parents.len());
+        let (mesh, name) = (&self.refined[parent], &self.parents[parent].name);
+        let signatures = &mut self.signatures[parent];
+        let mut stream = Stream::new(self.seed, Purpose::Shape, index as u64);
+        let least = DIFFERENT / (80.0 * MM) * mesh.largest_dimension();
+        for _draw in 0..DRAWS_MAX {
+            let mesh = Warp::draw(&mut stream).apply(mesh)?;
             let found = signature(&mesh);
-            if signatures[parent].iter().all(|known| difference(known, &found) >= least) {
-                signatures[parent].push(found);
-                break mesh;
+            if signatures.iter().all(|known| difference(known, &found) >= least) {
+                signatures.push(found);
+                return Ok(TestObject { name: format!("{name}-{generation}"), mesh });
             }
-            draws += 1;
-            anyhow::ensure!(draws < DRAWS_MAX, "{} has no new member", objects[parent].name);
-        };
-        objects.push(TestObject { name: format!("{}-{generation}", objects[parent].name), mesh });
+        }
+        anyhow::bail!("{name} has no new member");
     }
-    objects.truncate(n);
-    Ok(objects)
+}
+
+impl Iterator for Families {
+    /// An object, or why a parent cannot be warped into something new.
+    type Item = anyhow::Result<TestObject>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let index = self.next;
+        self.next += 1;
+        match self.parents.get(index) {
+            Some(TestObject { name, mesh }) => {
+                Some(Ok(TestObject { name: name.clone(), mesh: mesh.clone() }))
+            }
+            None if self.parents.is_empty() => None,
+            None => Some(self.member(index)),
+        }
+    }
 }
 
 /// Distances of pairs of vertices, the same pairs for all warps of a mesh, metres.
@@ -160,6 +185,10 @@ fn subdivided(mesh: &Mesh) -> anyhow::Result<Mesh> {
 mod tests {
     use super::*;
     use crate::objects;
+
+    fn families(parents: Vec<TestObject>, n: usize, seed: u64) -> anyhow::Result<Vec<TestObject>> {
+        Families::new(parents, seed)?.take(n).collect()
+    }
 
     #[test]
     fn members_are_closed_new_and_as_large_as_their_parents() {

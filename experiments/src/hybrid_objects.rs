@@ -96,7 +96,7 @@ pub fn run(
     let started = Instant::now();
     let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
     let seconds = started.elapsed().as_secs_f64();
-    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries: Vec<Symmetry> = model.maps().iter().map(|map| map.symmetry().clone()).collect();
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,

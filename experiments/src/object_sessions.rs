@@ -150,7 +150,7 @@ pub fn train_hybrid(
     };
     let maps: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
     let calibration = EvidenceCalibration::default();
-    Ok(Arc::new(SurfaceModel { space, calibration, maps: maps? }))
+    Ok(Arc::new(SurfaceModel::new(space, calibration, maps?)))
 }
 
 /// Trains the hybrid recogniser as the service does: every tenth reading is held back, and on
@@ -176,7 +176,7 @@ pub fn train_calibrated(
     let sets: Vec<HeldBack<'_>> =
         held_back.iter().map(|readings| HeldBack { readings, sensor }).collect();
     let calibration = calibrate(&model, &sets, HybridOptions::default(), seed);
-    Ok(Arc::new(SurfaceModel { calibration, ..(*model).clone() }))
+    Ok(Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration)))
 }
 
 /// How far a stated pose is from the true one.

@@ -104,7 +104,7 @@ pub fn run(
     progress("touching objects", 0, 2);
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
     let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries: Vec<Symmetry> = model.maps().iter().map(|map| map.symmetry().clone()).collect();
     progress("pressing elastic coverings", 1, 2);
     let worlds = worlds(config, &objects, &preset, &model.space, &mut report)?;
     let play = |world: &World, method, recogniser: &Recogniser, n| {

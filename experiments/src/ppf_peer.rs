@@ -98,7 +98,7 @@ pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow:
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
     let test = preset.touch_all(&objects, config.test_readings, 2 * config.seed + 1)?;
     let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = model.maps.iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries: Vec<Symmetry> = model.maps().iter().map(|map| map.symmetry().clone()).collect();
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,
@@ -197,7 +197,7 @@ fn write_touches(
         let [point, normal] = [point / MM, normal].map(|v| v.to_array());
         point.into_iter().chain(normal).map(|v| format!(",{v:.6}")).collect::<String>()
     };
-    for (object, map) in model.maps.iter().enumerate() {
+    for (object, map) in model.maps().iter().enumerate() {
         for patch in map.patches() {
             let place = numbers(patch.position.as_dvec3(), patch.normal.as_dvec3());
             writeln!(models, "{object}{place}")?;

@@ -109,7 +109,7 @@ pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow
     let test = touch_all(config.test_readings, 2 * config.seed + 1)?;
     progress("training", 0, 1);
     let whole = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = whole.maps.iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries: Vec<Symmetry> = whole.maps().iter().map(|map| map.symmetry().clone()).collect();
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,
@@ -158,8 +158,8 @@ fn thinned(whole: &SurfaceModel, kept: usize, order: Order, seed: u64) -> Arc<Su
         patches.truncate(kept);
         Arc::new(SurfaceMap::new(map.origin_in_training(), patches, map.layout()))
     };
-    let maps = whole.maps.iter().enumerate().map(thin).collect();
-    Arc::new(SurfaceModel { maps, ..whole.clone() })
+    let maps = whole.maps().iter().enumerate().map(thin).collect();
+    Arc::new(whole.with_maps(maps))
 }
 
 fn report_one(report: &mut Report, config: &Thinning, one: &Tested) {

@@ -4,6 +4,7 @@
 //! refuse unknown fields, because a robot's typo must not be ignored; answers may gain fields.
 //! Ids are `UUIDv7` strings. Not here: checking values (the server's `wire`), HTTP itself.
 
+pub mod access;
 pub mod analysis;
 pub mod appearance;
 pub mod calibration;
@@ -21,6 +22,10 @@ pub mod session;
 pub mod symmetry;
 pub mod training;
 
+pub use access::{
+    ApiKey, ApiKeyPage, AuditEntry, AuditPage, AuditQuery, CreateKey, NewApiKey, Role, RotateKey,
+    Whoami,
+};
 pub use analysis::{AnalyseCoverings, CoveringAnalysis, CoveringTradeOff, SpatialAcuity};
 pub use appearance::{
     AppearanceReport, AppearanceSummary, AppearanceTraining, ClassCandidate, ClusteringKind,

@@ -41,6 +41,12 @@ pub enum ProblemType {
     /// 400: the body is not JSON, or the request cannot be read at all.
     #[serde(rename = "urn:palpate:problem:malformed-request")]
     MalformedRequest,
+    /// 401: the request has no API key, or none that is let in.
+    #[serde(rename = "urn:palpate:problem:unauthenticated")]
+    Unauthenticated,
+    /// 403: the key's role may not do this; `detail` says which roles may.
+    #[serde(rename = "urn:palpate:problem:forbidden")]
+    Forbidden,
     /// 404: there is nothing at this path, or nothing with this id.
     #[serde(rename = "urn:palpate:problem:not-found")]
     NotFound,
@@ -77,6 +83,12 @@ pub enum ProblemType {
     /// 503: the server is stopping, or its store does not take writes.
     #[serde(rename = "urn:palpate:problem:unavailable")]
     Unavailable,
+    /// 507: the disk is full; nothing was stored, reading goes on.
+    #[serde(rename = "urn:palpate:problem:storage-full")]
+    StorageFull,
+    /// 500: what is stored and was asked for is damaged; everything else is served.
+    #[serde(rename = "urn:palpate:problem:damaged")]
+    Damaged,
     /// 500: the server is at fault; the request id finds the reason in its log.
     #[serde(rename = "urn:palpate:problem:internal")]
     Internal,

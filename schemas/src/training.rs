@@ -71,6 +71,10 @@ pub struct CatalogueVersion {
     pub training: StartTraining,
     /// What came out.
     pub report: TrainingReport,
+    /// Why it cannot be recognised with, when what is stored of it is damaged; null when
+    /// nothing is known to be.
+    #[serde(default)]
+    pub damage: Option<String>,
 }
 
 /// A page of versions.

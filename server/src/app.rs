@@ -6,15 +6,20 @@ use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};
 use palpate_schemas::{Check, Readiness};
 use palpate_store::database::Database;
+use palpate_store::engine::EngineStats;
 use palpate_store::model_codec::ModelPart;
 use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
 
 use crate::admission::{Admission, admit};
+use crate::audit::{Audit, record};
 use crate::catalogues::{Catalogues, part_name};
 use crate::compute::Pool;
 use crate::config::Config;
+use crate::guard::guard;
+use crate::headers::{cors, secure};
 use crate::jobs::Jobs;
+use crate::keys::Keys;
 use crate::objects::Objects;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
@@ -35,6 +40,8 @@ pub(crate) struct Parts {
     pub(crate) catalogues: Arc<Catalogues>,
     pub(crate) jobs: Arc<Jobs>,
     pub(crate) sessions: Arc<Sessions>,
+    pub(crate) keys: Keys,
+    pub(crate) audit: Arc<Audit>,
     pub(crate) stopping: watch::Receiver<bool>,
 }
 
@@ -67,12 +74,28 @@ impl App {
         &self.0.catalogues
     }
 
+    pub(crate) fn shared_catalogues(&self) -> Arc<Catalogues> {
+        Arc::clone(&self.0.catalogues)
+    }
+
+    pub(crate) fn store(&self) -> &Database {
+        &self.0.store
+    }
+
     pub(crate) fn jobs(&self) -> &Jobs {
         &self.0.jobs
     }
 
     pub(crate) fn sessions(&self) -> &Arc<Sessions> {
         &self.0.sessions
+    }
+
+    pub(crate) fn keys(&self) -> &Keys {
+        &self.0.keys
+    }
+
+    pub(crate) fn audit(&self) -> &Arc<Audit> {
+        &self.0.audit
     }
 
     /// Becomes true when the server stops.
@@ -82,16 +105,25 @@ impl App {
 
     /// Whether the server does its work.
     pub(crate) fn readiness(&self) -> Readiness {
-        let store = match self.0.store.stats() {
-            Ok(stats) => check("store", true, format!("{} MB", stats.bytes >> 20)),
-            Err(error) => check("store", false, error.to_string()),
+        let (store, room) = match self.0.store.stats() {
+            Ok(stats) => (check("store", true, format!("{} MB", stats.bytes >> 20)), room(&stats)),
+            Err(error) => {
+                let unknown = check("room", true, "nobody can tell".to_owned());
+                (check("store", false, error.to_string()), unknown)
+            }
         };
+        let n_damaged = self.0.catalogues.n_damaged();
+        let integrity =
+            check("integrity", n_damaged == 0, format!("{n_damaged} versions are damaged"));
         let n_free = self.0.pool.n_free();
         let compute = check("compute", n_free > 0, format!("{n_free} places are free"));
         let stopping = *self.0.stopping.borrow();
         let serving = if stopping { "the server stops" } else { "the server serves" };
-        let checks = vec![store, compute, check("serving", !stopping, serving.to_owned())];
-        Readiness { ready: checks.iter().all(|check| check.passed), checks }
+        let vital = [store, compute, check("serving", !stopping, serving.to_owned())];
+        // With a full disk or a damaged version the server still does most of its work, and
+        // another one would not do it better.
+        let ready = vital.iter().all(|check| check.passed);
+        Readiness { ready, checks: vital.into_iter().chain([room, integrity]).collect() }
     }
 
     /// Brings the figures up to date that nobody else keeps.
@@ -99,12 +131,17 @@ impl App {
         metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
         metrics::gauge!("palpate_jobs_unfinished").set(self.0.jobs.n_unfinished() as f64);
         metrics::gauge!("palpate_compute_places_free").set(self.0.pool.n_free() as f64);
+        let n_damaged = self.0.catalogues.n_damaged() as f64;
+        metrics::gauge!("palpate_versions_damaged").set(n_damaged);
         for part in ModelPart::ALL {
             let bytes = self.0.catalogues.bytes_in_memory(part) as f64;
             metrics::gauge!("palpate_model_bytes", "part" => part_name(part)).set(bytes);
         }
         if let Ok(stats) = self.0.store.stats() {
             metrics::gauge!("palpate_store_bytes").set(stats.bytes as f64);
+            if let Some(free) = stats.free_bytes {
+                metrics::gauge!("palpate_store_free_bytes").set(free as f64);
+            }
             metrics::counter!("palpate_store_commits_total").absolute(stats.commits);
             metrics::counter!("palpate_store_flushes_total").absolute(stats.flushes);
         }
@@ -114,11 +151,34 @@ impl App {
 /// Every route behind every layer; the outermost is added last.
 pub(crate) fn router(app: App) -> Router {
     let (api, _) = routes::api().split_for_parts();
-    api.merge(routes::site::pages())
+    let guarded = api
+        .merge(routes::site::pages())
         .layer(CatchPanicLayer::custom(problem::panicked))
+        .layer(from_fn_with_state(app.clone(), record))
         .layer(from_fn_with_state(app.clone(), admit))
+        .layer(from_fn_with_state(app.clone(), guard));
+    // Browsers ask without a key whether a page may ask at all.
+    let shared = match cors(&app.config().cors_origins) {
+        Some(cors) => guarded.layer(cors),
+        None => guarded,
+    };
+    shared
+        .layer(from_fn_with_state(app.clone(), secure))
         .layer(from_fn(telemetry::observe))
         .with_state(app)
+}
+
+/// Whether writes are taken.
+fn room(stats: &EngineStats) -> Check {
+    let reserve = stats.reserve_bytes >> 20;
+    match stats.free_bytes {
+        Some(free) if free < stats.reserve_bytes => {
+            let free = free >> 20;
+            check("room", false, format!("{free} MB are free, {reserve} MB must stay: no writes"))
+        }
+        Some(free) => check("room", true, format!("{} MB are free", free >> 20)),
+        None => check("room", true, "nobody can tell".to_owned()),
+    }
 }
 
 fn check(name: &str, passed: bool, detail: String) -> Check {

@@ -10,6 +10,7 @@ mod memory;
 
 use std::sync::Arc;
 
+use dashmap::DashMap;
 use palpate_core::geometric::PreparedGeometry;
 use palpate_core::model::appearance::AppearanceModel;
 use palpate_core::model::geometry::GeometricModel;
@@ -103,6 +104,8 @@ pub(crate) struct Catalogues {
     pool: Pool,
     memory: Memory<Key, Model>,
     loading: tokio::sync::Mutex<()>,
+    /// Versions that are damaged, and why.
+    damaged: DashMap<(Uuid, u32), String>,
 }
 
 /// The version that a new session is about to pin.
@@ -117,7 +120,8 @@ impl Catalogues {
     /// Models are kept in at most `memory_bytes_max` bytes.
     pub(crate) fn new(store: &Database, pool: Pool, memory_bytes_max: u64) -> Self {
         let memory = Memory::new(memory_bytes_max);
-        Self { table: store.catalogues(), pool, memory, loading: tokio::sync::Mutex::new(()) }
+        let (loading, damaged) = (tokio::sync::Mutex::new(()), DashMap::new());
+        Self { table: store.catalogues(), pool, memory, loading, damaged }
     }
 
     /// The catalogue of a name.
@@ -163,7 +167,7 @@ impl Catalogues {
         let last = manifests.last().map_or(after, |manifest| manifest.version);
         let more = manifests.len() == limit && last < catalogue.latest;
         let items: Result<_, _> =
-            manifests.iter().map(|manifest| training::version(&catalogue, manifest)).collect();
+            manifests.iter().map(|manifest| self.shown(&catalogue, manifest)).collect();
         Ok(wire::CatalogueVersionPage {
             items: items?,
             next_cursor: more.then(|| last.to_string()),
@@ -176,7 +180,31 @@ impl Catalogues {
         version: &str,
     ) -> Result<wire::CatalogueVersion, Refusal> {
         let catalogue = self.find(name)?;
-        training::version(&catalogue, &self.manifest(&catalogue, number(version)?)?)
+        self.shown(&catalogue, &self.manifest(&catalogue, number(version)?)?)
+    }
+
+    fn shown(
+        &self,
+        catalogue: &Catalogue,
+        manifest: &Manifest,
+    ) -> Result<wire::CatalogueVersion, Refusal> {
+        let damage = self.damaged.get(&(catalogue.id, manifest.version));
+        let damage = damage.map(|reason| reason.clone());
+        Ok(wire::CatalogueVersion { damage, ..training::version(catalogue, manifest)? })
+    }
+
+    /// Keeps a damaged version from being recognised with.
+    pub(crate) fn quarantine(&self, catalogue: Uuid, version: u32, reason: String) {
+        tracing::error!(
+            catalogue.id = %catalogue, version,
+            "Version {version} of catalogue {catalogue} is damaged: {reason}"
+        );
+        self.damaged.insert((catalogue, version), reason);
+    }
+
+    /// How many versions are damaged.
+    pub(crate) fn n_damaged(&self) -> usize {
+        self.damaged.len()
     }
 
     /// The map of one object of a version, with a page of its patches.

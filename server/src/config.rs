@@ -1,8 +1,35 @@
 //! What an operator chooses: where to listen, where to keep data, and every bound.
 
+use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
+
+use palpate_store::sled::{FreeSpace, RESERVE_BYTES};
+
+use crate::tls::TlsFiles;
+
+/// Whether requests need an API key.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Access {
+    /// As soon as a key is stored that is not revoked; looked up when the server starts.
+    #[default]
+    Auto,
+    /// Always. The first admin's key is made when there is none.
+    Keys,
+    /// Never, whatever is stored.
+    Open,
+}
+
+impl fmt::Display for Access {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Auto => "auto",
+            Self::Keys => "keys",
+            Self::Open => "open",
+        })
+    }
+}
 
 /// The settings of a server. Every default is meant for one machine and a small fleet.
 #[derive(Clone, Debug)]
@@ -11,8 +38,26 @@ pub struct Config {
     pub listen: SocketAddr,
     /// Listen at an address that other machines can reach although nobody is asked for a key.
     pub insecure_bind: bool,
+    /// Whether requests need an API key.
+    pub access: Access,
+    /// Make one more admin's key at the start, for operators who have lost theirs.
+    pub new_admin_key: bool,
+    /// Let everybody read `/metrics`, also without a key.
+    pub open_metrics: bool,
+    /// The certificate and key to speak TLS with; plain HTTP without.
+    pub tls: Option<TlsFiles>,
+    /// Origins whose pages may use the API from a browser, such as `https://lab.example`.
+    pub cors_origins: Vec<String>,
+    /// How many entries the audit log keeps.
+    pub audit_entries_max: u64,
     /// The folder of the database; made if it does not exist.
     pub data: PathBuf,
+    /// Bring a database of an older layout to today's; otherwise it is refused.
+    pub migrate: bool,
+    /// Bytes of the disk that stay free: with fewer, writes are refused (507).
+    pub disk_reserve_bytes: u64,
+    /// How the free bytes are found.
+    pub free_space: FreeSpace,
     /// The longest body of JSON or MessagePack, in bytes.
     pub json_bytes_max: usize,
     /// The longest mesh file, in bytes.
@@ -51,7 +96,16 @@ impl Config {
         Self {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7411)),
             insecure_bind: false,
+            access: Access::Auto,
+            new_admin_key: false,
+            open_metrics: false,
+            tls: None,
+            cors_origins: Vec::new(),
+            audit_entries_max: 100_000,
             data: data.into(),
+            migrate: false,
+            disk_reserve_bytes: RESERVE_BYTES,
+            free_space: FreeSpace::of_disk(),
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,
             body_timeout: Duration::from_secs(60),

@@ -155,6 +155,10 @@ pub(crate) fn revision(headers: &HeaderMap, name: &HeaderName) -> Option<u64> {
 
 /// Parses JSON; a wrong value is named by a JSON pointer.
 pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refusal> {
+    // Every body is an object; serde would take the values of an array for fields in order.
+    if bytes.trim_ascii_start().starts_with(b"[") {
+        return Err(wrong_value(String::new(), "came an array, expected an object".to_owned()));
+    }
     let mut deserializer = serde_json::Deserializer::from_slice(bytes);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let pointer = pointer(error.path());

@@ -6,6 +6,7 @@
 //! makes it the same training.
 
 mod control;
+mod ending;
 mod plan;
 
 use std::sync::Arc;
@@ -13,12 +14,15 @@ use std::time::{Duration, Instant};
 
 use control::{CANCEL, Control, SUSPEND};
 use dashmap::DashMap;
+use ending::Ending;
 use palpate_core::model::Catalogue;
 use palpate_schemas as wire;
 use palpate_schemas::{JobStage, StartTraining};
 use palpate_store::catalogue::{Draft, VersionObject, block_hash};
 use palpate_store::database::Database;
+use palpate_store::engine::EngineError;
 use palpate_store::entity::{Job, JobState};
+use palpate_store::error::StoreError;
 use palpate_store::model_codec::{APPEARANCE_BLOCK, model_to_blocks};
 use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
@@ -78,12 +82,18 @@ impl Jobs {
 
     /// Takes up what a stop of the server left behind.
     pub(crate) async fn resume(&self) -> Result<(), Refusal> {
-        for job in self.store.jobs().all()? {
+        for job in self.store.jobs().list_whole(None, usize::MAX - 1)?.items {
             let job = match job.state {
                 JobState::Queued => job,
-                JobState::Running => match self.after_interruption(job).await? {
-                    Some(job) => job,
-                    None => continue,
+                JobState::Running => match self.after_interruption(job).await {
+                    Ok(Some(job)) => job,
+                    Ok(None) => continue,
+                    // Reading goes on with a full disk; the next start takes it up.
+                    Err(Refusal::Store(StoreError::Engine(error @ EngineError::Full { .. }))) => {
+                        tracing::error!("Cannot take up an interrupted job: {error}");
+                        continue;
+                    }
+                    Err(refusal) => return Err(refusal),
                 },
                 JobState::Succeeded | JobState::Failed | JobState::Cancelled => continue,
             };
@@ -133,7 +143,7 @@ impl Jobs {
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::JobPage, Refusal> {
-        let page = self.store.jobs().list(page_id(query)?, page_length(query)?)?;
+        let page = self.store.jobs().list_whole(page_id(query)?, page_length(query)?)?;
         let items = page.items.iter().map(|job| self.show(job)).collect();
         Ok(wire::JobPage { items, next_cursor: cursor(page.next) })
     }
@@ -195,7 +205,7 @@ impl Jobs {
                     _ = stopping.wait_for(|stopping| *stopping) => return,
                 }
             };
-            let (id, working) = (job.id, self.run(job));
+            let (id, working) = (job.id, self.run(job, stopping.clone()));
             tokio::pin!(working);
             let is_stopped = tokio::select! {
                 () = &mut working => continue,
@@ -234,7 +244,9 @@ impl Jobs {
     }
 
     fn next(&self) -> Result<Option<Job>, Refusal> {
-        let oldest = self.unfinished.iter().map(|entry| *entry.key()).min();
+        // One whose end waits to be stored is over.
+        let waiting = self.unfinished.iter().filter(|entry| !entry.is_over());
+        let oldest = waiting.map(|entry| *entry.key()).min();
         let Some(id) = oldest else { return Ok(None) };
         Ok(self.store.jobs().find(id)?)
     }
@@ -261,19 +273,25 @@ impl Jobs {
         Ok(again.then_some(job))
     }
 
-    async fn run(&self, job: Job) {
+    async fn run(self: &Arc<Self>, job: Job, stopping: watch::Receiver<bool>) {
         let id = job.id;
         let Some(control) = self.control(id) else { return };
         match self.train(&job, &control).await {
-            Ok(version) => self.end(id, JobState::Succeeded, Some(version), None).await,
+            Ok(version) => {
+                self.end(Ending::new(id, JobState::Succeeded, Some(version), None), &stopping)
+                    .await;
+            }
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
                 tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
             }
             Err(TrainingFailure::Stopped) => {
                 let reason = "it was cancelled while it ran".to_owned();
-                self.end(id, JobState::Cancelled, None, Some(reason)).await;
+                self.end(Ending::new(id, JobState::Cancelled, None, Some(reason)), &stopping).await;
             }
-            Err(failure) => self.end(id, JobState::Failed, None, Some(failure.to_string())).await,
+            Err(failure) => {
+                let reason = Some(failure.to_string());
+                self.end(Ending::new(id, JobState::Failed, None, reason), &stopping).await;
+            }
         }
     }
 
@@ -351,25 +369,6 @@ impl Jobs {
             let _ = answer.send(outcome.unwrap_or(Err(Refusal::Panicked.into())));
         });
         answered.await.unwrap_or(Err(Refusal::Panicked.into()))
-    }
-
-    async fn end(&self, id: Uuid, state: JobState, version: Option<u32>, reason: Option<String>) {
-        let table = self.store.jobs();
-        let ended = table.update(id, |now| {
-            now.state = state;
-            now.version = version;
-            now.error.clone_from(&reason);
-            now.finished_at_ms = Some(now_ms());
-            Ok::<(), Refusal>(())
-        });
-        match ended.await {
-            Ok(Ok(job)) => self.conclude(&job),
-            Ok(Err(refusal)) => tracing::error!("Cannot store the end of job {id}: {refusal}"),
-            Err(error) => {
-                tracing::error!("Cannot store the end of job {id}: {error}");
-                self.unfinished.remove(&id);
-            }
-        }
     }
 
     /// Tells the followers of a job that is finished, and forgets it.

@@ -1,34 +1,44 @@
 //! Palpate's networked service, as a library: start a [`Server`] with a [`Config`].
 //!
-//! A request goes through `telemetry` (id, log, figures), `admission` (bounds) and a route,
-//! which asks one of `sensors`, `objects`, `catalogues`, `jobs` and `sessions`; `wire`
-//! converts, `compute` computes, `problem` turns every refusal into RFC 9457.
-//! Not here: keys and who may do what; without them a server is for its own machine.
+//! A request comes in by `listener` and goes through `telemetry` (id, log, figures), `headers`
+//! (for browsers), `guard` (who may do what: `keys`, `roles`), `admission` (bounds), `audit`
+//! and a route, which asks one of `sensors`, `objects`, `catalogues`, `jobs` and `sessions`;
+//! `wire` converts, `compute` computes, `problem` turns every refusal into RFC 9457.
 
 pub mod config;
+pub mod headers;
 pub mod openapi;
 pub mod server;
+pub mod tls;
 
 mod admission;
 mod app;
+mod audit;
 mod belief;
 mod calibrations;
 mod catalogues;
 mod clock;
 mod compute;
 mod extract;
+mod guard;
+mod integrity;
 mod jobs;
+mod keys;
+mod listener;
 mod live;
 mod objects;
 mod problem;
 mod refusal;
 mod repeats;
+mod roles;
 mod routes;
 mod sensors;
 mod sessions;
+mod snapshots;
 mod telemetry;
 mod training;
 mod wire;
 
-pub use config::Config;
+pub use config::{Access, Config};
+pub use palpate_store::sled::FreeSpace;
 pub use server::{Server, StartError};

@@ -59,7 +59,7 @@ impl Objects {
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ObjectPage, Refusal> {
-        let page = self.store.objects().list(page_id(query)?, page_length(query)?)?;
+        let page = self.store.objects().list_whole(page_id(query)?, page_length(query)?)?;
         let items: Result<_, _> = page.items.iter().map(|object| self.show(object)).collect();
         Ok(wire::ObjectPage { items: items?, next_cursor: cursor(page.next) })
     }

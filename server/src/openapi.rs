@@ -8,11 +8,14 @@
 use std::sync::OnceLock;
 
 use palpate_schemas::{FieldError, Job, Problem, SessionEvent};
+use utoipa::openapi::extensions::Extensions;
 use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
-use utoipa::openapi::{Content, OpenApi, Ref, RefOr, Response};
+use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
+use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
 use utoipa::{IntoResponses, OpenApi as _, ToSchema};
 
 use crate::problem::CONTENT_TYPE;
+use crate::roles::{self, Rule, Who};
 use crate::routes;
 
 /// The answer of an operation that may not fit the state of things.
@@ -29,10 +32,20 @@ pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
+/// A snapshot, as `docs/formats.md` draws it.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+pub(crate) struct SnapshotFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
+
 /// A map of contact as an image or a model.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
+
+/// What the description calls keys.
+const SCHEME: &str = "key";
+const KEY: &str = "An API key, `palpate_…`, where the server asks for one. `x-palpate-roles` of \
+    an operation lists the roles that may call it; operations without need no key.";
 
 #[derive(utoipa::OpenApi)]
 #[openapi(
@@ -51,6 +64,8 @@ pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents"
         (name = "training", description = "Catalogues: trained versions, and the current one"),
         (name = "jobs", description = "Trainings under way"),
         (name = "sessions", description = "Recognising: readings in, beliefs out"),
+        (name = "keys", description = "API keys, and who changed what"),
+        (name = "admin", description = "Copies of all that is stored"),
         (name = "site", description = "Health, metrics, version"),
     ),
     components(schemas(Problem, FieldError, SessionEvent, Job)),
@@ -63,8 +78,15 @@ pub fn document() -> OpenApi {
     let mut document = Document::openapi();
     document.merge(routes::api().into_openapi());
     for item in document.paths.paths.values_mut() {
-        operations(item).for_each(add_problems);
+        operations(item).for_each(|(method, operation)| {
+            add_roles(operation);
+            add_location(operation);
+            add_problems(operation, method != "GET");
+        });
     }
+    let scheme = Http::builder().scheme(HttpAuthScheme::Bearer).description(Some(KEY));
+    let components = document.components.get_or_insert_default();
+    components.add_security_scheme(SCHEME, SecurityScheme::Http(scheme.build()));
     document
 }
 
@@ -82,13 +104,54 @@ pub fn text() -> &'static str {
     })
 }
 
-fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
-    [&mut item.get, &mut item.put, &mut item.post, &mut item.patch, &mut item.delete]
-        .into_iter()
-        .flatten()
+/// Every operation as path, method and id.
+pub(crate) fn operation_ids() -> Vec<(String, &'static str, String)> {
+    let mut ids = Vec::new();
+    for (path, item) in &mut routes::api().into_openapi().paths.paths {
+        for (method, operation) in operations(item) {
+            ids.push((path.clone(), method, operation.operation_id.clone().unwrap_or_default()));
+        }
+    }
+    ids
 }
 
-fn add_problems(operation: &mut Operation) {
+fn operations(item: &mut PathItem) -> impl Iterator<Item = (&'static str, &mut Operation)> {
+    [
+        ("GET", &mut item.get),
+        ("PUT", &mut item.put),
+        ("POST", &mut item.post),
+        ("PATCH", &mut item.patch),
+        ("DELETE", &mut item.delete),
+    ]
+    .into_iter()
+    .filter_map(|(method, operation)| Some((method, operation.as_mut()?)))
+}
+
+/// Says which roles may call an operation; nothing of one that the table does not know.
+fn add_roles(operation: &mut Operation) {
+    let rule = operation.operation_id.as_deref().and_then(roles::rule);
+    let Some(Rule { who: Who::Holders(roles), .. }) = rule else { return };
+    operation.security = Some(vec![SecurityRequirement::new(SCHEME, [""; 0])]);
+    let named: Vec<&str> = roles.iter().map(|role| roles::name(*role)).collect();
+    operation.extensions = Some(Extensions::from_iter([("x-palpate-roles", named)]));
+    let responses = &mut operation.responses.responses;
+    let needed = format!("The key has none of the roles that this needs: {}", roles::listed(roles));
+    responses.insert("401".to_owned(), problem("No API key came, or none that is let in"));
+    responses.insert("403".to_owned(), problem(&needed));
+}
+
+/// What is made has a path, and the answer says which.
+fn add_location(operation: &mut Operation) {
+    for made in ["201", "202"] {
+        if let Some(RefOr::T(response)) = operation.responses.responses.get_mut(made) {
+            let mut location = Header::default();
+            location.description = Some("The path of what was made".to_owned());
+            response.headers.insert("location".to_owned(), location.into());
+        }
+    }
+}
+
+fn add_problems(operation: &mut Operation, writes: bool) {
     let has = |place: ParameterIn| {
         let parameters = operation.parameters.iter().flatten();
         parameters.into_iter().any(|parameter| match parameter {
@@ -114,7 +177,10 @@ fn add_problems(operation: &mut Operation) {
     if has_body || in_query {
         add("422", "A value is wrong; `errors` names it");
     }
-    add("500", "The server is at fault");
+    if writes {
+        add("507", "The disk is full: nothing was stored");
+    }
+    add("500", "The server is at fault, or what is stored is damaged");
     add("503", "Too much at once, or stopping; `Retry-After` says when to ask again");
 }
 
@@ -150,7 +216,7 @@ mod tests {
         assert!(document.info.license.is_some() && document.servers.is_some());
         let mut ids = BTreeSet::new();
         for (path, item) in &mut document.paths.paths {
-            for operation in operations(item) {
+            for (_, operation) in operations(item) {
                 let id = operation.operation_id.clone().unwrap_or_default();
                 assert!(!id.is_empty() && ids.insert(id.clone()), "{path}: id {id:?}");
                 assert!(operation.summary.as_ref().is_some_and(|s| !s.is_empty()), "{id}: summary");

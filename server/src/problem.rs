@@ -5,13 +5,14 @@
 //! draft and get one by their status.
 
 use axum::body::Body;
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{FieldError, Problem, ProblemType};
 use palpate_store::engine::EngineError;
 use palpate_store::error::StoreError;
 
 use crate::compute::ComputeError;
+use crate::keys::KeyFault;
 use crate::refusal::Refusal;
 
 /// The content type of every error.
@@ -45,8 +46,28 @@ impl IntoResponse for Refusal {
             let seconds = HeaderValue::from_static(RETRY_AFTER_S);
             response.headers_mut().insert(header::RETRY_AFTER, seconds);
         }
+        response.headers_mut().extend(headers(&self));
         response.extensions_mut().insert(Draft { kind, detail, errors: errors(self) });
         response
+    }
+}
+
+/// The headers that some refusals come with.
+fn headers(refusal: &Refusal) -> Option<(HeaderName, HeaderValue)> {
+    match refusal {
+        Refusal::Unauthenticated(KeyFault::Missing) => {
+            let asks = HeaderValue::from_static("Bearer realm=\"palpate\"");
+            Some((header::WWW_AUTHENTICATE, asks))
+        }
+        Refusal::Unauthenticated(_) => {
+            let asks =
+                HeaderValue::from_static("Bearer realm=\"palpate\", error=\"invalid_token\"");
+            Some((header::WWW_AUTHENTICATE, asks))
+        }
+        Refusal::OtherMethod { allow } => {
+            HeaderValue::from_str(allow).ok().map(|allow| (header::ALLOW, allow))
+        }
+        _ => None,
     }
 }
 
@@ -104,6 +125,11 @@ fn framework_draft(found: StatusCode, path: &str) -> Draft {
 fn kind(refusal: &Refusal) -> ProblemType {
     match refusal {
         Refusal::NotFound { .. } | Refusal::NoVersion { .. } => ProblemType::NotFound,
+        Refusal::Unauthenticated(_) => ProblemType::Unauthenticated,
+        Refusal::Forbidden { .. } | Refusal::ForeignHost { .. } | Refusal::ForeignOrigin { .. } => {
+            ProblemType::Forbidden
+        }
+        Refusal::OtherMethod { .. } => ProblemType::MethodNotAllowed,
         Refusal::Malformed { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
         Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
         Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
@@ -122,6 +148,9 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::NoTouch { .. }
         | Refusal::ReadingsFull { .. }
         | Refusal::JobFinished { .. }
+        | Refusal::LastAdmin { .. }
+        | Refusal::KeyRefused { .. }
+        | Refusal::KeysFull { .. }
         | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,
         Refusal::RevisionChanged { .. } => ProblemType::PreconditionFailed,
         Refusal::RevisionMissing => ProblemType::PreconditionRequired,
@@ -131,11 +160,13 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::TooSlow { .. }
         | Refusal::ModelsInUse { .. }
         | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
+        Refusal::Quarantined { .. } => ProblemType::Damaged,
         Refusal::NotReady(_) | Refusal::ModelTooLarge { .. } => ProblemType::Unavailable,
         Refusal::Store(error) => store_kind(error),
-        Refusal::Compute(ComputeError::Panicked) | Refusal::Unusable { .. } | Refusal::Panicked => {
-            ProblemType::Internal
-        }
+        Refusal::Compute(ComputeError::Panicked)
+        | Refusal::Unusable { .. }
+        | Refusal::NoRandom
+        | Refusal::Panicked => ProblemType::Internal,
     }
 }
 
@@ -145,13 +176,15 @@ fn store_kind(error: &StoreError) -> ProblemType {
         StoreError::Exists { .. } | StoreError::NameTaken { .. } | StoreError::Changed { .. } => {
             ProblemType::Conflict
         }
-        StoreError::Engine(EngineError::Busy { .. }) => ProblemType::Overloaded,
+        StoreError::Engine(EngineError::Full { .. }) => ProblemType::StorageFull,
+        StoreError::Engine(
+            EngineError::Busy { .. } | EngineError::CutUnderWay | EngineError::CutTooLarge { .. },
+        ) => ProblemType::Overloaded,
         StoreError::Engine(EngineError::Poisoned | EngineError::Stopped) => {
             ProblemType::Unavailable
         }
-        StoreError::Engine(_) | StoreError::Damaged { .. } | StoreError::Model { .. } => {
-            ProblemType::Internal
-        }
+        StoreError::Damaged { .. } | StoreError::Model { .. } => ProblemType::Damaged,
+        StoreError::Engine(_) => ProblemType::Internal,
     }
 }
 
@@ -180,6 +213,8 @@ fn errors(refusal: Refusal) -> Vec<FieldError> {
 fn status(kind: ProblemType) -> StatusCode {
     match kind {
         ProblemType::MalformedRequest => StatusCode::BAD_REQUEST,
+        ProblemType::Unauthenticated => StatusCode::UNAUTHORIZED,
+        ProblemType::Forbidden => StatusCode::FORBIDDEN,
         ProblemType::NotFound => StatusCode::NOT_FOUND,
         ProblemType::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
         ProblemType::Timeout => StatusCode::REQUEST_TIMEOUT,
@@ -190,13 +225,16 @@ fn status(kind: ProblemType) -> StatusCode {
         ProblemType::UnsupportedMediaType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
         ProblemType::InvalidValue => StatusCode::UNPROCESSABLE_ENTITY,
         ProblemType::Overloaded | ProblemType::Unavailable => StatusCode::SERVICE_UNAVAILABLE,
-        ProblemType::Internal => StatusCode::INTERNAL_SERVER_ERROR,
+        ProblemType::StorageFull => StatusCode::INSUFFICIENT_STORAGE,
+        ProblemType::Damaged | ProblemType::Internal => StatusCode::INTERNAL_SERVER_ERROR,
     }
 }
 
 fn title(kind: ProblemType) -> &'static str {
     match kind {
         ProblemType::MalformedRequest => "The request cannot be read",
+        ProblemType::Unauthenticated => "A key is needed",
+        ProblemType::Forbidden => "This is not allowed",
         ProblemType::NotFound => "There is no such thing",
         ProblemType::MethodNotAllowed => "The method does not exist here",
         ProblemType::Timeout => "The request did not arrive in time",
@@ -209,6 +247,8 @@ fn title(kind: ProblemType) -> &'static str {
         ProblemType::InvalidValue => "A value is wrong",
         ProblemType::Overloaded => "Too much at once",
         ProblemType::Unavailable => "Not available at the moment",
+        ProblemType::StorageFull => "No room to store it",
+        ProblemType::Damaged => "What is stored is damaged",
         ProblemType::Internal => "The server is at fault",
     }
 }

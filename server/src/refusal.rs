@@ -2,13 +2,16 @@
 
 use std::time::Duration;
 
-use palpate_schemas::{FieldError, JobState, Readiness};
+use palpate_schemas::{FieldError, JobState, Readiness, Role};
+use palpate_store::access::AccessKey;
 use palpate_store::error::StoreError;
 use palpate_store::journal::AppendError;
 use thiserror::Error;
 use uuid::Uuid;
 
 use crate::compute::ComputeError;
+use crate::keys::KeyFault;
+use crate::{roles, wire};
 
 /// Why something was not done.
 #[derive(Debug, Error)]
@@ -89,6 +92,29 @@ pub(crate) enum Refusal {
         megabytes(*.needed), megabytes(*.in_use), megabytes(*.budget)
     )]
     ModelsInUse { catalogue: String, version: u32, needed: u64, in_use: u64, budget: u64 },
+    #[error(transparent)]
+    Unauthenticated(KeyFault),
+    #[error(
+        "the key {:?} has the role {}; this needs {}", key.name, role_name(key.role), needed(roles)
+    )]
+    Forbidden { key: Box<AccessKey>, roles: &'static [Role] },
+    #[error("this path exists, but not with this method; the header `Allow` lists which")]
+    OtherMethod { allow: String },
+    #[error(
+        "the server was asked for as {host:?}: without keys it serves this machine under its own \
+         names only, such as 127.0.0.1 or localhost"
+    )]
+    ForeignHost { host: String },
+    #[error("pages of {origin} may not use this server: allow them with `--cors-origin {origin}`")]
+    ForeignOrigin { origin: String },
+    #[error("{name:?} is the last admin's key that is let in: create another one first")]
+    LastAdmin { name: String },
+    #[error("the key {name:?} was revoked or has expired: create a new one")]
+    KeyRefused { name: String },
+    #[error("there are {found} keys, and none that was revoked and could be forgotten")]
+    KeysFull { found: usize },
+    #[error("the operating system has no random bits")]
+    NoRandom,
     #[error("job {job} is {state:?} already")]
     JobFinished { job: Uuid, state: JobState },
     #[error("object {object:?} is being trained by job {job}: cancel the job first")]
@@ -114,6 +140,11 @@ pub(crate) enum Refusal {
     Store(#[from] StoreError),
     #[error("what is stored of {what} {id} cannot be used: {reason}")]
     Unusable { what: &'static str, id: String, reason: String },
+    #[error(
+        "version {version} of catalogue {catalogue:?} is damaged and cannot be recognised with \
+         ({reason}): use another version, train a new one, or restore a snapshot"
+    )]
+    Quarantined { catalogue: String, version: u32, reason: String },
     #[error("the server is not ready")]
     NotReady(Readiness),
     #[error("a task of the server panicked")]
@@ -145,6 +176,18 @@ impl From<AppendError> for Refusal {
 impl From<palpate_store::engine::EngineError> for Refusal {
     fn from(error: palpate_store::engine::EngineError) -> Self {
         Self::Store(error.into())
+    }
+}
+
+fn role_name(role: palpate_store::access::Role) -> &'static str {
+    roles::name(wire::access::role(role))
+}
+
+fn needed(roles: &[Role]) -> String {
+    match roles {
+        [] => "a role that no key has".to_owned(),
+        [only] => format!("the role {}", roles::name(*only)),
+        several => format!("one of the roles {}", roles::listed(several)),
     }
 }
 

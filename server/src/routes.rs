@@ -2,17 +2,24 @@
 //! and answers; everything else lives behind it.
 
 pub(crate) mod analyses;
+pub(crate) mod audit;
 pub(crate) mod calibrations;
 pub(crate) mod events;
 pub(crate) mod history;
 pub(crate) mod jobs;
+pub(crate) mod keys;
 pub(crate) mod maps;
 pub(crate) mod objects;
 pub(crate) mod sensors;
 pub(crate) mod sessions;
 pub(crate) mod site;
+pub(crate) mod snapshots;
 pub(crate) mod training;
 
+use axum::Json;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -64,4 +71,15 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::ask_next_touches))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
+        .routes(routes!(keys::list_keys, keys::create_key))
+        .routes(routes!(keys::get_key, keys::revoke_key))
+        .routes(routes!(keys::rotate_key))
+        .routes(routes!(keys::whoami))
+        .routes(routes!(audit::list_audit))
+        .routes(routes!(snapshots::take_snapshot))
+}
+
+/// The answer to what made something: the thing, and the path that it has from now on.
+pub(crate) fn created<T: Serialize>(path: String, made: T) -> Response {
+    (StatusCode::CREATED, [(header::LOCATION, path)], Json(made)).into_response()
 }

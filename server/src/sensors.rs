@@ -105,7 +105,7 @@ impl Sensors {
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Refusal> {
-        let page = self.store.sensors().list(page_id(query)?, page_length(query)?)?;
+        let page = self.store.sensors().list_whole(page_id(query)?, page_length(query)?)?;
         let items = page.items.iter().map(sensor::sensor).collect();
         Ok(wire::SensorPage { items, next_cursor: cursor(page.next) })
     }

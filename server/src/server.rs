@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::serve::ListenerExt;
+use palpate_migrations::{MigrateError, migrate};
 use palpate_store::database::{Database, DatabaseError};
 use palpate_store::error::StoreError;
 use palpate_store::sled::{SledEngine, SledOptions};
@@ -18,15 +18,21 @@ use tokio::task::JoinHandle;
 
 use crate::admission::Admission;
 use crate::app::{App, Parts, router};
+use crate::audit::Audit;
 use crate::catalogues::Catalogues;
 use crate::compute::Pool;
-use crate::config::Config;
+use crate::config::{Access, Config};
+use crate::headers::is_origin;
+use crate::integrity;
 use crate::jobs::Jobs;
+use crate::keys::{Keys, KeysError};
+use crate::listener::{Door, Peer};
 use crate::objects::Objects;
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
-use crate::telemetry;
+use crate::tls::TlsError;
+use crate::{telemetry, tls};
 
 /// How long requests under way may go on after a stop was asked for.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
@@ -39,6 +45,8 @@ pub struct Server {
     serving: JoinHandle<std::io::Result<()>>,
     working: JoinHandle<()>,
     engine: Arc<SledEngine>,
+    scheme: &'static str,
+    admin_key: Option<String>,
 }
 
 /// Why a server does not start.
@@ -47,7 +55,8 @@ pub enum StartError {
     /// Others could reach the address, and nobody would be asked for a key.
     #[error(
         "{address} can be reached from other machines and this server asks nobody for a key: \
-         listen at 127.0.0.1, or allow it expressly with `insecure_bind`"
+         ask for keys with `--access keys` (the first one is made and printed), listen at \
+         127.0.0.1, or, in a network that you trust, allow it expressly with `--insecure-bind`"
     )]
     InsecureBind {
         /// The address that was asked for.
@@ -61,6 +70,21 @@ pub enum StartError {
         /// What the operating system says.
         source: std::io::Error,
     },
+    /// An origin is not written like one.
+    #[error(
+        "{found:?} is no origin, expected one as browsers send it, such as https://lab.example \
+         or http://localhost:3000, without a path"
+    )]
+    Origin {
+        /// What was given.
+        found: String,
+    },
+    /// TLS cannot be spoken with these files.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// The operating system has no random bits for the first key.
+    #[error("cannot make the first key: {0}")]
+    Random(#[from] getrandom::Error),
     /// The operating system gives no threads.
     #[error("cannot start threads: {0}")]
     Threads(#[from] std::io::Error),
@@ -70,6 +94,9 @@ pub enum StartError {
     /// The database cannot be opened.
     #[error(transparent)]
     Database(#[from] DatabaseError),
+    /// The database cannot be brought to today's layout.
+    #[error("cannot migrate the database: {0}")]
+    Migrate(#[from] MigrateError),
     /// The database cannot be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -81,6 +108,15 @@ pub enum StartError {
     },
 }
 
+impl From<KeysError> for StartError {
+    fn from(error: KeysError) -> Self {
+        match error {
+            KeysError::Store(error) => Self::Store(error),
+            KeysError::Random(error) => Self::Random(error),
+        }
+    }
+}
+
 impl Server {
     /// Opens the database, takes up unfinished jobs and listens.
     ///
@@ -88,9 +124,15 @@ impl Server {
     /// [`StartError`] when it cannot; nothing is left running then.
     pub async fn start(config: Config) -> Result<Self, StartError> {
         let address = config.listen;
-        if !address.ip().is_loopback() && !config.insecure_bind {
+        let is_exposed = !address.ip().is_loopback() && !config.insecure_bind;
+        if is_exposed && config.access == Access::Open {
             return Err(StartError::InsecureBind { address });
         }
+        if let Some(found) = config.cors_origins.iter().find(|origin| !is_origin(origin)) {
+            return Err(StartError::Origin { found: found.clone() });
+        }
+        let tls = config.tls.as_ref().map(tls::configure).transpose()?;
+        let scheme = if tls.is_some() { "https" } else { "http" };
         telemetry::metrics_handle();
         let listener = TcpListener::bind(address)
             .await
@@ -98,22 +140,44 @@ impl Server {
         let local_addr = listener.local_addr()?;
         let (stop, stopping) = watch::channel(false);
         let engine = open(&config).await?;
-        let store = Arc::clone(&engine);
-        let store = tokio::task::spawn_blocking(move || Database::with_engine(store));
-        let store = store.await.map_err(std::io::Error::other)??;
-        let (app, jobs) = assemble(config, store, stopping.clone()).await?;
+        let store = database(Arc::clone(&engine), config.migrate).await?;
+        let (keys, admin_key) =
+            Keys::open(store.clone(), config.access, config.new_admin_key).await?;
+        if is_exposed && !keys.required() {
+            return Err(StartError::InsecureBind { address });
+        }
+        if !address.ip().is_loopback() && tls.is_none() {
+            tracing::warn!(
+                "Keys and readings travel unencrypted to {address}: use `--tls-cert` and \
+                 `--tls-key`, or a proxy that speaks TLS"
+            );
+        }
+        let checked = store.clone();
+        let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
+        let checked_catalogues = app.shared_catalogues();
         let working = tokio::spawn(jobs.work(stopping.clone()));
-        let listener = listener.tap_io(|connection| {
-            // Answers are small: waiting to fill a packet costs 40 ms each.
-            let _ = connection.set_nodelay(true);
-        });
+        integrity::check(checked, checked_catalogues, stopping.clone())?;
         let mut stopped = stopping;
-        let serving = axum::serve(listener, router(app)).with_graceful_shutdown(async move {
+        let service = router(app).into_make_service_with_connect_info::<Peer>();
+        let door = Door::new(listener, tls);
+        let serving = axum::serve(door, service).with_graceful_shutdown(async move {
             let _ = stopped.wait_for(|stopping| *stopping).await;
         });
         let serving = tokio::spawn(serving.into_future());
-        tracing::info!("Listening at http://{local_addr}");
-        Ok(Self { local_addr, stop, serving, working, engine })
+        tracing::info!("Listening at {scheme}://{local_addr}");
+        Ok(Self { local_addr, stop, serving, working, engine, scheme, admin_key })
+    }
+
+    /// The server's address as clients write it, such as `http://127.0.0.1:7411`.
+    #[must_use]
+    pub fn address(&self) -> String {
+        format!("{}://{}", self.scheme, self.local_addr)
+    }
+
+    /// The secret of the admin's key that was made at this start, if one was; the second time
+    /// it is gone.
+    pub fn take_admin_key(&mut self) -> Option<String> {
+        self.admin_key.take()
     }
 
     /// The address it listens at, with the port that was taken.
@@ -141,10 +205,25 @@ impl Server {
 
 async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError> {
     let folder = config.data.clone();
-    let opening =
-        tokio::task::spawn_blocking(move || SledEngine::open(&folder, &SledOptions::default()));
+    let options = SledOptions {
+        reserve_bytes: config.disk_reserve_bytes,
+        free_space: config.free_space.clone(),
+        ..SledOptions::default()
+    };
+    let opening = tokio::task::spawn_blocking(move || SledEngine::open(&folder, &options));
     let opened = opening.await.map_err(std::io::Error::other)?;
     Ok(Arc::new(opened.map_err(DatabaseError::from)?))
+}
+
+/// The database of an engine, in today's layout.
+async fn database(engine: Arc<SledEngine>, migrates: bool) -> Result<Database, StartError> {
+    let opening = tokio::task::spawn_blocking(move || {
+        if migrates {
+            migrate(&*engine)?;
+        }
+        Ok(Database::with_engine(engine)?)
+    });
+    opening.await.map_err(std::io::Error::other)?
 }
 
 /// Closes the engine when nobody else has it any more: the last tasks of the runtime let go
@@ -166,6 +245,7 @@ async fn close(engine: Arc<SledEngine>) {
 async fn assemble(
     config: Config,
     store: Database,
+    keys: Keys,
     stopping: watch::Receiver<bool>,
 ) -> Result<(App, Arc<Jobs>), StartError> {
     let pool = Pool::start(config.compute_threads, config.compute_queue_max)?;
@@ -191,6 +271,9 @@ async fn assemble(
         pool.clone(),
         &config,
     ));
+    let (log, entries_max) = (store.clone(), config.audit_entries_max);
+    let log = tokio::task::spawn_blocking(move || log.audit(entries_max)).await;
+    let audit = Arc::new(Audit::new(log.map_err(std::io::Error::other)??));
     let admission = Admission::new(&config);
     let working = Arc::clone(&jobs);
     let parts = Parts {
@@ -203,6 +286,8 @@ async fn assemble(
         catalogues,
         jobs,
         sessions,
+        keys,
+        audit,
         stopping,
     };
     Ok((App::new(parts), working))

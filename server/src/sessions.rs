@@ -108,7 +108,7 @@ impl Sessions {
     }
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SessionPage, Refusal> {
-        let page = self.store.sessions().list(page_id(query)?, page_length(query)?)?;
+        let page = self.store.sessions().list_whole(page_id(query)?, page_length(query)?)?;
         let items: Result<_, _> = page.items.iter().map(|session| self.show(session)).collect();
         Ok(wire::SessionPage { items: items?, next_cursor: cursor(page.next) })
     }

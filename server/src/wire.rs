@@ -4,6 +4,7 @@
 //! JSON lets numbers through that are no numbers: 1e999 is refused by the parser, null by
 //! the types; everything else that core would choke on is refused here.
 
+pub(crate) mod access;
 pub(crate) mod analysis;
 pub(crate) mod appearance;
 pub(crate) mod belief;

@@ -4,6 +4,7 @@
 //! and rough. Each is a signed distance in millimetres, meshed on a grid; always the same.
 //! Not here: files; anything a user brings comes through `mesh`.
 
+mod assembled;
 mod creatures;
 mod field;
 pub(crate) mod surface_nets;
@@ -11,6 +12,7 @@ mod tools;
 mod vessels;
 mod wheels;
 
+pub use assembled::assembled;
 use glam::DVec3;
 use palpate_core::units::MM;
 

@@ -6,9 +6,13 @@ use std::sync::Arc;
 use thiserror::Error;
 use uuid::Uuid;
 
+use crate::access::AccessKey;
+use crate::audit::AuditLog;
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
-use crate::engine::{Commit, CommitError, Engine, EngineError, EngineStats, Expected, OpenError};
+use crate::engine::{
+    Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, OpenError,
+};
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError};
 use crate::journal::{Journal, JournalSpaces};
@@ -20,7 +24,7 @@ use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
 
 /// The layout of keys and records that this version of Palpate writes.
-pub const LAYOUT: u32 = 1;
+pub const LAYOUT: u32 = 2;
 
 /// Everything Palpate keeps. Cheap to clone.
 #[derive(Clone)]
@@ -46,7 +50,11 @@ pub enum DatabaseError {
         made_by: String,
     },
     /// The database was written by an older Palpate and must be migrated.
-    #[error("the database has layout {found}, this version of Palpate needs {LAYOUT}: migrate it")]
+    #[error(
+        "the database has layout {found}, this version of Palpate needs {LAYOUT}: \
+         take a copy of the folder, then migrate it: `palpate migrate --data DIR`, or start with \
+         `--migrate`"
+    )]
     TooOld {
         /// Its layout.
         found: u32,
@@ -177,6 +185,20 @@ impl Database {
         Journal::new(Arc::clone(&self.engine), spaces)
     }
 
+    /// All API keys.
+    #[must_use]
+    pub fn keys(&self) -> Table<AccessKey> {
+        Table::new(Arc::clone(&self.engine))
+    }
+
+    /// The audit log, which keeps its newest `entries_max` entries. Open it once. Blocks.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn audit(&self, entries_max: u64) -> Result<AuditLog, StoreError> {
+        AuditLog::open(Arc::clone(&self.engine), entries_max)
+    }
+
     /// Removes an object, then its mesh and training readings; `false` when there was none.
     ///
     /// # Errors
@@ -196,6 +218,14 @@ impl Database {
         let removed = self.sessions().remove(id).await?;
         self.journal().remove(id).await?;
         Ok(removed)
+    }
+
+    /// Everything as it is now, to be read whatever is written meanwhile. Blocks.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
+        self.engine.cut()
     }
 
     /// What the engine holds.

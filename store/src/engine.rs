@@ -54,11 +54,29 @@ pub trait Engine: Send + Sync + 'static {
     /// A dropped `Pending` does not undo the commit.
     fn commit(&self, commit: Commit) -> Pending;
 
+    /// Everything as it is after all commits that were answered, whatever is written while it
+    /// is read. Blocks until the writer has answered what it is at.
+    ///
+    /// # Errors
+    /// [`EngineError::CutUnderWay`] when another one is being read; [`EngineError`] when the
+    /// engine has stopped.
+    fn cut(&self) -> Result<Box<dyn Cut>, EngineError>;
+
     /// What the engine holds.
     ///
     /// # Errors
     /// [`EngineError`] when the engine cannot tell.
     fn stats(&self) -> Result<EngineStats, EngineError>;
+}
+
+/// All pairs of an engine as they were after one commit, page by page in ascending order.
+pub trait Cut: Send {
+    /// Up to `limit` further pairs; none when there are no more.
+    ///
+    /// # Errors
+    /// [`EngineError::CutTooLarge`] when too much was written since; [`EngineError`] when the
+    /// engine cannot read.
+    fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError>;
 }
 
 /// What a key must hold for a commit to be applied.
@@ -119,6 +137,9 @@ impl Commit {
             if key.is_empty() || key.len() > KEY_BYTES_MAX {
                 return Err(EngineError::KeyLength { found: key.len() });
             }
+            if key[0] == 0 {
+                return Err(EngineError::KeyReserved);
+            }
             let found = value.as_ref().map_or(0, Vec::len);
             if found > VALUE_BYTES_MAX {
                 return Err(EngineError::ValueTooLarge { found });
@@ -175,6 +196,10 @@ pub struct EngineStats {
     pub engine: &'static str,
     /// Bytes on disk (or in memory).
     pub bytes: u64,
+    /// Bytes that are free where it keeps its files, if it keeps any and can tell.
+    pub free_bytes: Option<u64>,
+    /// Bytes that must stay free: with fewer, writes are refused.
+    pub reserve_bytes: u64,
     /// Commits applied since it was opened.
     pub commits: u64,
     /// Flushes since it was opened; fewer than commits where commits were grouped.
@@ -200,6 +225,17 @@ pub enum OpenError {
         /// Why not.
         source: std::io::Error,
     },
+    /// The disk is too full to open it.
+    #[error(
+        "the disk is full: the database in {folder} is not damaged, but needs some room to open \
+         ({detail}); make room and start again"
+    )]
+    NoRoom {
+        /// The database's folder.
+        folder: PathBuf,
+        /// What the engine said.
+        detail: String,
+    },
     /// The engine found its own files damaged.
     #[error(
         "the database in {folder} is damaged and was left as it is ({detail}); \
@@ -210,6 +246,42 @@ pub enum OpenError {
         folder: PathBuf,
         /// What the engine said.
         detail: String,
+    },
+    /// Commits that were acknowledged are not there.
+    #[error(
+        "the database in {folder} has lost its newest commits: {acknowledged} were acknowledged, \
+         {found} are there; restore a snapshot, or accept the loss: `palpate fsck --accept`"
+    )]
+    LostCommits {
+        /// The database's folder.
+        folder: PathBuf,
+        /// How many were acknowledged at least.
+        acknowledged: u64,
+        /// How many the files have.
+        found: u64,
+    },
+    /// The records are not those that were written last.
+    #[error(
+        "the database in {folder} is damaged: its records are not those that were written \
+         ({found} of them do not give the stored sum); restore a snapshot, or see what is \
+         missing with `palpate fsck` and accept the loss: `palpate fsck --accept`"
+    )]
+    Altered {
+        /// The database's folder.
+        folder: PathBuf,
+        /// How many pairs there are.
+        found: u64,
+    },
+    /// The file that says how many commits were acknowledged is missing or damaged.
+    #[error(
+        "{path} {fault}, so nobody knows whether acknowledged commits are missing; if the files \
+         were copied without it, accept what is there: `palpate fsck --accept`"
+    )]
+    Mark {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: &'static str,
     },
     /// The operating system gives no thread for the writer.
     #[error("cannot start the database's writer thread: {source}")]
@@ -233,6 +305,29 @@ pub enum EngineError {
     /// An earlier write failed, so what is on disk is not known; nothing more is written.
     #[error("an earlier write to the database failed, it takes no more writes until restarted")]
     Poisoned,
+    /// Too little room is left on the disk; nothing was written.
+    #[error(
+        "the disk is full: {} MB are free and {} MB must stay free",
+        .free >> 20, .reserve >> 20
+    )]
+    Full {
+        /// Bytes that are free.
+        free: u64,
+        /// Bytes that must stay free.
+        reserve: u64,
+    },
+    /// Another cut is being read.
+    #[error("a snapshot is being taken already")]
+    CutUnderWay,
+    /// Too much was written while a cut was read.
+    #[error("too much was written while the snapshot was taken, expected at most {max} bytes")]
+    CutTooLarge {
+        /// How many bytes are remembered.
+        max: usize,
+    },
+    /// A key begins with a byte that the engine keeps to itself.
+    #[error("key begins with byte 0, which the engine keeps for its own records")]
+    KeyReserved,
     /// Too many commits are waiting.
     #[error("too many writes are waiting for the database, expected at most {queue_max}")]
     Busy {

@@ -48,8 +48,14 @@ pub enum Kind {
     Block = 14,
     /// A calibration of a sensor.
     Calibration = 15,
+    /// An API key, without its secret.
+    AccessKey = 16,
+    /// An entry of the audit log.
+    Audit = 17,
     /// Which entry of a journal withdraws another one.
     JournalRetraction = 20,
+    /// How many commits there were, and the sum of all records.
+    Tally = 30,
 }
 
 /// An envelope that was found whole.
@@ -126,6 +132,19 @@ pub fn seal(kind: Kind, schema: u16, payload: &[u8]) -> Vec<u8> {
 /// # Errors
 /// [`EnvelopeError`] says what is wrong; a single flipped byte never goes unnoticed.
 pub fn open(expected: Kind, bytes: &[u8]) -> Result<Opened<'_>, EnvelopeError> {
+    let (kind, opened) = open_any(bytes)?;
+    if kind != expected as u16 {
+        return Err(EnvelopeError::Kind { expected, found: kind });
+    }
+    Ok(opened)
+}
+
+/// Checks an envelope of any kind, also of one that is not known here: the kind's number, and
+/// what is inside.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_any(bytes: &[u8]) -> Result<(u16, Opened<'_>), EnvelopeError> {
     let total = total_bytes(bytes)?;
     if bytes.len() != total {
         return Err(EnvelopeError::Length { expected: total, found: bytes.len() });
@@ -139,11 +158,7 @@ pub fn open(expected: Kind, bytes: &[u8]) -> Result<Opened<'_>, EnvelopeError> {
     if flags != 0 {
         return Err(EnvelopeError::Flags { found: flags });
     }
-    let kind = u16_at(bytes, 4);
-    if kind != expected as u16 {
-        return Err(EnvelopeError::Kind { expected, found: kind });
-    }
-    Ok(Opened { schema: u16_at(bytes, 6), payload })
+    Ok((u16_at(bytes, 4), Opened { schema: u16_at(bytes, 6), payload }))
 }
 
 /// How many bytes the record has that begins with `head`, header included.

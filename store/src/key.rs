@@ -48,6 +48,10 @@ pub enum Space {
     Calibration = b'k',
     /// Immutable blocks, by the hash of their content.
     Block = b'b',
+    /// API keys by id.
+    AccessKey = b'a',
+    /// The audit log, by sequence.
+    Audit = b'l',
 }
 
 /// The bytes of an id inside a key: the space's letter and 16 bytes.

@@ -3,8 +3,9 @@
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
 //! values are; `pieces` splits what is large; [`table`], [`journal`], [`calibration`],
-//! [`mesh`] and [`catalogue`] are the repositories that [`database::Database`] opens. `docs/formats.md`
-//! draws every byte. Times are arguments, in milliseconds since 1970.
+//! [`mesh`], [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
+//! [`fsck`] checks a whole database, [`snapshot`] copies one. `docs/formats.md` draws every
+//! byte. Times are arguments, in milliseconds since 1970.
 //! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
 pub mod engine;
@@ -18,6 +19,8 @@ pub mod key;
 pub mod envelope;
 
 pub mod entity;
+
+pub mod access;
 
 pub mod record;
 
@@ -33,6 +36,8 @@ pub mod calibration;
 
 pub mod mesh;
 
+pub mod audit;
+
 mod descriptor_code;
 
 pub mod model_codec;
@@ -40,3 +45,7 @@ pub mod model_codec;
 pub mod catalogue;
 
 pub mod database;
+
+pub mod fsck;
+
+pub mod snapshot;

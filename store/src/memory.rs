@@ -5,7 +5,7 @@ use std::ops::Bound;
 use std::sync::Mutex;
 
 use crate::engine::{
-    Commit, CommitError, Engine, EngineError, EngineStats, Expected, Pair, Pending,
+    Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, Pair, Pending,
 };
 
 /// Keys and values in a sorted map under one lock.
@@ -75,10 +75,30 @@ impl Engine for MemoryEngine {
         Pending::ready(Ok(()))
     }
 
+    fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
+        Ok(Box::new(MemoryCut(self.state().pairs.clone())))
+    }
+
     fn stats(&self) -> Result<EngineStats, EngineError> {
         let state = self.state();
         let bytes = state.pairs.iter().map(|(key, value)| key.len() + value.len()).sum::<usize>();
         let commits = state.commits;
-        Ok(EngineStats { engine: "memory", bytes: bytes as u64, commits, flushes: 0 })
+        Ok(EngineStats {
+            engine: "memory",
+            bytes: bytes as u64,
+            free_bytes: None,
+            reserve_bytes: 0,
+            commits,
+            flushes: 0,
+        })
+    }
+}
+
+/// The pairs that were not given yet.
+struct MemoryCut(BTreeMap<Vec<u8>, Vec<u8>>);
+
+impl Cut for MemoryCut {
+    fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError> {
+        Ok(std::iter::from_fn(|| self.0.pop_first()).take(limit).collect())
     }
 }

@@ -3,9 +3,10 @@
 //! A struct that ends in `V1` never changes; a new field makes a `V2` with the next schema
 //! number, and decoding turns what it finds into today's type. Payloads are bincode 2.0.1's
 //! `legacy` form (fixed-width little-endian, u64 lengths); readings' pressures are raw
-//! little-endian f64, NaN for a taxel without a value. Journal entries and calibrations have
-//! files of their own.
+//! little-endian f64, NaN for a taxel without a value. Journal entries, calibrations
+//! and what guards the door have files of their own.
 
+mod access;
 mod calibration;
 mod journal_entry;
 

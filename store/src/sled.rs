@@ -2,56 +2,80 @@
 //!
 //! One operating-system thread owns writing: it drains a channel of commits, checks and
 //! applies each as one sled batch, then flushes, then syncs the data file, then answers them
-//! all (group commit). In sled an `insert` that returned may be lost, concurrent
+//! all (group commit; `writer`). In sled an `insert` that returned may be lost, concurrent
 //! `flush_async` deadlocks, large values go to files that are never synced, and a flipped bit
-//! can panic; hence the single thread, [`VALUE_BYTES_MAX`](crate::engine::VALUE_BYTES_MAX)
-//! and the caught panics. A failed write poisons the engine until it is opened again.
+//! can panic or drop keys in silence; hence the single thread, the bound on values, the caught
+//! panics, and the sums that are checked at every opening (`tally`, `mark`). A failed write
+//! poisons the engine until it is opened again; so it is refused before the disk is full (`room`).
 
-use std::fs::{self, File, OpenOptions};
+mod cut;
+mod mark;
+mod opening;
+mod room;
+mod tally;
+mod writer;
+
+use std::fs::{self, File};
 use std::ops::Bound;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
-use fs4::FileExt;
 use futures::channel::oneshot;
 
-use crate::engine::{
-    Commit, CommitError, Engine, EngineError, EngineStats, Expected, OpenError, Pair, Pending,
-};
+use crate::engine::{Commit, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending};
+use cut::{Memory, SledCut};
+use mark::Mark;
+use opening::{lock_folder, open_sled, set_derived_aside, verify};
+pub use room::FreeSpace;
+use room::Room;
+use tally::TALLY_KEY;
+use writer::{Order, Writer};
 
 /// How many commits may wait for the writer.
 const QUEUE_MAX: usize = 4096;
-/// How many commits share one flush at most.
-const GROUP_MAX: usize = 1024;
-/// The file whose lock says that the folder is in use.
-const LOCK_FILE: &str = "lock";
+/// How many bytes of the disk stay free when nobody says otherwise.
+pub const RESERVE_BYTES: u64 = 64 << 20;
 /// sled's folder inside the database's.
 const SLED_FOLDER: &str = "sled";
 /// sled's data file inside its folder.
 const DATA_FILE: &str = "db";
-/// How often sled's own lock is tried: a sled that was just closed in this process lets go of
-/// it a moment later.
-const OPEN_ATTEMPTS: u32 = 50;
-const OPEN_ATTEMPT_PAUSE: Duration = Duration::from_millis(20);
-
-type Answer = oneshot::Sender<Result<(), CommitError>>;
-
 /// How an embedded database is opened.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct SledOptions {
     /// Memory for sled's page cache.
     pub cache_bytes: u64,
+    /// Bytes of the disk that stay free: writes that would need them are refused.
+    pub reserve_bytes: u64,
+    /// How the free bytes are found.
+    pub free_space: FreeSpace,
+    /// What to do when records are missing.
+    pub on_damage: OnDamage,
 }
 
 impl Default for SledOptions {
     fn default() -> Self {
-        Self { cache_bytes: 256 << 20 }
+        Self {
+            cache_bytes: 256 << 20,
+            reserve_bytes: RESERVE_BYTES,
+            free_space: FreeSpace::of_disk(),
+            on_damage: OnDamage::Refuse,
+        }
     }
+}
+
+/// What to do with a database whose records are not those that were written last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnDamage {
+    /// Do not open it.
+    Refuse,
+    /// Open it to be read, and say what is wrong ([`SledEngine::damage`]).
+    Inspect,
+    /// Take what is there for the whole from now on, and say what is wrong.
+    Accept,
 }
 
 /// A folder on disk that is open.
@@ -59,9 +83,12 @@ impl Default for SledOptions {
 pub struct SledEngine {
     db: ::sled::Db,
     folder: PathBuf,
-    queue: Option<SyncSender<(Commit, Answer)>>,
+    queue: Option<SyncSender<Order>>,
     writer: Option<JoinHandle<()>>,
     shared: Arc<Shared>,
+    memory: Arc<Memory>,
+    room: Room,
+    damage: Option<OpenError>,
     _lock: File,
 }
 
@@ -86,18 +113,59 @@ impl SledEngine {
         fs::create_dir_all(folder).map_err(io(folder))?;
         let lock = lock_folder(folder)?;
         let sled_folder = folder.join(SLED_FOLDER);
-        let db = open_sled(folder, &sled_folder, options)?;
+        let db = match open_sled(folder, &sled_folder, options) {
+            Err(OpenError::Damaged { .. }) if set_derived_aside(folder, &sled_folder)? => {
+                open_sled(folder, &sled_folder, options)?
+            }
+            other => other?,
+        };
         let data_path = sled_folder.join(DATA_FILE);
         let data = File::open(&data_path).map_err(io(&data_path))?;
         for made in [sled_folder.as_path(), folder] {
             File::open(made).and_then(|made_folder| made_folder.sync_all()).map_err(io(made))?;
         }
+        let (tally, damage) = verify(folder, &db)?;
+        if let Some(damage) = damage.as_ref().filter(|_| options.on_damage != OnDamage::Inspect) {
+            tracing::error!(%damage, "Records of the database are missing");
+        }
+        let damage = match (damage, options.on_damage) {
+            (Some(damage), OnDamage::Refuse) => return Err(damage),
+            (damage, _) => damage,
+        };
+        let is_read_only = damage.is_some() && options.on_damage == OnDamage::Inspect;
+        let mark_path = folder.join(mark::MARK_FILE);
+        let mark = match is_read_only {
+            true => None,
+            false => Some(Mark::open(folder, tally.commits).map_err(io(&mark_path))?),
+        };
+        let room = Room {
+            folder: folder.to_owned(),
+            free_space: options.free_space.clone(),
+            reserve: options.reserve_bytes,
+        };
         let shared = Arc::new(Shared::default());
-        let (queue, commits) = sync_channel(QUEUE_MAX);
-        let mut writer = Writer { db: db.clone(), data, shared: Arc::clone(&shared) };
+        shared.poisoned.store(is_read_only, Ordering::Relaxed);
+        let memory = Arc::new(Memory::default());
+        let (queue, orders) = sync_channel(QUEUE_MAX);
+        let mut writer = Writer {
+            db: db.clone(),
+            data,
+            mark,
+            tally,
+            room: room.clone(),
+            is_full: false,
+            shared: Arc::clone(&shared),
+            memory: Arc::clone(&memory),
+        };
+        if damage.is_some() && !is_read_only {
+            writer.accept().map_err(|error| OpenError::Damaged {
+                folder: folder.to_owned(),
+                detail: error.to_string(),
+            })?;
+        }
         let thread = std::thread::Builder::new()
             .name("palpate-store".to_owned())
-            .spawn(move || writer.run(&commits))
+            .spawn(move || writer.run(&orders))
             .map_err(|source| OpenError::Thread { source })?;
         Ok(Self {
             db,
@@ -105,7 +173,25 @@ impl SledEngine {
             queue: Some(queue),
             writer: Some(thread),
             shared,
+            memory,
+            room,
+            damage,
             _lock: lock,
+        })
+    }
+
+    /// What was wrong when it was opened, if it was opened all the same.
+    #[must_use]
+    pub fn damage(&self) -> Option<&OpenError> {
+        self.damage.as_ref()
+    }
+
+    /// Gives the writer something to do.
+    fn order(&self, order: Order) -> Result<(), EngineError> {
+        let queue = self.queue.as_ref().ok_or(EngineError::Stopped)?;
+        queue.try_send(order).map_err(|error| match error {
+            TrySendError::Full(_) => EngineError::Busy { queue_max: QUEUE_MAX },
+            TrySendError::Disconnected(_) => EngineError::Stopped,
         })
     }
 
@@ -118,6 +204,9 @@ impl SledEngine {
 
 impl Engine for SledEngine {
     fn get(&self, key: &[u8]) -> Result<Option<Vec<u8>>, EngineError> {
+        if key == TALLY_KEY {
+            return Ok(None);
+        }
         guarded("reading", || self.db.get(key)).map(|value| value.map(|value| value.to_vec()))
     }
 
@@ -129,6 +218,7 @@ impl Engine for SledEngine {
     ) -> Result<Vec<Pair>, EngineError> {
         let start = match after {
             Some(after) if after >= prefix => Bound::Excluded(after),
+            _ if prefix.is_empty() => Bound::Excluded(&TALLY_KEY[..]),
             _ => Bound::Included(prefix),
         };
         guarded("scanning", || {
@@ -148,17 +238,18 @@ impl Engine for SledEngine {
         if let Err(error) = commit.check() {
             return Pending::ready(Err(error.into()));
         }
-        let Some(queue) = &self.queue else {
-            return Pending::ready(Err(EngineError::Stopped.into()));
-        };
         let (answer, pending) = Pending::channel();
-        match queue.try_send((commit, answer)) {
+        match self.order(Order::Commit(commit, answer)) {
             Ok(()) => pending,
-            Err(TrySendError::Full(_)) => {
-                Pending::ready(Err(EngineError::Busy { queue_max: QUEUE_MAX }.into()))
-            }
-            Err(TrySendError::Disconnected(_)) => Pending::ready(Err(EngineError::Stopped.into())),
+            Err(error) => Pending::ready(Err(error.into())),
         }
+    }
+
+    fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
+        let (answer, answered) = oneshot::channel();
+        self.order(Order::Cut(answer))?;
+        futures::executor::block_on(answered).unwrap_or(Err(EngineError::Stopped))?;
+        Ok(Box::new(SledCut { db: self.db.clone(), memory: Arc::clone(&self.memory) }))
     }
 
     fn stats(&self) -> Result<EngineStats, EngineError> {
@@ -166,6 +257,8 @@ impl Engine for SledEngine {
         Ok(EngineStats {
             engine: "sled",
             bytes,
+            free_bytes: self.room.free(),
+            reserve_bytes: self.room.reserve,
             commits: self.shared.commits.load(Ordering::Relaxed),
             flushes: self.shared.flushes.load(Ordering::Relaxed),
         })
@@ -181,81 +274,6 @@ impl Drop for SledEngine {
         {
             tracing::error!("The database's writer thread panicked");
         }
-    }
-}
-
-/// The one thread that writes.
-struct Writer {
-    db: ::sled::Db,
-    data: File,
-    shared: Arc<Shared>,
-}
-
-impl Writer {
-    fn run(&mut self, commits: &Receiver<(Commit, Answer)>) {
-        while let Ok(first) = commits.recv() {
-            let rest = std::iter::from_fn(|| commits.try_recv().ok());
-            let group: Vec<_> = std::iter::once(first).chain(rest.take(GROUP_MAX - 1)).collect();
-            self.write_group(group);
-        }
-    }
-
-    fn write_group(&mut self, group: Vec<(Commit, Answer)>) {
-        let applied: Vec<_> =
-            group.into_iter().map(|(commit, answer)| (self.apply(commit), answer)).collect();
-        let written = applied.iter().filter(|(result, _)| result.is_ok()).count();
-        let flushed = if written > 0 { self.flush() } else { Ok(()) };
-        self.shared.commits.fetch_add(written as u64, Ordering::Relaxed);
-        for (result, answer) in applied {
-            let result = result.and_then(|()| flushed.clone().map_err(CommitError::from));
-            // Nobody waits for a dropped `Pending`; the commit stands.
-            let _ = answer.send(result);
-        }
-    }
-
-    fn apply(&mut self, commit: Commit) -> Result<(), CommitError> {
-        if self.shared.poisoned.load(Ordering::Relaxed) {
-            return Err(EngineError::Poisoned.into());
-        }
-        for (expectation, (key, expected)) in commit.expectations.iter().enumerate() {
-            let found = guarded("checking a commit", || self.db.get(key))?;
-            let holds = match expected {
-                Expected::Absent => found.is_none(),
-                Expected::Value(value) => found.as_deref() == Some(value.as_slice()),
-            };
-            if !holds {
-                return Err(CommitError::Conflict { expectation });
-            }
-        }
-        let mut batch = ::sled::Batch::default();
-        for (key, value) in commit.writes {
-            match value {
-                Some(value) => batch.insert(key, value),
-                None => batch.remove(key),
-            }
-        }
-        let applied = guarded("writing", || self.db.apply_batch(batch));
-        Ok(self.poison_if_failed(applied)?)
-    }
-
-    /// Returns when everything applied so far is on the disk.
-    fn flush(&mut self) -> Result<(), EngineError> {
-        self.shared.flushes.fetch_add(1, Ordering::Relaxed);
-        let flushed = guarded("flushing", || self.db.flush()).and_then(|_| {
-            self.data.sync_data().map_err(|error| EngineError::Failed {
-                doing: "syncing",
-                detail: error.to_string(),
-            })
-        });
-        self.poison_if_failed(flushed)
-    }
-
-    fn poison_if_failed(&self, result: Result<(), EngineError>) -> Result<(), EngineError> {
-        if let Err(error) = &result {
-            self.shared.poisoned.store(true, Ordering::Relaxed);
-            tracing::error!(%error, "The database takes no more writes until it is opened again");
-        }
-        result
     }
 }
 
@@ -275,47 +293,4 @@ fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().cloned();
     text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
         .unwrap_or_else(|| "it panicked".to_owned())
-}
-
-fn lock_folder(folder: &Path) -> Result<File, OpenError> {
-    let path = folder.join(LOCK_FILE);
-    let opened = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
-    let lock = opened.map_err(|source| OpenError::Io { path: path.clone(), source })?;
-    match FileExt::try_lock(&lock) {
-        Ok(()) => Ok(lock),
-        Err(fs4::TryLockError::WouldBlock) => {
-            Err(OpenError::InUse { folder: folder.to_owned(), lock: path })
-        }
-        Err(fs4::TryLockError::Error(source)) => Err(OpenError::Io { path, source }),
-    }
-}
-
-fn open_sled(
-    folder: &Path,
-    sled_folder: &Path,
-    options: &SledOptions,
-) -> Result<::sled::Db, OpenError> {
-    // No flushes behind the writer's back: concurrent flushes are sled's deadlock.
-    let config = ::sled::Config::new()
-        .path(sled_folder)
-        .cache_capacity(options.cache_bytes)
-        .flush_every_ms(None);
-    let mut attempt = 1;
-    loop {
-        match guarded("opening", || config.open()) {
-            Ok(db) => return Ok(db),
-            Err(EngineError::Failed { detail, .. }) => {
-                let still_locked = detail.contains("could not acquire lock");
-                if !still_locked || attempt == OPEN_ATTEMPTS {
-                    return Err(OpenError::Damaged { folder: folder.to_owned(), detail });
-                }
-            }
-            Err(error) => {
-                let detail = error.to_string();
-                return Err(OpenError::Damaged { folder: folder.to_owned(), detail });
-            }
-        }
-        std::thread::sleep(OPEN_ATTEMPT_PAUSE);
-        attempt += 1;
-    }
 }

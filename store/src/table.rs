@@ -18,6 +18,9 @@ use crate::record::{self, NameV1, Record};
 /// How often an update is tried again when others change the same thing.
 const UPDATE_ATTEMPTS: usize = 64;
 
+/// How many keys are read at once.
+const KEYS_PER_SCAN: usize = 256;
+
 /// Something a [`Table`] can hold.
 pub trait Entity: Record + Clone + Send + Sync {
     /// Where its records lie.
@@ -122,6 +125,49 @@ impl<T: Entity> Table<T> {
         let more = items.len() > limit;
         items.truncate(limit);
         Ok(Page { next: items.last().filter(|_| more).map(Entity::id), items })
+    }
+
+    /// As [`Table::list`], without items that are damaged: they are said in the log, and
+    /// [`Table::get`] answers what is wrong with one.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn list_whole(&self, after: Option<Uuid>, limit: usize) -> Result<Page<T>, StoreError> {
+        let prefix = key::space(T::SPACE);
+        let (mut items, mut last) = (Vec::new(), after);
+        let keys = self.keys(&prefix, after, limit.saturating_add(1))?;
+        let more = keys.len() > limit;
+        for id in keys.into_iter().take(limit) {
+            last = Some(id);
+            match self.find(id) {
+                Ok(found) => items.extend(found),
+                Err(error @ StoreError::Damaged { .. }) => {
+                    tracing::error!("Left {} {id} out of a list: {error}", T::WHAT);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(Page { next: last.filter(|_| more), items })
+    }
+
+    /// Up to `limit` ids behind `after`, in ascending order.
+    fn keys(
+        &self,
+        prefix: &[u8],
+        after: Option<Uuid>,
+        limit: usize,
+    ) -> Result<Vec<Uuid>, StoreError> {
+        let mut ids: Vec<Uuid> = Vec::new();
+        let mut after = after.map(|id| [&key::id(T::SPACE, id)[..], &[0xff; 5]].concat());
+        while ids.len() < limit {
+            let page = self.engine.scan(prefix, after.as_deref(), KEYS_PER_SCAN)?;
+            let Some((last, _)) = page.last() else { break };
+            after = Some(last.clone());
+            let heads = page.iter().filter(|(key, _)| key.len() == ID_KEY_BYTES);
+            ids.extend(heads.filter_map(|(key, _)| Uuid::from_slice(&key[1..]).ok()));
+        }
+        ids.truncate(limit);
+        Ok(ids)
     }
 
     /// All items.

@@ -4,3 +4,4 @@
 mod house;
 mod letters;
 mod story;
+mod torture;

@@ -62,7 +62,7 @@ pub fn calibrate(
 ) -> EvidenceCalibration {
     let usable: Vec<usize> =
         (0..held_back.len()).filter(|o| held_back[*o].readings.len() >= HELD_BACK_MIN).collect();
-    if model.maps.len() < 2 || usable.is_empty() {
+    if model.maps().len() < 2 || usable.is_empty() {
         return EvidenceCalibration::default();
     }
     let per_object = TRIALS.div_ceil(usable.len()).min(TRIALS_PER_OBJECT_MAX);
@@ -105,7 +105,7 @@ fn run_trial(
         let Some(stage) = belief.stage.checked_sub(1) else { continue };
         let evidence = |o: usize| belief.objects[o].log_evidence;
         let mut likely: Vec<(f64, usize)> =
-            (0..model.maps.len()).filter(|o| *o != object).map(|o| (evidence(o), o)).collect();
+            (0..model.maps().len()).filter(|o| *o != object).map(|o| (evidence(o), o)).collect();
         likely.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let best = likely[0].0;
         likely.retain(|(log, _)| *log > best - 60.0);

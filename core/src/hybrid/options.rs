@@ -1,7 +1,7 @@
 //! How the hybrid recogniser works: its deviations, tolerances and budgets.
 
 use super::pattern::PatternScale;
-use crate::surface::pair_table::PairTolerance;
+use crate::surface::pair_geometry::PairTolerance;
 use crate::units::MM;
 
 /// Deviations of a touch from the touches of a map that explain it.
@@ -43,6 +43,8 @@ pub struct RefinementScale {
 pub struct Budget {
     /// Poses that one pair may propose for an object.
     pub proposals_per_object: usize,
+    /// The same in a large catalogue.
+    pub proposals_if_many: usize,
     /// Earlier touches that a new one is paired with while no pose is likelier than not.
     pub partners: usize,
     /// The same once one is.
@@ -51,6 +53,9 @@ pub struct Budget {
     pub partners_if_poor: usize,
     /// Objects that a pair proposes poses for after the second touch, likeliest first.
     pub objects: usize,
+    /// In a large catalogue, objects that the table of all pairs lists for proposals: so many
+    /// times the root of the number of objects.
+    pub listed_per_root: usize,
     /// Hypotheses that an object keeps.
     pub per_object: usize,
     /// Hypotheses that all objects keep together.
@@ -61,6 +66,15 @@ pub struct Budget {
     pub refined_objects: usize,
     /// Proposals of a pair that are refined for each of them.
     pub refined_proposals: usize,
+}
+
+impl Budget {
+    /// How many of `n` objects are listed for proposals, at most `n`.
+    #[must_use]
+    pub fn n_listed(&self, n: usize) -> usize {
+        let root = (n as f64).sqrt().ceil() as usize;
+        self.listed_per_root.saturating_mul(root).min(n)
+    }
 }
 
 /// How the recogniser works.
@@ -81,6 +95,9 @@ pub struct HybridOptions {
     pub appearance_min: f32,
     /// The bounds.
     pub budget: Budget,
+    /// Added to how dense an object's pairs are beside the mean of all objects: what the table
+    /// of all pairs does not have may still be.
+    pub standing_floor: f32,
     /// Nearer poses of an object are one hypothesis: metres.
     pub merge_distance: f32,
     /// Nearer poses of an object are one hypothesis: rad.
@@ -140,16 +157,19 @@ impl Default for HybridOptions {
             appearance_min: 0.3,
             budget: Budget {
                 proposals_per_object: 60,
+                proposals_if_many: 24,
                 partners: 2,
                 partners_if_likely: 1,
                 partners_if_poor: 3,
                 objects: 300,
+                listed_per_root: 4,
                 per_object: 60,
                 total: 4_000,
                 refined: 24,
                 refined_objects: 4,
                 refined_proposals: 8,
             },
+            standing_floor: 0.3,
             merge_distance: 3.0 * mm,
             merge_angle: 0.12,
             drop_within: 12.0,

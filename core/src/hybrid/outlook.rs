@@ -105,7 +105,7 @@ impl HybridBelief {
         stream: &mut Stream,
         expected: &mut Vec<Expected>,
     ) {
-        let (touch, map) = (&self.touches[0], &self.model.maps[object.0 as usize]);
+        let (touch, map) = (&self.touches[0], &self.model.maps()[object.0 as usize]);
         let mut weights = Vec::with_capacity(map.patches().len() * N_TURNS);
         for patch in map.patches() {
             let looks = touch.appearance(&patch.feature);

@@ -10,7 +10,7 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 use super::options::HybridOptions;
 use super::score::log_aligned;
 use super::sighting::Sighting;
-use crate::surface::pair_table::{PairGeometry, PairTolerance};
+use crate::surface::pair_geometry::{PairGeometry, PairTolerance};
 use crate::surface::{SurfaceMap, SurfacePatch};
 
 /// Turns about the axis that are tried when the normals do not fix it.
@@ -46,10 +46,12 @@ struct Match {
     patches: [u16; 2],
 }
 
-/// Proposes poses of an object for two touches; `None` when they are at one place.
+/// Proposes the poses of an object that at most `n` of its pairs say for two touches; `None`
+/// when they are at one place.
 pub(super) fn propose(
     map: &SurfaceMap,
     touches: [&Sighting; 2],
+    n: usize,
     options: &HybridOptions,
 ) -> Option<Proposed> {
     let place = |touch: &Sighting| (touch.position, touch.normal);
@@ -80,7 +82,6 @@ pub(super) fn propose(
     let n_pairs = (2 * map.pairs().len().max(1)) as f32;
     let order =
         |a: &Match, b: &Match| b.weight.total_cmp(&a.weight).then(a.patches.cmp(&b.patches));
-    let n = options.budget.proposals_per_object;
     if matches.len() > n {
         matches.select_nth_unstable_by(n, order);
         matches.truncate(n);
@@ -101,7 +102,7 @@ pub(super) fn propose(
 
 /// The options for two touches between which there are variances of position (m²) and angle
 /// (rad²).
-fn loosened(options: &HybridOptions, (position, angle): (f32, f32)) -> HybridOptions {
+pub(super) fn loosened(options: &HybridOptions, (position, angle): (f32, f32)) -> HybridOptions {
     let mut options = *options;
     let wider = |known: PairTolerance| PairTolerance {
         distance: known.distance.hypot(2.0 * position.sqrt()),
@@ -136,7 +137,11 @@ pub(super) fn partners(touches: &[Sighting], n: usize) -> Vec<usize> {
 
 /// How much likelier the stretch of both contacts, seen from the axis between them, is on a
 /// stored pair than in any direction.
-fn alignment(touches: [&Sighting; 2], patches: [&SurfacePatch; 2], options: &HybridOptions) -> f32 {
+pub(super) fn alignment(
+    touches: [&Sighting; 2],
+    patches: [&SurfacePatch; 2],
+    options: &HybridOptions,
+) -> f32 {
     let seen_axis = touches[1].position - touches[0].position;
     let axis = patches[1].position - patches[0].position;
     let mut log = 0.0;
@@ -154,7 +159,11 @@ fn alignment(touches: [&Sighting; 2], patches: [&SurfacePatch; 2], options: &Hyb
 }
 
 /// The squared misfit of two pairs in deviations; `None` beyond the tolerance.
-fn misfit(query: &PairGeometry, stored: &PairGeometry, options: &HybridOptions) -> Option<f32> {
+pub(super) fn misfit(
+    query: &PairGeometry,
+    stored: &PairGeometry,
+    options: &HybridOptions,
+) -> Option<f32> {
     let distance = (query.distance - stored.distance).abs();
     if distance > options.pairs.distance {
         return None;
@@ -212,7 +221,7 @@ mod tests {
             let [a, b] = [&pair[0], &pair[1]].map(|place| seen(place, &pose));
             // In either order of the touches.
             for touches in [[&a, &b], [&b, &a]] {
-                let proposed = propose(&map, touches, &options).unwrap();
+                let proposed = propose(&map, touches, 60, &options).unwrap();
                 let exact = proposed.proposals.iter().any(|proposal| {
                     let (moved, turned) = error(proposal.rotation, proposal.translation, &pose);
                     moved < 1e-5 && turned < 1e-3
@@ -242,7 +251,7 @@ mod tests {
         let options = HybridOptions::default();
         let count = |places: &[Touch; 2]| {
             let touches = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
-            propose(&map, [&touches[0], &touches[1]], &options).unwrap().proposals.len()
+            propose(&map, [&touches[0], &touches[1]], 60, &options).unwrap().proposals.len()
         };
         // Its other end looks the same: a pose for either order.
         assert_eq!(count(&pair([DVec3::Z, tilted])), 2);
@@ -256,7 +265,7 @@ mod tests {
         let pose = some_pose(3);
         let touches = [&places[0], &places[1]].map(|place| seen(place, &pose));
         let options = HybridOptions::default();
-        let proposed = propose(&map, [&touches[0], &touches[1]], &options).unwrap();
+        let proposed = propose(&map, [&touches[0], &touches[1]], 60, &options).unwrap();
         // Eight turns for either order of the pair, which looks the same from both ends.
         assert_eq!(proposed.proposals.len(), 16);
         let errors = proposed.proposals.iter().map(|p| error(p.rotation, p.translation, &pose));
@@ -284,12 +293,10 @@ mod tests {
         let places = places(300, 0);
         let map = map_of(&places);
         let [a, b] = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
-        let defaults = HybridOptions::default();
-        assert!(propose(&map, [&a, &a], &defaults).is_none());
-        let all = propose(&map, [&a, &b], &defaults).unwrap();
-        let mut options = defaults;
-        options.budget.proposals_per_object = 3;
-        let few = propose(&map, [&a, &b], &options).unwrap();
+        let options = HybridOptions::default();
+        assert!(propose(&map, [&a, &a], 60, &options).is_none());
+        let all = propose(&map, [&a, &b], 60, &options).unwrap();
+        let few = propose(&map, [&a, &b], 3, &options).unwrap();
         assert_eq!(few.proposals.len(), 3);
         let (first, best) = (&few.proposals[0], &all.proposals[0]);
         assert_eq!(first.translation, best.translation);

@@ -31,8 +31,11 @@ impl HybridBelief {
             (false, true) => budget.partners_if_likely,
         };
         let partners = partners(&self.touches, n_partners);
+        self.take_census(&partners, poor);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
-        self.propose(&partners, reach);
+        // With every touch the list is shorter: the object has come to stand well, or is known.
+        let listed = self.n_listed().map(|most| if poor { most } else { most / (n - 2) });
+        self.propose(&partners, reach, listed);
     }
 
     /// The probability of the likeliest object in its likeliest pose, or in one that looks like
@@ -46,40 +49,49 @@ impl HybridBelief {
         let Some(best) = state.hypotheses.first() else { return 0.0 };
         let alike = state.hypotheses.iter().filter(|other| {
             other.score > best.score - ALIKE_REACH
-                && looks_like(best, other, self.model.maps[object].symmetry(), &self.options)
+                && looks_like(best, other, self.model.maps()[object].symmetry(), &self.options)
         });
         let share = |h: &Hypothesis| (f64::from(h.score) - state.log_evidence).exp();
         p * alike.map(share).sum::<f64>()
     }
 
     /// The newest touch and each partner propose poses of the objects that are at most
-    /// `reach` (ln) less likely than the best.
-    pub(super) fn propose(&mut self, partners: &[usize], reach: f64) {
+    /// `reach` (ln) less likely than the best, and of the `listed` ones that stand best.
+    pub(super) fn propose(&mut self, partners: &[usize], reach: f64, listed: Option<usize>) {
+        let budget = &self.options.budget;
+        let standing = listed.map_or(f64::INFINITY, |n| self.standing_of(n));
+        let n_objects = self.n_listed().unwrap_or(budget.objects).min(budget.objects);
+        let n_proposals = match self.n_listed() {
+            None => budget.proposals_per_object,
+            Some(_) => budget.proposals_if_many,
+        };
         let (bar, refining) = match self.touches.len() {
+            0..=2 if listed.is_some() => (f64::INFINITY, f64::INFINITY),
             0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
             _ => (
-                self.bar(reach, self.options.budget.objects),
-                self.bar(f64::from(self.options.drop_between), self.options.budget.refined_objects),
+                self.bar(reach, n_objects),
+                self.bar(f64::from(self.options.drop_between), budget.refined_objects),
             ),
         };
+        let hopeless = self.hopeless();
         let (objects, evidence) = self.parts();
         let (touches, options) = (evidence.touches, evidence.options);
         let [earlier @ .., newest] = touches else { return };
         for_each_object(objects, evidence.maps, |state, map| {
-            if state.log_evidence < bar {
+            if state.log_evidence < bar && state.standing < standing {
                 return;
             }
             let known = Known { map, carried: &state.carried };
             for partner in partners {
                 let pair = [newest, &earlier[*partner]];
-                let Some(proposed) = propose(map, pair, options) else { continue };
+                let Some(proposed) = propose(map, pair, n_proposals, options) else { continue };
                 state.pair = PairEvidence {
                     geometry: proposed.geometry,
                     evidence: proposed.evidence,
                     looks: proposed.looks[0] * proposed.looks[1],
                 };
                 let mut new = Vec::with_capacity(proposed.proposals.len());
-                let mut bar = f32::NEG_INFINITY;
+                let mut bar = hopeless;
                 for Proposal { rotation, translation } in proposed.proposals {
                     let pose = Turned::new(rotation, translation);
                     let Some(score) = evidence.score(known, &pose, bar) else { continue };
@@ -97,6 +109,12 @@ impl HybridBelief {
             }
             merge(&mut state.hypotheses, options);
         });
+    }
+
+    /// Poses that score less are given up: some other object's best is that much better.
+    fn hopeless(&self) -> f32 {
+        let best = self.objects.iter().filter_map(|state| Some(state.hypotheses.first()?.score));
+        best.fold(f32::NEG_INFINITY, f32::max) - self.options.drop_between
     }
 
     /// The least log-evidence of the `n` likeliest objects, at most `reach` below the best.

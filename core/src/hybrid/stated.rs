@@ -42,7 +42,7 @@ impl HybridBelief {
 
     /// How well an object usually explains its own touches, ln a touch.
     pub(super) fn usual_score(&self, object: usize) -> f64 {
-        let (map, space) = (&self.model.maps[object], &self.model.space);
+        let (map, space) = (&self.model.maps()[object], &self.model.space);
         let find = || usual::usual_score(map, space, &self.kernel, &self.options);
         f64::from(map.usual_score(find))
     }
@@ -61,7 +61,7 @@ impl HybridBelief {
         let unknown = probabilities.pop().unwrap_or(0.0);
         let mut poses = Vec::new();
         for (object, state) in self.objects.iter().enumerate() {
-            let symmetry = self.model.maps[object].symmetry();
+            let symmetry = self.model.maps()[object].symmetry();
             poses.extend(shares(
                 object,
                 probabilities[object],
@@ -70,9 +70,9 @@ impl HybridBelief {
                 n_modes,
             ));
         }
-        let poses = distinct(poses, &self.model.maps, n_modes, &self.options);
+        let poses = distinct(poses, self.model.maps(), n_modes, &self.options);
         let mode = |Share { share: weight, object, hypothesis }: Share| {
-            let map = &self.model.maps[object];
+            let map = &self.model.maps()[object];
             let mut refined = hypothesis;
             if self.touches.len() > 2 {
                 refine::refine(&mut refined, map, &self.touches, &self.kernel, &self.options);
@@ -87,7 +87,7 @@ impl HybridBelief {
             }
         };
         let modes = poses.into_iter().map(mode).collect();
-        let symmetry = |object: ObjectIdx| self.model.maps[object.0 as usize].symmetry();
+        let symmetry = |object: ObjectIdx| self.model.maps()[object.0 as usize].symmetry();
         let modes = merge_orbits(modes, symmetry, &scale(&self.options));
         Answer { probabilities, unknown, modes, entropy_bits, n_readings: self.n_readings }
     }

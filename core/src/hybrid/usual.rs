@@ -5,10 +5,12 @@
 //! them worse than usual. Measured on the map itself, each touch without its own patch.
 
 use glam::{DVec3, Quat, Vec3};
+use rayon::prelude::*;
 
 use super::options::HybridOptions;
 use super::score::{Kernel, Turned};
 use super::sighting::Sighting;
+use crate::model::surface::SurfaceModel;
 use crate::surface::appearance::unstored;
 use crate::surface::{AppearanceSpace, SurfaceMap, Touch};
 
@@ -41,6 +43,15 @@ pub(super) fn excess(
         }
     }
     if total > 0.0 { SHARE * sum / total } else { 0.0 }
+}
+
+/// Finds how well each object usually explains its own touches, side by side, for
+/// `HybridBelief`s with these options: else the first session that asks waits for it.
+pub fn prepare(model: &SurfaceModel, options: &HybridOptions) {
+    let kernel = Kernel::new(options);
+    model.maps().par_iter().for_each(|map| {
+        map.usual_score(|| usual_score(map, &model.space, &kernel, options));
+    });
 }
 
 /// Mean score (ln) of touches of the object under its true pose.

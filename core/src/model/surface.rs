@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use crate::surface::joint_pairs::JointPairs;
 use crate::surface::{AppearanceSpace, SurfaceMap};
 
 /// The surfaces of all objects of a catalogue.
@@ -12,15 +13,55 @@ pub struct SurfaceModel {
     pub space: AppearanceSpace,
     /// How evidence becomes probability.
     pub calibration: EvidenceCalibration,
-    /// The maps, in the order of the catalogue's objects.
-    pub maps: Vec<Arc<SurfaceMap>>,
+    maps: Vec<Arc<SurfaceMap>>,
+    joint_pairs: Option<Arc<JointPairs>>,
 }
 
+/// With fewer objects each one's own pairs are asked.
+const JOINT_OBJECTS_MIN: usize = 32;
+
 impl SurfaceModel {
-    /// Bytes of all maps in memory.
+    /// The model of objects by their maps; of many objects some pairs are tabled together.
+    #[must_use]
+    pub fn new(
+        space: AppearanceSpace,
+        calibration: EvidenceCalibration,
+        maps: Vec<Arc<SurfaceMap>>,
+    ) -> Self {
+        let is_large = maps.len() >= JOINT_OBJECTS_MIN;
+        let joint_pairs = is_large.then(|| Arc::new(JointPairs::build(&maps)));
+        Self { space, calibration, maps, joint_pairs }
+    }
+
+    /// The same model with evidence believed otherwise.
+    #[must_use]
+    pub fn with_calibration(self, calibration: EvidenceCalibration) -> Self {
+        Self { calibration, ..self }
+    }
+
+    /// The same space and calibration with the maps of other objects.
+    #[must_use]
+    pub fn with_maps(&self, maps: Vec<Arc<SurfaceMap>>) -> Self {
+        Self::new(self.space.clone(), self.calibration, maps)
+    }
+
+    /// The maps, in the order of the catalogue's objects.
+    #[must_use]
+    pub fn maps(&self) -> &[Arc<SurfaceMap>] {
+        &self.maps
+    }
+
+    /// Some pairs of all objects in one table; `None` when there are few objects.
+    #[must_use]
+    pub fn joint_pairs(&self) -> Option<&JointPairs> {
+        self.joint_pairs.as_deref()
+    }
+
+    /// Bytes of the maps and of what is tabled together, in memory.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.maps.iter().map(|map| map.bytes()).sum()
+        let joint = self.joint_pairs().map_or(0, JointPairs::bytes);
+        joint + self.maps.iter().map(|map| map.bytes()).sum::<usize>()
     }
 }
 

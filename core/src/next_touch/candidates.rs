@@ -44,7 +44,7 @@ pub(super) fn own_approaches(
     }
     let approach = |index: usize| {
         let expected = drawn(expected, total * stream.uniform(0.0, 1.0));
-        let map = &model.maps[expected.object.0 as usize];
+        let map = &model.maps()[expected.object.0 as usize];
         if index % BLIND_EVERY == BLIND_EVERY - 1 {
             return blind(map, expected, stream);
         }

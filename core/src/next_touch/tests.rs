@@ -55,11 +55,9 @@ fn model(halves: &[[i32; 3]]) -> Arc<SurfaceModel> {
     let grid = *SensorDescription::digitacts_6x6().grid();
     let dimension = raw_dimension(&grid);
     let projection = Discriminant { mean: vec![0.0; dimension], axes: vec![vec![0.0; dimension]] };
-    Arc::new(SurfaceModel {
-        space: AppearanceSpace::new(grid, projection, vec![[0; 8]]),
-        calibration: EvidenceCalibration::default(),
-        maps: halves.iter().map(|half| Arc::new(box_map(*half))).collect(),
-    })
+    let space = AppearanceSpace::new(grid, projection, vec![[0; 8]]);
+    let maps = halves.iter().map(|half| Arc::new(box_map(*half))).collect();
+    Arc::new(SurfaceModel::new(space, EvidenceCalibration::default(), maps))
 }
 
 fn belief(halves: &[[i32; 3]]) -> HybridBelief {

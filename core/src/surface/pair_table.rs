@@ -1,74 +1,27 @@
-//! Pairs of touches by their geometry: where an observed pair may lie on an object.
+//! Pairs of touches of one object: where an observed pair may lie on it.
 //!
-//! Source: the hash multimap of section 5.3 with another key: distance and three cosines (the
-//! first normal, the second normal and each other's) after Drost et al. (2010), because a pair
-//! fixes the pose in closed form when both normals are known. Each unordered pair is stored
-//! once; a query asks for both orders.
+//! Each unordered pair is stored once; a query asks for both orders.
 
 use glam::Vec3;
+
+use super::pair_cells::{N_DISTANCES_MAX, PairCells};
+use super::pair_geometry::{PairGeometry, PairTolerance};
 
 /// Cosines are cut into this many equal bins.
 const N_COSINES: usize = 8;
 
-/// The most distance bins: of objects beyond about a metre the bins are wider than asked for.
-const N_DISTANCES_MAX: f32 = 512.0;
-
-/// An ordered pair's geometry.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PairGeometry {
-    /// Distance of the two touches, metres.
-    pub distance: f32,
-    /// Cosines: first normal with the axis (from first to second), second normal with the
-    /// axis, the two normals with each other.
-    pub cosines: [f32; 3],
-    /// (first normal × second normal) · axis: tells a pair from its mirror image.
-    pub chirality: f32,
-}
-
-impl PairGeometry {
-    /// The geometry of two places; `None` for one and the same.
-    #[must_use]
-    pub fn new(a: (Vec3, Vec3), b: (Vec3, Vec3)) -> Option<Self> {
-        let axis = b.0 - a.0;
-        let distance = axis.length();
-        if distance < 1e-6 {
-            return None;
-        }
-        let axis = axis / distance;
-        Some(Self {
-            distance,
-            cosines: [a.1.dot(axis), b.1.dot(axis), a.1.dot(b.1)],
-            chirality: a.1.cross(b.1).dot(axis),
-        })
-    }
-
-    /// The same pair seen from its other end.
-    #[must_use]
-    pub fn reversed(self) -> Self {
-        let [first, second, between] = self.cosines;
-        // Axis and order of the normals both turn: the triple product stays.
-        Self { cosines: [-second, -first, between], ..self }
-    }
-}
-
-/// How far a stored pair may be from an observed one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PairTolerance {
-    /// Difference of distances, metres.
-    pub distance: f32,
-    /// Difference of each cosine and of the chirality.
-    pub cosine: f32,
-}
-
 /// The pairs of one object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairTable {
-    min: f32,
-    edge: f32,
-    n_distances: usize,
-    /// Where each cell's pairs begin; one more than there are cells.
-    starts: Vec<u32>,
-    pairs: Vec<[u16; 2]>,
+    cells: PairCells<Pair, N_COSINES>,
+}
+
+/// Two touches, the first before the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Pair {
+    // Sorted by the later one: what a shorter table would hold comes first in a cell.
+    second: u16,
+    first: u16,
 }
 
 impl PairTable {
@@ -79,30 +32,14 @@ impl PairTable {
         let low = places.iter().map(|place| place.0).fold(Vec3::INFINITY, Vec3::min);
         let high = places.iter().map(|place| place.0).fold(Vec3::NEG_INFINITY, Vec3::max);
         let edge = edge.max(low.distance(high) / N_DISTANCES_MAX);
-        let mut keyed = Vec::new();
-        let mut n_distances = 1;
-        for (first, a) in places.iter().enumerate() {
-            for (second, b) in places.iter().enumerate().skip(first + 1) {
-                let Some(geometry) = PairGeometry::new(*a, *b) else { continue };
-                if geometry.distance < min {
-                    continue;
-                }
-                let bin = ((geometry.distance - min) / edge) as usize;
-                n_distances = n_distances.max(bin + 1);
-                keyed.push((cell(bin, geometry.cosines), [second as u16, first as u16]));
-            }
-        }
-        keyed.sort_unstable();
-        let n_cells = n_distances * N_COSINES.pow(3);
-        let mut starts = vec![0; n_cells + 1];
-        for (cell, _) in &keyed {
-            starts[*cell as usize + 1] += 1;
-        }
-        for cell in 0..n_cells {
-            starts[cell + 1] += starts[cell];
-        }
-        let pairs = keyed.into_iter().map(|(_, [second, first])| [first, second]).collect();
-        Self { min, edge, n_distances, starts, pairs }
+        let pairs = places.iter().enumerate().flat_map(|(first, a)| {
+            let later = places.iter().enumerate().skip(first + 1);
+            later.filter_map(move |(second, b)| {
+                let pair = Pair { second: second as u16, first: first as u16 };
+                Some((PairGeometry::new(*a, *b)?, pair))
+            })
+        });
+        Self { cells: PairCells::build(pairs, min, edge) }
     }
 
     /// Calls `found` with every stored pair whose cell may hold pairs within `tolerance` of
@@ -114,64 +51,29 @@ impl PairTable {
         tolerance: PairTolerance,
         mut found: impl FnMut(u16, u16),
     ) {
-        self.one_order(query, tolerance, |[first, second]| found(first, second));
-        self.one_order(query.reversed(), tolerance, |[first, second]| found(second, first));
-    }
-
-    fn one_order(
-        &self,
-        query: PairGeometry,
-        tolerance: PairTolerance,
-        mut found: impl FnMut([u16; 2]),
-    ) {
-        let low = (query.distance - tolerance.distance - self.min) / self.edge;
-        let high = (query.distance + tolerance.distance - self.min) / self.edge;
-        if high < 0.0 {
-            return;
-        }
-        let last_distance = (high as usize).min(self.n_distances - 1);
-        let [first, second, between] = query
-            .cosines
-            .map(|c| (cosine_bin(c - tolerance.cosine), cosine_bin(c + tolerance.cosine)));
-        for distance in low.max(0.0) as usize..=last_distance {
-            for a in first.0..=first.1 {
-                for b in second.0..=second.1 {
-                    let row = ((distance * N_COSINES + a) * N_COSINES + b) * N_COSINES;
-                    let from = self.starts[row + between.0] as usize;
-                    let to = self.starts[row + between.1 + 1] as usize;
-                    self.pairs[from..to].iter().for_each(|pair| found(*pair));
-                }
-            }
-        }
+        self.cells.visit(query, tolerance, |Pair { first, second }, is_reversed| {
+            let (first, second) = if is_reversed { (second, first) } else { (first, second) };
+            found(first, second);
+        });
     }
 
     /// How many pairs there are.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.pairs.len()
+        self.cells.len()
     }
 
     /// True when there is no pair.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.pairs.is_empty()
+        self.len() == 0
     }
 
     /// Bytes in memory.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        size_of_val(self.starts.as_slice()) + size_of_val(self.pairs.as_slice())
+        self.cells.bytes()
     }
-}
-
-fn cosine_bin(cosine: f32) -> usize {
-    // Below −1 the cast saturates at 0.
-    ((0.5 * (cosine + 1.0) * N_COSINES as f32) as usize).min(N_COSINES - 1)
-}
-
-fn cell(distance: usize, cosines: [f32; 3]) -> u32 {
-    let [a, b, between] = cosines.map(cosine_bin);
-    (((distance * N_COSINES + a) * N_COSINES + b) * N_COSINES + between) as u32
 }
 
 #[cfg(test)]
@@ -192,25 +94,6 @@ mod tests {
             (position.as_vec3(), stream.direction().as_vec3())
         };
         (0..n).map(|_| place()).collect()
-    }
-
-    #[test]
-    fn geometry_of_a_pair_by_hand() {
-        // 3 mm along z; normals x, and halfway between y and z (0.8, 0.6).
-        let a = (Vec3::ZERO, Vec3::X);
-        let b = (Vec3::new(0.0, 0.0, 0.003), Vec3::new(0.0, 0.8, 0.6));
-        let geometry = PairGeometry::new(a, b).unwrap();
-        assert!((geometry.distance - 0.003).abs() < 1e-9);
-        // x · z = 0, (0, .8, .6) · z = 0.6, x · (0, .8, .6) = 0; (x × b) · z = 0.8.
-        let [first, second, between] = geometry.cosines;
-        assert!(first.abs() < 1e-6 && (second - 0.6).abs() < 1e-6 && between.abs() < 1e-6);
-        assert!((geometry.chirality - 0.8).abs() < 1e-6);
-        // In the mirror (y → −y) only the chirality differs.
-        let mirrored = (b.0, Vec3::new(0.0, -0.8, 0.6));
-        let mirrored = PairGeometry::new(a, mirrored).unwrap();
-        assert!((mirrored.chirality + 0.8).abs() < 1e-6);
-        assert_eq!(mirrored.cosines[1].to_bits(), geometry.cosines[1].to_bits());
-        assert_eq!(PairGeometry::new(a, (Vec3::ZERO, Vec3::Y)), None);
     }
 
     #[test]

@@ -1,14 +1,16 @@
 //! Catalogues of ten to a thousand objects: what accuracy, time and memory do as they grow.
 //!
-//! The objects are families (`families`) grown from those of the smaller catalogues. To keep a
-//! thousand in memory each is touched 300 times and pairs are tabled among 300 touches. The
-//! appearance space is learnt from the first hundred objects; every other object is touched,
-//! mapped and its readings dropped. Exponents are slopes of ln time and ln memory over ln objects.
+//! The objects are those of the smaller catalogues but the letters, then procedural ones
+//! (`palpate_sim::shapes::assembled`), then members of the families of both (`families`). To
+//! keep a thousand in memory each is touched 600 times and pairs are tabled among 300 touches.
+//! The appearance space is learnt from the first hundred objects; every other object is made,
+//! touched, mapped and dropped. Exponents are slopes of ln time and ln memory over ln objects.
 
 use std::sync::Arc;
 
+use anyhow::Context as _;
 use glam::DVec3;
-use palpate_core::hybrid::HybridOptions;
+use palpate_core::hybrid::{HybridOptions, prepare};
 use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::reading::Reading;
 use palpate_core::surface::SurfaceMap;
@@ -16,11 +18,12 @@ use palpate_core::surface::map::SurfaceLayout;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::train::TrainingSet;
 use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
+use palpate_sim::shapes::assembled;
 use serde_json::json;
 
-use super::HybridScale;
+use super::{HybridScale, LETTER};
 use crate::disturbance::Disturbance;
-use crate::families::families;
+use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel};
@@ -32,8 +35,12 @@ use crate::statistics::{mean, quantile};
 pub(super) struct Growth {
     /// Sizes of catalogues, rising; each is the beginning of the next.
     counts: Vec<usize>,
+    /// Procedural objects.
+    assembled: usize,
     /// Readings that an object is learnt from.
     train_readings: usize,
+    /// Of which pairs are tabled.
+    pair_readings: usize,
     /// Readings that an object is tested with.
     test_readings: usize,
     /// Objects that the appearance space is learnt from.
@@ -46,7 +53,9 @@ impl Default for Growth {
     fn default() -> Self {
         Self {
             counts: vec![10, 50, 100, 300, 1_000],
-            train_readings: 300,
+            assembled: 500,
+            train_readings: 600,
+            pair_readings: 300,
             test_readings: 20,
             space_objects: 100,
             sessions: 500,
@@ -62,9 +71,9 @@ impl Growth {
 
     /// How the maps are made.
     fn surface(&self) -> SurfaceConfig {
-        let n = self.train_readings;
-        let layout = SurfaceLayout { pair_patches_max: n, ..SurfaceLayout::default() };
-        SurfaceConfig { patches_max: n, layout }
+        let layout =
+            SurfaceLayout { pair_patches_max: self.pair_readings, ..SurfaceLayout::default() };
+        SurfaceConfig { patches_max: self.train_readings, layout }
     }
 }
 
@@ -89,16 +98,16 @@ pub(super) fn run(
 ) -> anyhow::Result<Vec<Panel>> {
     progress("growing families", 0, 1);
     let largest = growth.largest();
-    let objects = families(parents, largest, config.seed)?;
-    let (model, test) = learn(config, growth, &objects, progress)?;
-    drop(objects);
+    let objects = Families::new(with_assembled(parents, config, growth)?, config.seed)?;
+    let (model, test) = learn(config, growth, objects, progress)?;
+    prepare(&model, &HybridOptions::default());
     if let Some(bytes) = resident_bytes() {
         report.summarise(&format!("rss_bytes_{largest}"), bytes);
     }
     let mut measured = Vec::new();
     for count in &growth.counts {
-        let maps = model.maps[..*count].to_vec();
-        let model = SurfaceModel { maps, ..model.clone() };
+        let maps = model.maps()[..*count].to_vec();
+        let model = model.with_maps(maps);
         measured.push(measure(config, growth, model, &test, report, progress)?);
     }
     let slope = |value: fn(&Measured) -> f64| {
@@ -110,21 +119,49 @@ pub(super) fn run(
     Ok(panels(&measured))
 }
 
+/// The parents of families: what is given but its letters, which as solids share most of their
+/// surface, and procedural objects.
+fn with_assembled(
+    given: Vec<TestObject>,
+    config: &HybridScale,
+    growth: &Growth,
+) -> anyhow::Result<Vec<TestObject>> {
+    let mut parents: Vec<TestObject> =
+        given.into_iter().filter(|object| !object.name.starts_with(LETTER)).collect();
+    for index in 0..growth.assembled {
+        let mesh = assembled(config.seed, index as u64)
+            .with_context(|| format!("procedural object {index} never hangs together"))?;
+        let mesh = mesh.scaled_to_largest_dimension(config.size);
+        parents.push(TestObject { name: format!("assembled {index}"), mesh });
+    }
+    Ok(parents)
+}
+
 /// The model of all objects, and their test readings.
 fn learn(
     config: &HybridScale,
     growth: &Growth,
-    objects: &[TestObject],
+    mut objects: Families,
     progress: Progress<'_>,
 ) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
-    let sensor = &config.sensor;
-    let touch = |index: usize, n: usize, seed: u64| {
-        progress("touching objects", index, objects.len());
-        objects::touch(&objects[index], sensor, n, seed)
+    let (sensor, largest) = (&config.sensor, growth.largest());
+    let mut test = Vec::with_capacity(largest);
+    // Objects that cannot be touched often enough are left out.
+    let mut touched = || -> anyhow::Result<Vec<Reading>> {
+        progress("touching objects", test.len(), largest);
+        for object in objects.by_ref() {
+            let object = object?;
+            let touch = |n: usize, seed: u64| objects::touch(&object, sensor, n, seed);
+            let Ok(train) = touch(growth.train_readings, 2 * config.seed) else { continue };
+            let Ok(tested) = touch(growth.test_readings, 2 * config.seed + 1) else { continue };
+            test.push(tested);
+            return Ok(train);
+        }
+        anyhow::bail!("there are no objects to grow families of")
     };
-    let train = |index: usize| touch(index, growth.train_readings, 2 * config.seed);
+    let n_first = growth.space_objects.min(largest);
     let first: Vec<Vec<Reading>> =
-        (0..growth.space_objects.min(objects.len())).map(train).collect::<anyhow::Result<_>>()?;
+        (0..n_first).map(|_| touched()).collect::<anyhow::Result<_>>()?;
     let sets: Vec<TrainingSet<'_>> =
         first.iter().map(|readings| TrainingSet { readings, sensor }).collect();
     let space = learn_space(&sets, config.seed)?;
@@ -135,13 +172,10 @@ fn learn(
     let mut maps: Vec<Arc<SurfaceMap>> =
         first.iter().map(|readings| map(readings)).collect::<Result<_, _>>()?;
     drop(first);
-    for index in maps.len()..objects.len() {
-        maps.push(map(&train(index)?)?);
+    while maps.len() < largest {
+        maps.push(map(&touched()?)?);
     }
-    let test = (0..objects.len())
-        .map(|index| touch(index, growth.test_readings, 2 * config.seed + 1))
-        .collect::<anyhow::Result<_>>()?;
-    Ok((SurfaceModel { space, calibration: EvidenceCalibration::default(), maps }, test))
+    Ok((SurfaceModel::new(space, EvidenceCalibration::default(), maps), test))
 }
 
 /// Plays sessions with a catalogue: on one thread for the time of one core, and the largest
@@ -154,7 +188,7 @@ fn measure(
     report: &mut Report,
     progress: Progress<'_>,
 ) -> anyhow::Result<Measured> {
-    let count = model.maps.len();
+    let count = model.maps().len();
     let hybrid = Recogniser::Hybrid { model: Arc::new(model), options: HybridOptions::default() };
     let mut sessions = Sessions {
         sensor: &config.sensor,
@@ -246,7 +280,9 @@ mod tests {
         let config = HybridScale { seed: 101, ..HybridScale::default() };
         let growth = Growth {
             counts: vec![3, 8],
+            assembled: 1,
             train_readings: 200,
+            pair_readings: 100,
             test_readings: 10,
             space_objects: 3,
             sessions: 16,

@@ -25,7 +25,7 @@ pub(super) fn report_calibration(report: &mut Report, fold: usize, model: &Arc<S
     for (at, stage) in model.calibration.stages.iter().enumerate() {
         report.row(vec![
             ("fold", json!(fold)),
-            ("known_objects", json!(model.maps.len())),
+            ("known_objects", json!(model.maps().len())),
             ("stage", json!(at + 1)),
             ("temperature", json!(stage.temperature)),
             ("log_unknown", json!(stage.unknown)),

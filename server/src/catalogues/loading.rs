@@ -7,9 +7,11 @@
 use std::sync::Arc;
 
 use palpate_core::geometric::PreparedGeometry;
+use palpate_core::hybrid::{HybridOptions, prepare};
 use palpate_core::model::Catalogue as CoreCatalogue;
 use palpate_core::symmetry::Symmetry;
 use palpate_store::catalogue::{Catalogues as Table, Manifest};
+use palpate_store::error::StoreError;
 use palpate_store::model_codec::ModelPart;
 use uuid::Uuid;
 
@@ -42,6 +44,9 @@ impl Catalogues {
             return Ok(model);
         }
         let name = self.table.get(catalogue)?.name;
+        if let Some(reason) = self.damaged.get(&(catalogue, version)) {
+            return Err(Refusal::Quarantined { catalogue: name, version, reason: reason.clone() });
+        }
         let manifest = self.table.manifest(catalogue, version)?;
         if !manifest.has(part) {
             return Err(untrained(part, name, version));
@@ -66,7 +71,16 @@ impl Catalogues {
         self.memory.make_room(expected).map_err(|why| no_room(expected, why))?;
         let (table, read_name) = (self.table.clone(), name.clone());
         let read = move || read_part(&table, read_name, manifest, part);
-        let model = self.pool.place()?.run(read).await??;
+        let model = match self.pool.place()?.run(read).await? {
+            Err(Refusal::Store(
+                error @ (StoreError::Damaged { .. } | StoreError::Model { .. }),
+            )) => {
+                let reason = error.to_string();
+                self.quarantine(catalogue, version, reason.clone());
+                return Err(Refusal::Quarantined { catalogue: name, version, reason });
+            }
+            other => other?,
+        };
         let bytes = bytes_found(&model.core).unwrap_or(expected);
         self.memory.keep(key, model, bytes).map_err(|why| no_room(bytes, why))
     }
@@ -149,8 +163,11 @@ fn read_part(
         (manifest.catalogue, manifest.version, manifest.objects.len());
     let what = part_name(part);
     tracing::info!("Read {what} of {n_objects} objects, version {version} of catalogue {name:?}");
+    if let Some(surface) = &core.surface {
+        prepare(surface, &HybridOptions::default());
+    }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
-        (Some(surface), _) => surface.maps.iter().map(|map| map.symmetry().clone()).collect(),
+        (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),
         (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };

@@ -40,6 +40,12 @@ impl Control {
         self.order.store(order, Ordering::Relaxed);
     }
 
+    /// Whether its followers were told its end.
+    pub(super) fn is_over(&self) -> bool {
+        let state = self.job.borrow().state;
+        !matches!(state, wire::JobState::Queued | wire::JobState::Running)
+    }
+
     pub(super) fn is_ordered(&self, order: u8) -> bool {
         self.order.load(Ordering::Relaxed) == order
     }

@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::response::Response;
 use palpate_schemas::{CalibrateSensor, CalibrationQuery, SensorCalibration};
 
 use crate::app::App;
@@ -21,10 +21,11 @@ pub(crate) async fn calibrate_sensor(
     State(app): State<App>,
     Segment1(sensor): Segment1,
     JsonBody(request): JsonBody<CalibrateSensor>,
-) -> Result<(StatusCode, Json<SensorCalibration>), Refusal> {
+) -> Result<Response, Refusal> {
     let sensor = app.sensors().get(&sensor)?;
     let calibration = app.sensors().calibrations().calibrate(&sensor, request, app.pool()).await?;
-    Ok((StatusCode::CREATED, Json(calibration)))
+    let path = format!("/v1/sensors/{}/calibration?number={}", sensor.id, calibration.number);
+    Ok(super::created(path, calibration))
 }
 
 /// Get a sensor's calibration

@@ -106,8 +106,9 @@ pub(crate) async fn merge_maps(
     State(app): State<App>,
     Segment1(name): Segment1,
     JsonBody(request): JsonBody<MergeMaps>,
-) -> Result<(StatusCode, Json<CatalogueVersion>), Refusal> {
-    Ok((StatusCode::CREATED, Json(app.catalogues().merge(&name, &request).await?)))
+) -> Result<Response, Refusal> {
+    let merged = app.catalogues().merge(&name, &request).await?;
+    Ok(super::created(format!("/v1/catalogues/{name}/versions/{}", merged.version), merged))
 }
 
 /// An answer that never changes, or 304 when it is known.

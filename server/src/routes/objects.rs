@@ -32,9 +32,9 @@ pub(crate) async fn list_objects(
 pub(crate) async fn create_object(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateObject>,
-) -> Result<(StatusCode, Json<ObjectInfo>), Refusal> {
+) -> Result<Response, Refusal> {
     let object = app.objects().create(request).await?;
-    Ok((StatusCode::CREATED, Json(app.objects().show(&object)?)))
+    Ok(super::created(format!("/v1/objects/{}", object.id), app.objects().show(&object)?))
 }
 
 /// Get an object
@@ -84,8 +84,9 @@ pub(crate) async fn delete_object(
 /// The file as it was uploaded, with the content type of its format.
 #[utoipa::path(get, path = "/v1/objects/{object}/mesh", operation_id = "get_mesh", tag = "objects",
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 200, description = "The file", body = MeshFile,
-        content_type = "application/octet-stream")))]
+    responses((status = 200, description = "The file, in the format that it was uploaded in",
+        content((MeshFile = "model/stl"), (MeshFile = "model/obj"), (MeshFile = "model/ply"),
+            (MeshFile = "model/off")))))]
 pub(crate) async fn get_mesh(
     State(app): State<App>,
     Segment1(object): Segment1,

@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::response::Response;
 use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, SensorPage};
 
 use crate::app::App;
@@ -32,9 +32,9 @@ pub(crate) async fn list_sensors(
 pub(crate) async fn create_sensor(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateSensor>,
-) -> Result<(StatusCode, Json<Sensor>), Refusal> {
+) -> Result<Response, Refusal> {
     let sensor = app.sensors().create(&request).await?;
-    Ok((StatusCode::CREATED, Json(wire::sensor::sensor(&sensor))))
+    Ok(super::created(format!("/v1/sensors/{}", sensor.id), wire::sensor::sensor(&sensor)))
 }
 
 /// Get a sensor

@@ -36,8 +36,9 @@ pub(crate) async fn list_sessions(
 pub(crate) async fn create_session(
     State(app): State<App>,
     JsonBody(request): JsonBody<CreateSession>,
-) -> Result<(StatusCode, Json<Session>), Refusal> {
-    Ok((StatusCode::CREATED, Json(app.sessions().create(&request).await?)))
+) -> Result<Response, Refusal> {
+    let session = app.sessions().create(&request).await?;
+    Ok(super::created(format!("/v1/sessions/{}", session.id), session))
 }
 
 /// Get a session

@@ -17,6 +17,7 @@ pub(crate) fn pages() -> Router<App> {
     Router::new()
         .merge(docs)
         .route("/", axum::routing::get(landing))
+        .route("/site.css", axum::routing::get(style))
         .route("/openapi.json", axum::routing::get(description))
 }
 
@@ -60,6 +61,10 @@ pub(crate) async fn version() -> Json<Version> {
 
 async fn landing() -> Html<&'static str> {
     Html(include_str!("landing.html"))
+}
+
+async fn style() -> Response {
+    ([(header::CONTENT_TYPE, "text/css; charset=utf-8")], include_str!("site.css")).into_response()
 }
 
 async fn description() -> Response {

@@ -66,8 +66,8 @@ pub(super) fn learn(
     let model = match (&plan.base, base) {
         (Some(base), Some(known)) => {
             let places = base.places(&plan.objects);
-            let maps = extended(&known.maps, &places, new.clone());
-            Arc::new(SurfaceModel { space, calibration: known.calibration, maps })
+            let maps = extended(known.maps(), &places, new.clone());
+            Arc::new(known.with_maps(maps))
         }
         _ => calibrated(plan, materials, &splits, space, new.clone()),
     };
@@ -118,7 +118,7 @@ fn calibrated(
     maps: Vec<Arc<SurfaceMap>>,
 ) -> Arc<SurfaceModel> {
     let calibration = EvidenceCalibration::default();
-    let model = Arc::new(SurfaceModel { space, calibration, maps });
+    let model = Arc::new(SurfaceModel::new(space, calibration, maps));
     let held_back: Vec<HeldBack<'_>> = splits
         .iter()
         .zip(materials)
@@ -128,7 +128,7 @@ fn calibrated(
         })
         .collect();
     let calibration = calibrate(&model, &held_back, HybridOptions::default(), plan.seed);
-    Arc::new(SurfaceModel { calibration, ..(*model).clone() })
+    Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration))
 }
 
 /// What is reported of a surface.

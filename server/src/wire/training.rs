@@ -69,6 +69,7 @@ pub(crate) fn version(
         merged_from: parameters.merged_from,
         training: parameters.training,
         report: parameters.report,
+        damage: None,
     })
 }
 

@@ -73,6 +73,16 @@ async fn bodies_that_are_too_large_or_broken_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn an_array_is_not_taken_for_the_fields_of_an_object_in_order() {
+    let it = Harness::start().await;
+    for path in ["/v1/objects", "/v1/sessions", "/v1/catalogues/default/trainings"] {
+        for body in [json!(["mug"]), json!([null, null])] {
+            it.post(path, &body).await.problem(422, "invalid-value", Some(""));
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn readings_that_cannot_be_are_refused() {
     let it = Harness::start().await;
     it.train().await;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
-use palpate_server::{Config, Server};
+use palpate_server::{Access, Config, Server};
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SamplerConfig, sample};
@@ -19,6 +19,8 @@ use tempfile::TempDir;
 pub(crate) struct Harness {
     pub(crate) server: Server,
     pub(crate) client: reqwest::Client,
+    /// The key that requests are sent with.
+    pub(crate) key: Option<String>,
     folder: TempDir,
 }
 
@@ -50,8 +52,29 @@ impl Harness {
         let folder = TempDir::new().unwrap();
         let mut config = config(folder.path());
         change(&mut config);
-        let server = Server::start(config).await.unwrap();
-        Self { server, client: client(), folder }
+        let mut server = Server::start(config).await.unwrap();
+        let key = server.take_admin_key();
+        Self { server, client: client(), key, folder }
+    }
+
+    /// A server that asks for keys; requests have the first admin's.
+    pub(crate) async fn guarded() -> Self {
+        Self::start_with(|config| config.access = Access::Keys).await
+    }
+
+    /// The secret of a new key.
+    pub(crate) async fn new_key(&self, name: &str, role: &str) -> String {
+        let created = self.post("/v1/keys", &json!({"name": name, "role": role})).await.expect(201);
+        created["secret"].as_str().unwrap().to_owned()
+    }
+
+    /// A request with another key, or with none.
+    pub(crate) async fn send_as(&self, key: Option<&str>, method: Method, path: &str) -> Answer {
+        let mut request = self.client.request(method, self.url(path));
+        if let Some(key) = key {
+            request = request.bearer_auth(key);
+        }
+        read(request.send().await.unwrap()).await
     }
 
     pub(crate) async fn restart(self) -> Self {
@@ -66,8 +89,20 @@ impl Harness {
         Self { server, ..self }
     }
 
+    /// Stops the server, does something to its folder, and starts it again.
+    pub(crate) async fn restart_after(self, between: impl FnOnce(&Path)) -> Self {
+        self.server.shutdown().await;
+        between(self.folder.path());
+        let server = Server::start(config(self.folder.path())).await.unwrap();
+        Self { server, ..self }
+    }
+
+    pub(crate) fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
     pub(crate) fn url(&self, path: &str) -> String {
-        format!("http://{}{path}", self.server.local_addr())
+        format!("{}{path}", self.server.address())
     }
 
     pub(crate) async fn send(
@@ -77,6 +112,9 @@ impl Harness {
         body: Option<(&str, Vec<u8>)>,
     ) -> Answer {
         let mut request = self.client.request(method, self.url(path));
+        if let Some(key) = &self.key {
+            request = request.bearer_auth(key);
+        }
         if let Some((content_type, bytes)) = body {
             request = request.header("content-type", content_type).body(bytes);
         }
@@ -152,7 +190,7 @@ impl Answer {
     }
 }
 
-async fn read(response: reqwest::Response) -> Answer {
+pub(crate) async fn read(response: reqwest::Response) -> Answer {
     let (status, headers) = (response.status(), response.headers().clone());
     Answer { status, headers, text: response.text().await.unwrap() }
 }

@@ -4,11 +4,16 @@
 #![expect(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
 mod appearance;
+mod audit;
 mod bad_input;
 mod calibration;
 mod geometry;
 mod harness;
 mod history;
+mod headers;
+mod keys;
+mod matrix;
+mod keeping;
 mod memory;
 mod msgpack;
 mod next_touches;
@@ -18,4 +23,5 @@ mod sessions;
 mod sharing;
 mod site;
 mod symmetry;
+mod tls;
 mod training;

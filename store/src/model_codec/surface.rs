@@ -48,7 +48,7 @@ pub(super) struct ObjectBlocks<'block> {
 /// The blocks of a catalogue's surfaces. `objects` are the ids of its objects, in its order.
 pub(super) fn to_blocks(model: &SurfaceModel, objects: &[Uuid]) -> Vec<(String, Vec<u8>)> {
     let shared = (SURFACE_BLOCK.to_owned(), shared_to_block(model));
-    let maps = objects.iter().zip(&model.maps).flat_map(|(object, map)| {
+    let maps = objects.iter().zip(model.maps()).flat_map(|(object, map)| {
         let symmetry = (symmetry_block_name(*object), symmetry_to_block(map.symmetry()));
         [(surface_block_name(*object), map_to_block(map)), symmetry]
     });
@@ -67,7 +67,7 @@ pub(super) fn from_blocks<'block>(
         let map = map_from_block(block.surface)?;
         Ok::<_, CodecError>(Arc::new(map.with_symmetry(symmetry.unwrap_or(Symmetry::NONE))))
     });
-    Ok(SurfaceModel { space, calibration, maps: maps.collect::<Result<_, _>>()? })
+    Ok(SurfaceModel::new(space, calibration, maps.collect::<Result<_, _>>()?))
 }
 
 fn shared_to_block(model: &SurfaceModel) -> Vec<u8> {
@@ -193,11 +193,9 @@ pub(super) mod tests {
         let anywhere = vec![[1, -2, 3, 0, 0, 0, 127, -128], [0; N_AXES]];
         let mut calibration = EvidenceCalibration::default();
         calibration.stages[2].temperature = 1.75;
-        SurfaceModel {
-            space: AppearanceSpace::new(grid, projection, anywhere),
-            calibration,
-            maps: vec![Arc::new(map(40, 1).with_symmetry(half_turn())), Arc::new(map(15, 2))],
-        }
+        let space = AppearanceSpace::new(grid, projection, anywhere);
+        let maps = vec![Arc::new(map(40, 1).with_symmetry(half_turn())), Arc::new(map(15, 2))];
+        SurfaceModel::new(space, calibration, maps)
     }
 
     fn half_turn() -> Symmetry {
@@ -242,8 +240,8 @@ pub(super) mod tests {
             .chunks(2)
             .map(|object| Ok(ObjectBlocks { surface: &object[0].1, symmetry: None }));
         let found = from_blocks(&blocks[0].1, parts).unwrap();
-        assert_eq!(model().maps[0].symmetry(), &half_turn());
-        assert!(found.maps.iter().all(|map| map.symmetry().is_none()));
+        assert_eq!(model().maps()[0].symmetry(), &half_turn());
+        assert!(found.maps().iter().all(|map| map.symmetry().is_none()));
     }
 
     #[test]

@@ -1,8 +1,7 @@
-//! Journal entries as they are stored: the schemas so far, and what each of them says.
+//! Journal entries as they are stored: schema 4.
 //!
-//! Schema 1 did not know of calibrations: its readings are taken as they came, calibration 0.
-//! Schemas 1 and 2 knew no reading without a pose, and no features of clients. Schemas 1 to 3
-//! knew no way that a press came, and no objects that moved.
+//! Schemas 1 to 3 are those of layout 1; `migrations` turns them into schema 4, and nothing else
+//! reads them.
 
 use bincode::{Decode, Encode};
 use palpate_core::pose::Pose;
@@ -14,78 +13,6 @@ use crate::entity::{ReadingId, StoredReading};
 use crate::envelope::Kind;
 use crate::error::RecordError;
 use crate::journal::{Entry, Event};
-
-#[derive(Encode, Decode)]
-struct JournalEntryV1 {
-    seq: u64,
-    received_at_ms: u64,
-    reading_id: Option<(String, u64)>,
-    event: EventV1,
-}
-
-#[derive(Encode, Decode)]
-enum EventV1 {
-    Reading {
-        sensor: IdV1,
-        position: [f64; 3],
-        quaternion_xyzw: [f64; 4],
-        stamp_ns: Option<i64>,
-        pressures: Vec<u8>,
-    },
-    Retraction {
-        seq: u64,
-    },
-    Closed,
-}
-
-#[derive(Encode, Decode)]
-struct JournalEntryV2 {
-    seq: u64,
-    received_at_ms: u64,
-    reading_id: Option<(String, u64)>,
-    event: EventV2,
-}
-
-#[derive(Encode, Decode)]
-enum EventV2 {
-    Reading {
-        sensor: IdV1,
-        position: [f64; 3],
-        quaternion_xyzw: [f64; 4],
-        stamp_ns: Option<i64>,
-        pressures: Vec<u8>,
-        calibration: u32,
-    },
-    Retraction {
-        seq: u64,
-    },
-    Closed,
-}
-
-#[derive(Encode, Decode)]
-struct JournalEntryV3 {
-    seq: u64,
-    received_at_ms: u64,
-    reading_id: Option<(String, u64)>,
-    event: EventV3,
-}
-
-#[derive(Encode, Decode)]
-enum EventV3 {
-    Reading {
-        sensor: IdV1,
-        /// Position, then quaternion x, y, z, w.
-        pose: Option<([f64; 3], [f64; 4])>,
-        stamp_ns: Option<i64>,
-        pressures: Vec<u8>,
-        calibration: u32,
-        feature: Option<Vec<u8>>,
-    },
-    Retraction {
-        seq: u64,
-    },
-    Closed,
-}
 
 #[derive(Encode, Decode)]
 struct JournalEntryV4 {
@@ -113,73 +40,6 @@ enum EventV4 {
         seq: u64,
     },
     Closed,
-}
-
-impl From<JournalEntryV3> for JournalEntryV4 {
-    fn from(old: JournalEntryV3) -> Self {
-        let event = match old.event {
-            EventV3::Reading { sensor, pose, stamp_ns, pressures, calibration, feature } => {
-                EventV4::Reading {
-                    sensor,
-                    pose,
-                    stamp_ns,
-                    pressures,
-                    calibration,
-                    feature,
-                    approach: 0.0,
-                    object_moved: None,
-                }
-            }
-            EventV3::Retraction { seq } => EventV4::Retraction { seq },
-            EventV3::Closed => EventV4::Closed,
-        };
-        let JournalEntryV3 { seq, received_at_ms, reading_id, .. } = old;
-        Self { seq, received_at_ms, reading_id, event }
-    }
-}
-
-impl From<JournalEntryV1> for JournalEntryV2 {
-    fn from(old: JournalEntryV1) -> Self {
-        let event = match old.event {
-            EventV1::Reading { sensor, position, quaternion_xyzw, stamp_ns, pressures } => {
-                let calibration = 0;
-                EventV2::Reading {
-                    sensor,
-                    position,
-                    quaternion_xyzw,
-                    stamp_ns,
-                    pressures,
-                    calibration,
-                }
-            }
-            EventV1::Retraction { seq } => EventV2::Retraction { seq },
-            EventV1::Closed => EventV2::Closed,
-        };
-        let JournalEntryV1 { seq, received_at_ms, reading_id, .. } = old;
-        Self { seq, received_at_ms, reading_id, event }
-    }
-}
-
-impl From<JournalEntryV2> for JournalEntryV3 {
-    fn from(old: JournalEntryV2) -> Self {
-        let event = match old.event {
-            EventV2::Reading {
-                sensor,
-                position,
-                quaternion_xyzw,
-                stamp_ns,
-                pressures,
-                calibration,
-            } => {
-                let pose = Some((position, quaternion_xyzw));
-                EventV3::Reading { sensor, pose, stamp_ns, pressures, calibration, feature: None }
-            }
-            EventV2::Retraction { seq } => EventV3::Retraction { seq },
-            EventV2::Closed => EventV3::Closed,
-        };
-        let JournalEntryV2 { seq, received_at_ms, reading_id, .. } = old;
-        Self { seq, received_at_ms, reading_id, event }
-    }
 }
 
 impl Record for Entry {
@@ -214,18 +74,6 @@ impl Record for Entry {
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
         entry(read(payload)?)
-    }
-
-    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
-        match schema {
-            1 => {
-                let second = JournalEntryV2::from(read::<JournalEntryV1>(payload)?);
-                entry(JournalEntryV3::from(second).into())
-            }
-            2 => entry(JournalEntryV3::from(read::<JournalEntryV2>(payload)?).into()),
-            3 => entry(read::<JournalEntryV3>(payload)?.into()),
-            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
-        }
     }
 }
 

@@ -190,11 +190,11 @@ fn a_layout_that_is_newer_or_missing_is_refused() {
     Database::with_engine(Arc::clone(&newer)).unwrap();
     // The layout number is the first of the payload, behind 20 bytes of envelope.
     let mut layout = newer.get(b"!").unwrap().unwrap();
-    let payload = [&2u32.to_le_bytes()[..], &layout[24..]].concat();
+    let payload = [&99u32.to_le_bytes()[..], &layout[24..]].concat();
     layout = palpate_store::envelope::seal(palpate_store::envelope::Kind::Layout, 1, &payload);
     newer.commit(Commit::new().put(b"!".to_vec(), layout)).wait().unwrap();
     let error = Database::with_engine(newer).err().unwrap();
-    assert!(matches!(error, DatabaseError::TooNew { found: 2, .. }), "{error}");
+    assert!(matches!(error, DatabaseError::TooNew { found: 99, .. }), "{error}");
     assert!(error.to_string().contains("use a newer version"), "{error}");
 
     let stranger: Arc<dyn Engine> = Arc::new(MemoryEngine::new());

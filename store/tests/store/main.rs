@@ -1,9 +1,13 @@
 //! The store's tests, one binary: laws of the engines, repositories, bytes and crashes.
 #![allow(clippy::unwrap_used, reason = "tests may panic, helpers outside of test functions too")]
 
+mod access;
 mod bytes;
 mod crash;
 mod damage;
 mod engines;
+mod fsck;
+mod keeping;
 mod repositories;
 mod samples;
+mod snapshots;

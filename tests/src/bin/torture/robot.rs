@@ -114,7 +114,7 @@ impl Robot {
 
     async fn begin(&mut self, url: &str) -> Outcome {
         let method = METHODS[self.stream.index(METHODS.len())];
-        let request = json!({ "seed": self.stream.index(1000), "method": method });
+        let request = json!({ "method": method });
         let path = format!("{url}/v1/sessions");
         let outcome = send(&self.client, Method::POST, path, Some(&request)).await;
         match &outcome {

@@ -1,0 +1,189 @@
+//! `palpate snapshot`: all that a server has stored as one file, taken while it serves,
+//! verified and restored without one.
+
+use std::fs::{self, File};
+use std::io::{BufReader, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use clap::{Args, Subcommand};
+use futures::StreamExt;
+use palpate_client::Client;
+use palpate_store::fsck::Report;
+use palpate_store::sled::{SledEngine, SledOptions};
+use palpate_store::snapshot::{SnapshotManifest, restore, verify};
+use serde_json::{Value, json};
+
+use crate::commands::Context;
+use crate::commands::fsck::findings;
+use crate::exit::Ended;
+use crate::output::Output;
+
+/// Arguments of `palpate snapshot`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  palpate snapshot create monday.snapshot\n  \
+    palpate snapshot verify monday.snapshot\n  \
+    palpate snapshot restore monday.snapshot --data ./restored\n  \
+    palpate serve --data ./restored")]
+pub(crate) struct SnapshotArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Take a snapshot of a running server into a new file.
+    Create {
+        /// The file; it must not exist.
+        file: PathBuf,
+    },
+    /// Read a file to its end and check all that is in it.
+    Verify {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Write a file's content into a new folder, to be served from.
+    Restore {
+        /// The file.
+        file: PathBuf,
+        /// The folder; it must not exist, or be empty.
+        #[arg(long, value_name = "DIR")]
+        data: PathBuf,
+    },
+}
+
+/// Takes, verifies or restores.
+pub(crate) async fn run(
+    args: SnapshotArgs,
+    output: Output,
+    context: impl FnOnce() -> anyhow::Result<Context>,
+) -> anyhow::Result<()> {
+    match args.action {
+        Action::Create { file } => create(&file, &context()?.client, output).await,
+        Action::Verify { file } => {
+            let (manifest, report) = blocking(move || verified(&file)).await?;
+            said(&manifest, &report, output)
+        }
+        Action::Restore { file, data } => {
+            let manifest = blocking(move || restored(&file, &data)).await?;
+            output.answer(&shown(&manifest), |_| "restored; serve it with --data".to_owned())
+        }
+    }
+}
+
+/// Receives into a file beside, which gets its name when it is whole.
+async fn create(file: &Path, client: &Client, output: Output) -> anyhow::Result<()> {
+    if file.exists() {
+        bail!("{} exists already, expected a new file", file.display());
+    }
+    let mut name = file.file_name().context("expected the name of a file")?.to_owned();
+    name.push(".part");
+    let part = file.with_file_name(name);
+    let received = receive(&part, client).await;
+    let checked = match received {
+        Ok(()) => {
+            let part = part.clone();
+            blocking(move || verified(&part)).await
+        }
+        Err(error) => Err(error),
+    };
+    let (manifest, report) = match checked {
+        Ok(checked) => checked,
+        Err(error) => {
+            // What is there is no snapshot.
+            let _ = fs::remove_file(&part);
+            return Err(error);
+        }
+    };
+    fs::rename(&part, file).with_context(|| format!("cannot write {}", file.display()))?;
+    said(&manifest, &report, output)
+}
+
+async fn receive(part: &Path, client: &Client) -> anyhow::Result<()> {
+    let mut stream = client.snapshot().await?;
+    let context = || format!("cannot write {}", part.display());
+    let mut to = File::create(part).with_context(context)?;
+    while let Some(chunk) = stream.next().await {
+        to.write_all(&chunk?).with_context(context)?;
+    }
+    to.sync_all().with_context(context)
+}
+
+fn verified(file: &Path) -> anyhow::Result<(SnapshotManifest, Report)> {
+    Ok(verify(opened(file)?)?)
+}
+
+/// Restores beside the folder, which gets its name when all is there.
+fn restored(file: &Path, data: &Path) -> anyhow::Result<SnapshotManifest> {
+    let is_free = match fs::read_dir(data) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
+        Err(error) => return Err(error).with_context(|| format!("cannot use {}", data.display())),
+    };
+    if !is_free {
+        bail!("{} is not empty, expected a new or empty folder", data.display());
+    }
+    verify(opened(file)?)?;
+    let mut name = data.file_name().context("expected the name of a folder")?.to_owned();
+    name.push(".restoring");
+    let beside = data.with_file_name(name);
+    if beside.exists() {
+        bail!("{} is left from an interrupted restoration: remove it", beside.display());
+    }
+    let outcome = SledEngine::open(&beside, &SledOptions::default())
+        .map_err(anyhow::Error::from)
+        .and_then(|engine| Ok(restore(opened(file)?, &engine)?))
+        .and_then(|manifest| {
+            fs::rename(&beside, data)
+                .with_context(|| format!("cannot make {}", data.display()))
+                .map(|()| manifest)
+        });
+    if outcome.is_err() {
+        // What is there is not the whole.
+        let _ = fs::remove_dir_all(&beside);
+    }
+    outcome
+}
+
+fn opened(file: &Path) -> anyhow::Result<BufReader<File>> {
+    let opened = File::open(file).with_context(|| format!("cannot read {}", file.display()))?;
+    Ok(BufReader::with_capacity(1 << 20, opened))
+}
+
+/// Says what a snapshot holds, and fails when records in it are damaged.
+fn said(manifest: &SnapshotManifest, report: &Report, output: Output) -> anyhow::Result<()> {
+    let mut answer = shown(manifest);
+    answer["records"] = json!(report.records);
+    answer["n_damaged"] = json!(report.n_damaged);
+    answer["findings"] = json!(findings(report));
+    let n_records: u64 = report.records.values().sum();
+    output.answer(&answer, |_| {
+        let megabytes = manifest.bytes as f64 / 1e6;
+        let n_damaged = report.n_damaged;
+        let whole = format!("whole: {n_records} records, {megabytes:.1} MB, {n_damaged} damaged");
+        let damaged = report
+            .findings
+            .iter()
+            .map(|finding| format!("\n{} {}: {}", finding.space, finding.key, finding.fault));
+        whole + &damaged.collect::<String>()
+    })?;
+    if report.n_damaged == 0 { Ok(()) } else { Err(Ended::Damaged.into()) }
+}
+
+fn shown(manifest: &SnapshotManifest) -> Value {
+    let hash: String = manifest.hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    json!({
+        "layout": manifest.header.layout,
+        "created_at_ms": manifest.header.created_at_ms,
+        "made_by": manifest.header.made_by,
+        "pairs": manifest.pairs.values().sum::<u64>(),
+        "bytes": manifest.bytes,
+        "hash": hash,
+    })
+}
+
+async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> anyhow::Result<T> + Send + 'static,
+) -> anyhow::Result<T> {
+    tokio::task::spawn_blocking(work).await?
+}

@@ -1,0 +1,152 @@
+//! Keys, TLS and the audit log as a person uses them from a shell.
+#![allow(clippy::unwrap_used, reason = "tests may panic, helpers outside of test functions too")]
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn palpate(arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.args(arguments.split_whitespace());
+    for name in ["SERVER", "DATA", "LISTEN", "KEY", "CA", "ACCESS", "TLS_CERT", "TLS_KEY"] {
+        command.env_remove(format!("PALPATE_{name}"));
+    }
+    command.env_remove("RUST_LOG");
+    command
+}
+
+/// A server that stops when it is dropped, and what it said when it started.
+struct Server {
+    child: Child,
+    started: Value,
+}
+
+impl Server {
+    fn start(data: &Path, arguments: &str) -> Self {
+        let mut command = palpate("serve --listen 127.0.0.1:0 --json");
+        command.args(arguments.split_whitespace()).arg("--data").arg(data);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        Self { child, started: serde_json::from_str(&line).unwrap() }
+    }
+
+    fn said(&self, what: &str) -> &str {
+        self.started[what].as_str().unwrap()
+    }
+
+    fn run(&self, key: &str, arguments: &str) -> Output {
+        let mut command = palpate(arguments);
+        command.env("PALPATE_SERVER", self.said("server")).env("PALPATE_KEY", key);
+        command.output().unwrap()
+    }
+
+    /// Stops it, and what it logged.
+    fn log(mut self) -> String {
+        self.child.kill().unwrap();
+        let mut log = String::new();
+        std::io::Read::read_to_string(&mut self.child.stderr.take().unwrap(), &mut log).unwrap();
+        log
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[track_caller]
+fn done(output: &Output) -> String {
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    text
+}
+
+#[track_caller]
+fn failed(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stdout));
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+#[test]
+fn keys_are_made_used_rotated_and_revoked_from_the_shell() {
+    let folder = TempDir::new().unwrap();
+    let server = Server::start(folder.path(), "--access keys");
+    let admin = server.said("admin_key").to_owned();
+    let refused = failed(&server.run("", "objects list"));
+    assert!(refused.contains("API key") && refused.contains("PALPATE_KEY"), "{refused}");
+
+    let said = done(&server.run(&admin, "keys create arm-3 --role robot"));
+    assert!(said.contains("shown once"), "{said}");
+    let secret = |said: &str| {
+        let secret = said.lines().find(|line| line.starts_with("palpate_"));
+        secret.unwrap_or_else(|| panic!("{said}")).to_owned()
+    };
+    let first = secret(&said);
+    let whoami = done(&server.run(&first, "whoami"));
+    assert!(whoami.starts_with("arm-3, robot"), "{whoami}");
+    let refused = failed(&server.run(&first, "objects add mug"));
+    assert!(refused.contains("has the role robot"), "{refused}");
+    let second = secret(&done(&server.run(&admin, "keys rotate arm-3")));
+    let rotated = failed(&server.run(&first, "sessions list"));
+    assert!(rotated.contains("rotated"), "{rotated}");
+    done(&server.run(&second, "sessions list"));
+    done(&server.run(&admin, "keys revoke arm-3"));
+    assert!(failed(&server.run(&second, "sessions list")).contains("revoked"));
+    let last = failed(&server.run(&admin, "keys revoke admin"));
+    assert!(last.contains("last admin"), "{last}");
+    let listed = done(&server.run(&admin, "keys list"));
+    assert!(listed.contains("revoked") && !listed.contains("palpate_"), "{listed}");
+
+    let audit = done(&server.run(&admin, "audit -n 3"));
+    assert_eq!(audit.lines().count(), 4, "{audit}");
+    let by = done(&server.run(&admin, "audit --by arm-3 --json"));
+    let by: Value = serde_json::from_str(&by).unwrap();
+    let operations: Vec<_> =
+        by["items"].as_array().unwrap().iter().map(|entry| &entry["operation"]).collect();
+    assert_eq!(operations, ["list_sessions", "list_sessions", "create_object"]);
+    let log = server.log();
+    for secret in [&admin, &first, &second] {
+        assert!(!log.contains(secret.as_str()) && !log.contains(&secret[41..]), "{log}");
+    }
+}
+
+#[test]
+fn a_command_trusts_the_authority_that_it_is_given() {
+    let folder = TempDir::new().unwrap();
+    let key = rcgen::KeyPair::generate().unwrap();
+    let names = vec!["127.0.0.1".to_owned()];
+    let certificate = rcgen::CertificateParams::new(names).unwrap().self_signed(&key).unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(path("c.pem"), certificate.pem()).unwrap();
+    std::fs::write(path("k.pem"), key.serialize_pem()).unwrap();
+    let files = format!("--tls-cert {} --tls-key {}", path("c.pem"), path("k.pem"));
+    let server = Server::start(&folder.path().join("data"), &files);
+    assert!(server.said("server").starts_with("https://"));
+    done(&server.run("", &format!("whoami --ca {}", path("c.pem"))));
+    let strange = server.run("", "whoami");
+    assert_eq!(strange.status.code(), Some(3), "nobody has signed it: {strange:?}");
+    let wrong = failed(&server.run("", &format!("whoami --ca {}", path("k.pem"))));
+    assert!(wrong.contains("BEGIN CERTIFICATE"), "{wrong}");
+    let missing = failed(&server.run("", "whoami --ca missing.pem"));
+    assert!(missing.contains("missing.pem"), "{missing}");
+    drop(server);
+
+    let swapped = format!("--tls-cert {} --tls-key {}", path("k.pem"), path("c.pem"));
+    let serve = palpate(&format!("serve --listen 127.0.0.1:0 {swapped} --data {}", path("data")));
+    let error = failed(&{ serve }.output().unwrap());
+    assert!(error.contains("k.pem has no certificate"), "{error}");
+}
+
+#[test]
+fn other_machines_are_refused_with_words_that_help() {
+    let folder = TempDir::new().unwrap();
+    let mut serve = palpate("serve --listen 0.0.0.0:0");
+    let error = failed(&serve.arg("--data").arg(folder.path()).output().unwrap());
+    assert!(error.contains("--access keys") && error.contains("127.0.0.1"), "{error}");
+}

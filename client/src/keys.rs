@@ -1,0 +1,74 @@
+//! Calls about keys: who is let in, and who changed what.
+
+use palpate_schemas::{
+    ApiKey, ApiKeyPage, AuditPage, AuditQuery, CreateKey, NewApiKey, PageQuery, RotateKey, Whoami,
+};
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::request::Request;
+
+impl Client {
+    /// Whom the server takes this client for.
+    ///
+    /// # Errors
+    /// [`Error`]; status 401 when it is not let in.
+    pub async fn whoami(&self) -> Result<Whoami, Error> {
+        self.send(Request::get(["v1", "whoami"])).await
+    }
+
+    /// A page of the keys.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn keys(&self, page: &PageQuery) -> Result<ApiKeyPage, Error> {
+        self.send(Request::get(["v1", "keys"]).page(page)).await
+    }
+
+    /// A key, by its id or name.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn key(&self, key: &str) -> Result<ApiKey, Error> {
+        self.send(Request::get(["v1", "keys", key])).await
+    }
+
+    /// Makes a key; the answer holds its secret, this once.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the name is taken.
+    pub async fn create_key(&self, key: &CreateKey) -> Result<NewApiKey, Error> {
+        self.send(Request::post(["v1", "keys"]).json(key)).await
+    }
+
+    /// Has a key refused from now on.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when it is the last admin's.
+    pub async fn revoke_key(&self, key: &str) -> Result<(), Error> {
+        self.send_for_nothing(Request::delete(["v1", "keys", key])).await
+    }
+
+    /// Gives a key a new secret; the answer holds it, this once.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the key is refused already.
+    pub async fn rotate_key(&self, key: &str, how: &RotateKey) -> Result<NewApiKey, Error> {
+        self.send(Request::post(["v1", "keys", key, "rotate"]).json(how)).await
+    }
+
+    /// A page of the audit log, newest first.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn audit(&self, query: &AuditQuery) -> Result<AuditPage, Error> {
+        let request = Request::get(["v1", "audit"])
+            .query("since", query.since.as_ref())
+            .query("until", query.until.as_ref())
+            .query("key", query.key.as_ref())
+            .query("operation", query.operation.as_ref())
+            .query("limit", query.limit)
+            .query("cursor", query.cursor.as_ref());
+        self.send(request).await
+    }
+}

@@ -1,0 +1,243 @@
+//! Who changed what: an entry before every change, its outcome after it, and the refused.
+//!
+//! A change runs in a task of its own, so that a caller who hangs up leaves neither it nor its
+//! entry half done. Refusals are written down too, but not more than a few a minute: nobody
+//! shall push what happened out of the log by being refused.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use axum::extract::{Request, State};
+use axum::http::header;
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use palpate_schemas as wire;
+use palpate_schemas::PageQuery;
+use palpate_store::access::Role;
+use palpate_store::audit::{AuditEntry, AuditLog};
+use palpate_store::error::StoreError;
+use tracing::Instrument as _;
+use uuid::Uuid;
+
+use crate::app::App;
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::roles;
+use crate::wire::{access, page_length, page_number};
+
+/// How much of a path is written down, in characters.
+const PATH_CHARS_MAX: usize = 512;
+/// How many entries are read at once.
+const CHUNK: usize = 256;
+/// How often one question reads so many; further ones are on the next page.
+const CHUNKS_MAX: usize = 40;
+/// How many refusals may be written down at once.
+const DENIED_BURST: u32 = 30;
+/// After how long one more may.
+const DENIED_PAUSE: Duration = Duration::from_secs(60);
+
+/// What somebody asks for.
+#[derive(Clone, Debug)]
+pub(crate) struct Attempt {
+    /// The operation's id.
+    pub(crate) operation: &'static str,
+    /// The key: its id, its name, its role.
+    pub(crate) key: Option<(Uuid, String, Role)>,
+    /// Where it came from.
+    pub(crate) address: String,
+    /// The path.
+    pub(crate) path: String,
+    /// The request's id.
+    pub(crate) request_id: String,
+}
+
+/// The audit log of a server.
+pub(crate) struct Audit {
+    log: AuditLog,
+    denials: Mutex<Denials>,
+}
+
+/// How many refusals may be written down now, and how many were not.
+#[derive(Debug)]
+struct Denials {
+    allowed: u32,
+    since: Instant,
+    n_left_out: u32,
+}
+
+impl Denials {
+    /// Whether a refusal is written down now, and if so, how many before it were not.
+    fn admit(&mut self, now: Instant) -> Option<u32> {
+        let earned = now.duration_since(self.since).as_secs() / DENIED_PAUSE.as_secs();
+        if earned > 0 {
+            self.allowed = DENIED_BURST.min(self.allowed.saturating_add(earned as u32));
+            self.since = now;
+        }
+        match self.allowed.checked_sub(1) {
+            Some(left) => {
+                self.allowed = left;
+                Some(std::mem::take(&mut self.n_left_out))
+            }
+            None => {
+                self.n_left_out = self.n_left_out.saturating_add(1);
+                None
+            }
+        }
+    }
+}
+
+impl Audit {
+    pub(crate) fn new(log: AuditLog) -> Self {
+        let denials = Denials { allowed: DENIED_BURST, since: Instant::now(), n_left_out: 0 };
+        Self { log, denials: Mutex::new(denials) }
+    }
+
+    /// Writes down that somebody was refused, unless there were too many.
+    pub(crate) async fn denied(&self, attempt: Attempt, status: u16) {
+        let admitted = self.admit();
+        metrics::counter!("palpate_requests_denied_total", "status" => status.to_string())
+            .increment(1);
+        let Some(n_left_out) = admitted else { return };
+        let entry = AuditEntry { status: Some(status), n_left_out, ..entry(attempt) };
+        if let Err(error) = self.log.append(entry).await {
+            tracing::warn!(%error, "Cannot write down a refused request");
+        }
+    }
+
+    fn admit(&self) -> Option<u32> {
+        let mut denials = self.denials.lock().unwrap_or_else(PoisonError::into_inner);
+        denials.admit(Instant::now())
+    }
+
+    /// A page of the log, newest first.
+    pub(crate) fn list(&self, query: &wire::AuditQuery) -> Result<wire::AuditPage, Refusal> {
+        let page = PageQuery { limit: query.limit, cursor: query.cursor.clone() };
+        let limit = page_length(&page)?;
+        let begin = page.cursor.as_ref().map(|_| page_number(&page)).transpose()?;
+        let bound = |pointer, text: &Option<String>| {
+            text.as_deref().map(|text| access::milliseconds(pointer, text)).transpose()
+        };
+        let (since, until) = (bound("?since", &query.since)?, bound("?until", &query.until)?);
+        let mut items = Vec::new();
+        let mut behind = begin;
+        for _ in 0..CHUNKS_MAX {
+            let chunk = self.log.before(behind, CHUNK)?;
+            let is_last = chunk.len() < CHUNK;
+            for entry in chunk {
+                // Times go down with the numbers: nothing older can fit.
+                if since.is_some_and(|since| entry.at_ms < since) {
+                    return Ok(wire::AuditPage { items, next_cursor: None });
+                }
+                if items.len() == limit {
+                    return Ok(wire::AuditPage { items, next_cursor: behind.map(cursor) });
+                }
+                behind = Some(entry.seq);
+                if until.is_none_or(|until| entry.at_ms < until) && fits(&entry, query) {
+                    items.push(access::audit_entry(entry));
+                }
+            }
+            if is_last {
+                return Ok(wire::AuditPage { items, next_cursor: None });
+            }
+        }
+        Ok(wire::AuditPage { items, next_cursor: behind.map(cursor) })
+    }
+
+    async fn begin(&self, attempt: Attempt) -> Result<AuditEntry, StoreError> {
+        self.log.append(entry(attempt)).await
+    }
+
+    async fn finish(&self, entry: AuditEntry) {
+        if let Err(error) = self.log.finish(&entry).await {
+            tracing::error!(%error, "Cannot write down what became of audit entry {}", entry.seq);
+        }
+    }
+}
+
+/// Writes a change down, lets it be made, and writes down what became of it. What cannot be
+/// written down is not done.
+pub(crate) async fn record(State(app): State<App>, mut request: Request, next: Next) -> Response {
+    let Some(attempt) = request.extensions_mut().remove::<Attempt>() else {
+        return next.run(request).await;
+    };
+    let changing = async move {
+        let entry = match app.audit().begin(attempt).await {
+            Ok(entry) => entry,
+            Err(error) => return Refusal::from(error).into_response(),
+        };
+        let response = next.run(request).await;
+        app.audit().finish(outcome(entry, &response)).await;
+        response
+    };
+    let changed = tokio::spawn(changing.in_current_span()).await;
+    changed.unwrap_or_else(|_| Refusal::Panicked.into_response())
+}
+
+/// The entry with what became of it; something new goes by its own path.
+fn outcome(entry: AuditEntry, response: &Response) -> AuditEntry {
+    let status = response.status();
+    let location = response.headers().get(header::LOCATION).filter(|_| status.is_success());
+    let made = location.and_then(|at| at.to_str().ok()).map(str::to_owned);
+    let resource = made.unwrap_or(entry.resource);
+    AuditEntry { status: Some(status.as_u16()), resource, ..entry }
+}
+
+fn entry(attempt: Attempt) -> AuditEntry {
+    let resource = attempt.path.chars().take(PATH_CHARS_MAX).collect();
+    let role = attempt.key.as_ref().map(|(_, _, role)| *role);
+    AuditEntry {
+        seq: 0,
+        at_ms: now_ms(),
+        key: attempt.key.map(|(id, name, _)| (id, name)),
+        role,
+        address: attempt.address,
+        operation: attempt.operation.to_owned(),
+        resource,
+        status: None,
+        request_id: attempt.request_id,
+        n_left_out: 0,
+    }
+}
+
+/// A cursor to what is older than the entry of a number.
+fn cursor(seq: u64) -> String {
+    seq.to_string()
+}
+
+fn fits(entry: &AuditEntry, query: &wire::AuditQuery) -> bool {
+    let by = |wanted: &String| {
+        entry.key.as_ref().is_some_and(|(id, name)| {
+            name == wanted || Uuid::try_parse(wanted).is_ok_and(|wanted| wanted == *id)
+        })
+    };
+    let of = |wanted: &String| *wanted == entry.operation;
+    query.key.as_ref().is_none_or(by) && query.operation.as_ref().is_none_or(of)
+}
+
+/// Refuses the name of an operation that does not exist: a typo would find nothing, for ever.
+pub(crate) fn check_operation(query: &wire::AuditQuery) -> Result<(), Refusal> {
+    match &query.operation {
+        Some(operation) if operation != "(none)" && roles::rule(operation).is_none() => {
+            let expected = "expected an operation's id, such as `delete_object`";
+            Err(Refusal::field("?operation", format!("came {operation:?}, {expected}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_storm_of_refusals_leaves_few_entries_and_says_how_many_it_left_out() {
+        let begin = Instant::now();
+        let mut denials = Denials { allowed: DENIED_BURST, since: begin, n_left_out: 0 };
+        let written = (0..1000).filter(|_| denials.admit(begin) == Some(0)).count();
+        assert_eq!(written, 30);
+        let later = begin + DENIED_PAUSE + DENIED_PAUSE / 2;
+        assert_eq!(denials.admit(later), Some(970));
+        assert_eq!(denials.admit(later), None);
+        assert_eq!(denials.admit(later + DENIED_PAUSE), Some(1));
+    }
+}

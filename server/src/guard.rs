@@ -1,0 +1,190 @@
+//! The guard at the door: who asks, and whether they may.
+//!
+//! Where keys are asked for, a request passes with a key whose role the table of `roles` lists
+//! for the operation; what the table does not list passes with none. Where they are not, the
+//! server is for its own machine, and pages of other sites in that machine's browser are
+//! turned away: they could otherwise do everything.
+
+use std::net::{IpAddr, SocketAddr};
+
+use axum::extract::{ConnectInfo, MatchedPath, Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use palpate_schemas::Role;
+use palpate_store::access::AccessKey;
+
+use crate::app::App;
+use crate::audit::Attempt;
+use crate::keys::KeyFault;
+use crate::listener::Peer;
+use crate::refusal::Refusal;
+use crate::roles::{self, Asked, Effect, Rule, Who};
+use crate::telemetry::REQUEST_ID;
+use crate::wire;
+
+/// Who asks, for handlers and for the audit log.
+#[derive(Clone, Debug)]
+pub(crate) struct Caller {
+    /// The key, unless nobody is asked for one.
+    pub(crate) key: Option<AccessKey>,
+}
+
+impl Caller {
+    /// What the caller may do as: everything, when nobody is asked for a key.
+    pub(crate) fn role(&self) -> Role {
+        self.key.as_ref().map_or(Role::Admin, |key| wire::access::role(key.role))
+    }
+}
+
+/// Lets a request in, or says why not.
+pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Next) -> Response {
+    let asked = asked(&request);
+    let checked = check(&app, &request, asked);
+    match checked {
+        Ok(caller) => {
+            if let Asked::Operation(Rule { operation, effect: Effect::Changes, .. }) = asked {
+                let attempt = attempt(&request, operation, caller.key.as_ref());
+                request.extensions_mut().insert(attempt);
+            }
+            request.extensions_mut().insert(caller);
+            next.run(request).await
+        }
+        Err(refusal) => {
+            let operation = match asked {
+                Asked::Operation(rule) => rule.operation,
+                Asked::OtherMethod | Asked::Unlisted => "(none)",
+            };
+            let key = match &refusal {
+                Refusal::Unauthenticated(fault) => fault.key().cloned(),
+                Refusal::Forbidden { key, .. } => Some((**key).clone()),
+                _ => None,
+            };
+            let attempt = attempt(&request, operation, key.as_ref());
+            let response = refusal.into_response();
+            if matches!(response.status(), StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN) {
+                app.audit().denied(attempt, response.status().as_u16()).await;
+            }
+            response
+        }
+    }
+}
+
+fn asked(request: &Request) -> Asked {
+    let route = request.extensions().get::<MatchedPath>();
+    route.map_or(Asked::Unlisted, |route| roles::asked(request.method(), route.as_str()))
+}
+
+fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> {
+    let nobody = Caller { key: None };
+    if !app.keys().required() {
+        at_home(app, request.headers())?;
+        return Ok(nobody);
+    }
+    let who = match asked {
+        Asked::Unlisted if is_page(request.uri().path()) => Who::Anybody,
+        Asked::Operation(Rule { operation: "metrics", .. }) if app.config().open_metrics => {
+            Who::Anybody
+        }
+        Asked::Operation(rule) => rule.who,
+        // The description is open, so this tells nobody anything new.
+        Asked::OtherMethod => {
+            let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
+            return Err(Refusal::OtherMethod { allow: roles::methods(route) });
+        }
+        Asked::Unlisted => Who::Holders(&[]),
+    };
+    let Who::Holders(roles) = who else { return Ok(nobody) };
+    let header = request.headers().get(header::AUTHORIZATION);
+    let key = app.keys().verify(header.map(|value| value.as_bytes()))?;
+    match asked {
+        // No route: the answer is that there is nothing, and no secret of holders of keys.
+        Asked::Unlisted if request.extensions().get::<MatchedPath>().is_none() => {}
+        _ if roles.contains(&wire::access::role(key.role)) => {}
+        _ => return Err(Refusal::Forbidden { key: Box::new(key), roles }),
+    }
+    Ok(Caller { key: Some(key) })
+}
+
+/// Pages for people and the API's description, which say nothing of what is stored.
+fn is_page(path: &str) -> bool {
+    matches!(path, "/" | "/site.css" | "/openapi.json" | "/docs") || path.starts_with("/docs/")
+}
+
+/// Refuses what another site's page in a browser of this machine asks for: its origin is not
+/// ours, or our name is not one of this machine's (a name that was made to point here).
+fn at_home(app: &App, headers: &HeaderMap) -> Result<(), Refusal> {
+    let config = app.config();
+    let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
+    let host = text(header::HOST).unwrap_or_default();
+    if config.listen.ip().is_loopback() && !host.is_empty() && !is_loopback(host) {
+        return Err(Refusal::ForeignHost { host: host.to_owned() });
+    }
+    let Some(origin) = text(header::ORIGIN) else { return Ok(()) };
+    let own = origin.split_once("://").is_some_and(|(_, authority)| authority == host);
+    if own || config.cors_origins.iter().any(|allowed| allowed == origin) {
+        return Ok(());
+    }
+    Err(Refusal::ForeignOrigin { origin: origin.to_owned() })
+}
+
+/// Whether a `Host` header names this machine.
+fn is_loopback(host: &str) -> bool {
+    if let Ok(address) = host.parse::<SocketAddr>() {
+        return address.ip().is_loopback();
+    }
+    let name = host.rsplit_once(':').map_or(host, |(name, port)| {
+        if port.bytes().all(|byte| byte.is_ascii_digit()) { name } else { host }
+    });
+    let address = name.trim_matches(['[', ']']).parse::<IpAddr>();
+    address.is_ok_and(|address| address.is_loopback())
+        || name.eq_ignore_ascii_case("localhost")
+        || name.to_ascii_lowercase().ends_with(".localhost")
+}
+
+fn attempt(request: &Request, operation: &'static str, key: Option<&AccessKey>) -> Attempt {
+    let peer = request.extensions().get::<ConnectInfo<Peer>>();
+    let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok());
+    Attempt {
+        operation,
+        key: key.map(|key| (key.id, key.name.clone(), key.role)),
+        address: peer.map_or_else(String::new, |ConnectInfo(peer)| peer.0.ip().to_string()),
+        path: request.uri().path().to_owned(),
+        request_id: id.unwrap_or_default().to_owned(),
+    }
+}
+
+impl From<KeyFault> for Refusal {
+    fn from(fault: KeyFault) -> Self {
+        Self::Unauthenticated(fault)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_this_machine_are_told_from_others() {
+        for host in [
+            "localhost",
+            "LOCALHOST:7411",
+            "127.0.0.1",
+            "127.0.0.1:80",
+            "[::1]:7411",
+            "[::1]",
+            "palpate.localhost:1",
+        ] {
+            assert!(is_loopback(host), "{host}");
+        }
+        for host in ["evil.example", "localhost.evil.example:7411", "10.0.0.1", "[2001:db8::1]:1"] {
+            assert!(!is_loopback(host), "{host}");
+        }
+    }
+
+    #[test]
+    fn only_pages_are_pages() {
+        assert!(is_page("/docs/swagger-ui.css") && is_page("/"));
+        assert!(!is_page("/v1/objects") && !is_page("/docsx") && !is_page("/metrics"));
+    }
+}

@@ -1,0 +1,97 @@
+//! The end of a job: stored, then told; told first when the disk is too full to store it.
+//!
+//! Nobody waits for ever for a job whose end cannot be stored: followers hear it at once, and
+//! it is stored when there is room. A restart before that takes the job for interrupted.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use palpate_store::entity::{Job, JobState};
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use super::Jobs;
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::wire::training::job as shown;
+
+/// The pause before an end is tried to be stored again.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// How a job ended.
+#[derive(Clone, Debug)]
+pub(super) struct Ending {
+    id: Uuid,
+    state: JobState,
+    version: Option<u32>,
+    reason: Option<String>,
+    at_ms: u64,
+}
+
+impl Ending {
+    pub(super) fn new(
+        id: Uuid,
+        state: JobState,
+        version: Option<u32>,
+        reason: Option<String>,
+    ) -> Self {
+        Self { id, state, version, reason, at_ms: now_ms() }
+    }
+
+    fn write(&self, job: &mut Job) {
+        job.state = self.state;
+        job.version = self.version;
+        job.error.clone_from(&self.reason);
+        job.finished_at_ms = Some(self.at_ms);
+    }
+}
+
+impl Jobs {
+    /// Stores a job's end and tells it.
+    pub(super) async fn end(self: &Arc<Self>, ending: Ending, stopping: &watch::Receiver<bool>) {
+        let id = ending.id;
+        match self.store_end(&ending).await {
+            Ok(job) => self.conclude(&job),
+            Err(refusal) => {
+                tracing::error!("Cannot store the end of job {id} yet: {refusal}");
+                self.tell_end(&ending);
+                let (jobs, stopping) = (Arc::clone(self), stopping.clone());
+                tokio::spawn(async move { jobs.end_later(ending, stopping).await });
+            }
+        }
+    }
+
+    /// Tells the followers how a job ended that is not stored as ended yet.
+    fn tell_end(&self, ending: &Ending) {
+        let (Some(control), Ok(Some(mut job))) =
+            (self.control(ending.id), self.store.jobs().find(ending.id))
+        else {
+            self.unfinished.remove(&ending.id);
+            return;
+        };
+        ending.write(&mut job);
+        control.job.send_replace(shown(&job));
+    }
+
+    async fn end_later(self: Arc<Self>, ending: Ending, mut stopping: watch::Receiver<bool>) {
+        loop {
+            tokio::select! {
+                () = tokio::time::sleep(PAUSE) => {}
+                _ = stopping.wait_for(|stopping| *stopping) => return,
+            }
+            match self.store_end(&ending).await {
+                Ok(job) => return self.conclude(&job),
+                Err(refusal) => tracing::debug!("Job {} waits to be stored: {refusal}", ending.id),
+            }
+        }
+    }
+
+    async fn store_end(&self, ending: &Ending) -> Result<Job, Refusal> {
+        let table = self.store.jobs();
+        let stored = table.update(ending.id, |now| {
+            ending.write(now);
+            Ok::<(), Refusal>(())
+        });
+        stored.await?
+    }
+}

@@ -1,0 +1,338 @@
+//! API keys: who is let in. All keys are in memory; changes are durable before they count.
+//!
+//! A secret leaves here once, when it is made; kept is its hash. Hashes are compared in
+//! constant time, and a key that does not exist takes as long as one that does.
+//! Not here: what a role may do (`roles`), and the way of a request (`guard`).
+
+mod secret;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, PoisonError, RwLock};
+
+use palpate_schemas as wire;
+use palpate_store::access::{AccessKey, PreviousSecret, Role};
+use palpate_store::database::Database;
+use palpate_store::error::StoreError;
+use subtle::ConstantTimeEq;
+use thiserror::Error;
+use uuid::Uuid;
+
+use crate::clock::now_ms;
+use crate::config::Access;
+use crate::refusal::Refusal;
+use crate::wire::{self as convert, cursor, page_id, page_length};
+
+/// How exactly it is known when a key was last used, in milliseconds.
+const LAST_USED_STEP_MS: u64 = 3_600_000;
+/// How many keys there may be, revoked ones included; the longest revoked make room.
+const KEYS_MAX: usize = 10_000;
+/// The lives that a key may have, in seconds.
+const EXPIRES_IN_S: (u64, u64) = (60, 315_360_000);
+/// The longest time that a secret before is let in beside the new one, in seconds.
+const GRACE_S_MAX: u64 = 2_592_000;
+
+/// All keys.
+pub(crate) struct Keys {
+    store: Database,
+    known: Arc<RwLock<BTreeMap<Uuid, AccessKey>>>,
+    /// Held while keys change: that an admin is left is a promise about all of them.
+    changing: tokio::sync::Mutex<()>,
+    required: bool,
+}
+
+/// Why a request is not let in.
+#[derive(Clone, Debug, Error)]
+pub(crate) enum KeyFault {
+    #[error("this server asks for an API key: send it as `Authorization: Bearer palpate_…`")]
+    Missing,
+    #[error("the header `Authorization` holds no key of Palpate, expected `Bearer palpate_…`")]
+    NotAKey,
+    #[error("the server does not know this API key")]
+    Unknown,
+    #[error("the API key {:?} was revoked", .0.name)]
+    Revoked(Box<AccessKey>),
+    #[error("the API key {:?} has expired", .0.name)]
+    Expired(Box<AccessKey>),
+    #[error("the API key {:?} was rotated, and its secret before is refused by now", .0.name)]
+    Rotated(Box<AccessKey>),
+}
+
+/// Why there are no keys to ask for.
+#[derive(Debug, Error)]
+pub(crate) enum KeysError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("the operating system has no random bits: {0}")]
+    Random(#[from] getrandom::Error),
+}
+
+impl KeyFault {
+    /// The key that was meant, where the secret proves it.
+    pub(crate) fn key(&self) -> Option<&AccessKey> {
+        match self {
+            Self::Missing | Self::NotAKey | Self::Unknown => None,
+            Self::Revoked(key) | Self::Expired(key) | Self::Rotated(key) => Some(key),
+        }
+    }
+}
+
+impl Keys {
+    /// Reads the keys. Where keys are asked for, and with `fresh`, makes an admin's key if no
+    /// admin could get in; the answer has that key's secret.
+    pub(crate) async fn open(
+        store: Database,
+        access: Access,
+        fresh: bool,
+    ) -> Result<(Self, Option<String>), KeysError> {
+        let all: BTreeMap<_, _> = store.keys().all()?.into_iter().map(|k| (k.id, k)).collect();
+        let now = now_ms();
+        let stored = all.values().any(|key| key.revoked_at_ms.is_none());
+        let required = match access {
+            Access::Keys => true,
+            Access::Auto => stored || fresh,
+            Access::Open => false,
+        };
+        let needs_admin = fresh || (required && n_admins(&all, now) == 0);
+        let known = Arc::new(RwLock::new(all));
+        let keys = Self { store, known, changing: tokio::sync::Mutex::default(), required };
+        if !needs_admin {
+            return Ok((keys, None));
+        }
+        let name = keys.free_name("admin");
+        let (key, secret) = new_key(name, Role::Admin, None)?;
+        keys.store.keys().create(&key).await?;
+        keys.learn(key);
+        Ok((keys, Some(secret)))
+    }
+
+    /// Whether requests without a key are refused.
+    pub(crate) fn required(&self) -> bool {
+        self.required
+    }
+
+    /// The key of an `Authorization` header.
+    pub(crate) fn verify(&self, header: Option<&[u8]>) -> Result<AccessKey, KeyFault> {
+        let header = header.ok_or(KeyFault::Missing)?;
+        let text = std::str::from_utf8(header).map_err(|_| KeyFault::NotAKey)?;
+        let (scheme, token) = text.trim().split_once(' ').ok_or(KeyFault::NotAKey)?;
+        if !scheme.eq_ignore_ascii_case("bearer") {
+            return Err(KeyFault::NotAKey);
+        }
+        let presented = secret::parse(token.trim()).ok_or(KeyFault::NotAKey)?;
+        let now = now_ms();
+        let found = self.find_id(presented.id);
+        let expected = found.as_ref().map_or([0; 32], |key| key.hash);
+        let previous = found.as_ref().and_then(|key| key.previous);
+        let is_current = bool::from(presented.hash.ct_eq(&expected));
+        let before = previous.map_or([0; 32], |previous| previous.hash);
+        let is_previous = bool::from(presented.hash.ct_eq(&before));
+        let key = found.filter(|_| is_current || is_previous).ok_or(KeyFault::Unknown)?;
+        if key.revoked_at_ms.is_some() {
+            return Err(KeyFault::Revoked(Box::new(key)));
+        }
+        if key.expires_at_ms.is_some_and(|at| at <= now) {
+            return Err(KeyFault::Expired(Box::new(key)));
+        }
+        if !is_current && previous.is_none_or(|previous| previous.until_ms <= now) {
+            return Err(KeyFault::Rotated(Box::new(key)));
+        }
+        self.used(&key, now);
+        Ok(key)
+    }
+
+    /// The key of an id, or of a name; among equal names one that is let in.
+    pub(crate) fn get(&self, reference: &str) -> Result<AccessKey, Refusal> {
+        let found = match Uuid::try_parse(reference) {
+            Ok(id) => self.find_id(id),
+            Err(_) => self.read(|keys| {
+                let named = keys.values().filter(|key| key.name == reference);
+                named.max_by_key(|key| (key.revoked_at_ms.is_none(), key.id)).cloned()
+            }),
+        };
+        found.ok_or_else(|| Refusal::NotFound { what: "key", reference: reference.to_owned() })
+    }
+
+    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ApiKeyPage, Refusal> {
+        let (after, limit) = (page_id(query)?, page_length(query)?);
+        let now = now_ms();
+        Ok(self.read(|keys| {
+            let behind = keys.values().filter(|key| after.is_none_or(|after| key.id > after));
+            let mut items: Vec<_> = behind.take(limit + 1).collect();
+            let more = items.len() > limit;
+            items.truncate(limit);
+            let next = items.last().filter(|_| more).map(|key| key.id);
+            let items = items.into_iter().map(|key| convert::access::key(key, now)).collect();
+            wire::ApiKeyPage { items, next_cursor: cursor(next) }
+        }))
+    }
+
+    pub(crate) async fn create(
+        &self,
+        request: &wire::CreateKey,
+    ) -> Result<wire::NewApiKey, Refusal> {
+        convert::name(&request.name)?;
+        let (low, high) = EXPIRES_IN_S;
+        let within = |s| convert::within("/expires_in_s", s, low, high);
+        let expires_in_s = request.expires_in_s.map(within).transpose()?;
+        let _changing = self.changing.lock().await;
+        if self.is_taken(&request.name) {
+            let name = request.name.clone();
+            return Err(StoreError::NameTaken { what: "key", name }.into());
+        }
+        self.make_room().await?;
+        let role = convert::access::stored_role(request.role);
+        let (key, secret) = new_key(request.name.clone(), role, expires_in_s)?;
+        self.store.keys().create(&key).await?;
+        self.learn(key.clone());
+        tracing::info!(key.id = %key.id, "Created key {:?}", key.name);
+        Ok(wire::NewApiKey { key: convert::access::key(&key, now_ms()), secret })
+    }
+
+    /// Refuses a key from now on; one that is refused already stays as it is.
+    pub(crate) async fn revoke(&self, reference: &str) -> Result<(), Refusal> {
+        let _changing = self.changing.lock().await;
+        let key = self.get(reference)?;
+        let now = now_ms();
+        if key.revoked_at_ms.is_some() {
+            return Ok(());
+        }
+        let is_admin = key.role == Role::Admin && is_active(&key, now);
+        if is_admin && self.read(|keys| n_admins(keys, now)) == 1 {
+            return Err(Refusal::LastAdmin { name: key.name });
+        }
+        let revoked = AccessKey { revoked_at_ms: Some(now), previous: None, ..key };
+        self.change(revoked).await?;
+        Ok(())
+    }
+
+    /// Gives a key a new secret.
+    pub(crate) async fn rotate(
+        &self,
+        reference: &str,
+        request: &wire::RotateKey,
+    ) -> Result<wire::NewApiKey, Refusal> {
+        let grace_s = request.grace_s.unwrap_or(0);
+        let grace_s = convert::within("/grace_s", grace_s, 0, GRACE_S_MAX)?;
+        let _changing = self.changing.lock().await;
+        let key = self.get(reference)?;
+        let now = now_ms();
+        if !is_active(&key, now) {
+            return Err(Refusal::KeyRefused { name: key.name });
+        }
+        let (secret, hash) = secret::draw(key.id).map_err(|_| Refusal::NoRandom)?;
+        let previous = PreviousSecret { hash: key.hash, until_ms: now + grace_s * 1000 };
+        let rotated = AccessKey { hash, previous: Some(previous), ..key };
+        self.change(rotated.clone()).await?;
+        tracing::info!(key.id = %rotated.id, "Rotated key {:?}", rotated.name);
+        Ok(wire::NewApiKey { key: convert::access::key(&rotated, now), secret })
+    }
+
+    /// Stores a changed key, then lets the change count.
+    async fn change(&self, key: AccessKey) -> Result<(), Refusal> {
+        let change = |stored: &mut AccessKey| {
+            *stored = AccessKey { last_used_at_ms: stored.last_used_at_ms, ..key.clone() };
+            Ok::<(), Refusal>(())
+        };
+        let stored = self.store.keys().update(key.id, change).await??;
+        self.learn(stored);
+        Ok(())
+    }
+
+    /// Notes that a key was used, when that is worth a write.
+    fn used(&self, key: &AccessKey, now: u64) {
+        if key.last_used_at_ms.is_some_and(|at| now < at.saturating_add(LAST_USED_STEP_MS)) {
+            return;
+        }
+        let id = key.id;
+        let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
+        if let Some(key) = known.get_mut(&id) {
+            key.last_used_at_ms = Some(now);
+        }
+        drop(known);
+        let table = self.store.keys();
+        tokio::spawn(async move {
+            let note = |key: &mut AccessKey| {
+                key.last_used_at_ms = Some(now);
+                Ok::<(), ()>(())
+            };
+            if let Err(error) = table.update(id, note).await {
+                tracing::warn!(key.id = %id, %error, "Cannot store when key {id} was used");
+            }
+        });
+    }
+
+    /// Forgets the key that was revoked first, when there are too many.
+    async fn make_room(&self) -> Result<(), Refusal> {
+        let n_keys = self.read(BTreeMap::len);
+        if n_keys < KEYS_MAX {
+            return Ok(());
+        }
+        let oldest = self.read(|keys| {
+            let revoked = keys.values().filter(|key| key.revoked_at_ms.is_some());
+            revoked.min_by_key(|key| key.revoked_at_ms).map(|key| key.id)
+        });
+        let Some(id) = oldest else { return Err(Refusal::KeysFull { found: n_keys }) };
+        self.store.keys().remove(id).await?;
+        self.known.write().unwrap_or_else(PoisonError::into_inner).remove(&id);
+        Ok(())
+    }
+
+    fn is_taken(&self, name: &str) -> bool {
+        self.read(|keys| keys.values().any(|k| k.name == name && k.revoked_at_ms.is_none()))
+    }
+
+    fn free_name(&self, wanted: &str) -> String {
+        let numbered = (2..).map(|number| format!("{wanted}-{number}"));
+        let mut names = std::iter::once(wanted.to_owned()).chain(numbered);
+        names.find(|name| !self.is_taken(name)).expect("there are more numbers than keys")
+    }
+
+    fn find_id(&self, id: Uuid) -> Option<AccessKey> {
+        self.read(|keys| keys.get(&id).cloned())
+    }
+
+    fn learn(&self, key: AccessKey) {
+        self.known.write().unwrap_or_else(PoisonError::into_inner).insert(key.id, key);
+    }
+
+    fn read<T>(&self, look: impl FnOnce(&BTreeMap<Uuid, AccessKey>) -> T) -> T {
+        look(&self.known.read().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Whether a key is let in.
+pub(crate) fn is_active(key: &AccessKey, now_ms: u64) -> bool {
+    key.revoked_at_ms.is_none() && key.expires_at_ms.is_none_or(|at| at > now_ms)
+}
+
+fn n_admins(keys: &BTreeMap<Uuid, AccessKey>, now_ms: u64) -> usize {
+    keys.values().filter(|key| key.role == Role::Admin && is_active(key, now_ms)).count()
+}
+
+fn new_key(
+    name: String,
+    role: Role,
+    expires_in_s: Option<u64>,
+) -> Result<(AccessKey, String), getrandom::Error> {
+    let id = Uuid::now_v7();
+    let (secret, hash) = secret::draw(id)?;
+    let created_at_ms = now_ms();
+    let key = AccessKey {
+        id,
+        name,
+        role,
+        hash,
+        previous: None,
+        created_at_ms,
+        expires_at_ms: expires_in_s.map(|s| created_at_ms + s * 1000),
+        last_used_at_ms: None,
+        revoked_at_ms: None,
+    };
+    Ok((key, secret))
+}
+
+impl From<getrandom::Error> for Refusal {
+    fn from(_: getrandom::Error) -> Self {
+        Self::NoRandom
+    }
+}

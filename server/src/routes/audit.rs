@@ -1,0 +1,29 @@
+//! `/v1/audit`
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::State;
+use palpate_schemas::{AuditPage, AuditQuery};
+
+use crate::app::App;
+use crate::audit::check_operation;
+use crate::extract::Params;
+use crate::refusal::Refusal;
+
+/// List who changed what
+///
+/// Every request that changes something (readings of sessions aside, which their journals
+/// have), with its outcome, and requests that were refused for want of a key or a role, up to
+/// a rate. Newest first. The log keeps the newest entries, as many as the server is set to.
+#[utoipa::path(get, path = "/v1/audit", operation_id = "list_audit", tag = "keys",
+    params(AuditQuery),
+    responses((status = 200, description = "A page of entries, newest first", body = AuditPage)))]
+pub(crate) async fn list_audit(
+    State(app): State<App>,
+    Params(query): Params<AuditQuery>,
+) -> Result<Json<AuditPage>, Refusal> {
+    check_operation(&query)?;
+    let audit = Arc::clone(app.audit());
+    Ok(Json(app.pool().place()?.run(move || audit.list(&query)).await??))
+}

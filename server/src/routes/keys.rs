@@ -1,0 +1,98 @@
+//! `/v1/keys` and `/v1/whoami`
+
+use axum::Json;
+use axum::extract::{Extension, State};
+use axum::http::StatusCode;
+use axum::response::Response;
+use palpate_schemas::{ApiKey, ApiKeyPage, CreateKey, NewApiKey, PageQuery, RotateKey, Whoami};
+
+use crate::app::App;
+use crate::clock::now_ms;
+use crate::extract::{JsonBody, Params, Segment1};
+use crate::guard::Caller;
+use crate::openapi::Conflict;
+use crate::refusal::Refusal;
+use crate::wire::access;
+
+/// List the keys
+///
+/// Without their secrets, which nobody can show again.
+#[utoipa::path(get, path = "/v1/keys", operation_id = "list_keys", tag = "keys",
+    params(PageQuery),
+    responses((status = 200, description = "A page of keys, oldest first", body = ApiKeyPage)))]
+pub(crate) async fn list_keys(
+    State(app): State<App>,
+    Params(query): Params<PageQuery>,
+) -> Result<Json<ApiKeyPage>, Refusal> {
+    Ok(Json(app.keys().list(&query)?))
+}
+
+/// Create a key
+///
+/// The answer holds the secret, this once. On a server that does not ask for keys yet, it does
+/// from its next start on.
+#[utoipa::path(post, path = "/v1/keys", operation_id = "create_key", tag = "keys",
+    request_body = CreateKey,
+    responses((status = 201, description = "The new key and its secret", body = NewApiKey),
+        Conflict))]
+pub(crate) async fn create_key(
+    State(app): State<App>,
+    JsonBody(request): JsonBody<CreateKey>,
+) -> Result<Response, Refusal> {
+    let created = app.keys().create(&request).await?;
+    Ok(super::created(format!("/v1/keys/{}", created.key.id), created))
+}
+
+/// Get a key
+#[utoipa::path(get, path = "/v1/keys/{key}", operation_id = "get_key", tag = "keys",
+    params(("key" = String, Path, description = "The key's id or name")),
+    responses((status = 200, description = "The key", body = ApiKey)))]
+pub(crate) async fn get_key(
+    State(app): State<App>,
+    Segment1(key): Segment1,
+) -> Result<Json<ApiKey>, Refusal> {
+    Ok(Json(access::key(&app.keys().get(&key)?, now_ms())))
+}
+
+/// Revoke a key
+///
+/// It is refused from now on; streams of events that it opened go on until they end. It stays
+/// in the list. The last admin's key cannot be revoked: 409.
+#[utoipa::path(delete, path = "/v1/keys/{key}", operation_id = "revoke_key", tag = "keys",
+    params(("key" = String, Path, description = "The key's id or name")),
+    responses((status = 204, description = "It is refused from now on"), Conflict))]
+pub(crate) async fn revoke_key(
+    State(app): State<App>,
+    Segment1(key): Segment1,
+) -> Result<StatusCode, Refusal> {
+    app.keys().revoke(&key).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Give a key a new secret
+///
+/// The answer holds the new secret, this once. The one before is refused at once, or after
+/// `grace_s` seconds. 409 when the key was revoked or has expired.
+#[utoipa::path(post, path = "/v1/keys/{key}/rotate", operation_id = "rotate_key", tag = "keys",
+    request_body = RotateKey,
+    params(("key" = String, Path, description = "The key's id or name")),
+    responses((status = 200, description = "The key and its new secret", body = NewApiKey),
+        Conflict))]
+pub(crate) async fn rotate_key(
+    State(app): State<App>,
+    Segment1(key): Segment1,
+    JsonBody(request): JsonBody<RotateKey>,
+) -> Result<Json<NewApiKey>, Refusal> {
+    Ok(Json(app.keys().rotate(&key, &request).await?))
+}
+
+/// Say whom the server takes the caller for
+#[utoipa::path(get, path = "/v1/whoami", operation_id = "whoami", tag = "keys",
+    responses((status = 200, description = "The caller's key and role", body = Whoami)))]
+pub(crate) async fn whoami(
+    State(app): State<App>,
+    Extension(caller): Extension<Caller>,
+) -> Json<Whoami> {
+    let key = caller.key.as_ref().map(|key| access::key(key, now_ms()));
+    Json(Whoami { keys_required: app.keys().required(), role: caller.role(), key })
+}

@@ -1,0 +1,26 @@
+//! `/v1/snapshots`
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use tokio_stream::wrappers::ReceiverStream;
+
+use crate::app::App;
+use crate::openapi::SnapshotFile;
+use crate::refusal::Refusal;
+use crate::snapshots::take;
+
+/// Take a snapshot
+///
+/// Everything that is stored and acknowledged by now, as one file, whatever is written while it
+/// is sent. One at a time: 503 while another one is taken. A file that was cut off has no end
+/// and is refused by `palpate snapshot verify` and `restore`.
+#[utoipa::path(post, path = "/v1/snapshots", operation_id = "take_snapshot", tag = "admin",
+    responses((status = 200, description = "The snapshot", body = SnapshotFile,
+        content_type = "application/octet-stream")))]
+pub(crate) async fn take_snapshot(State(app): State<App>) -> Result<Response, Refusal> {
+    let chunks = take(app.store(), app.stopping()).await?;
+    let content_type = [(header::CONTENT_TYPE, "application/octet-stream")];
+    Ok((content_type, Body::from_stream(ReceiverStream::new(chunks))).into_response())
+}

@@ -1,0 +1,117 @@
+//! TLS from certificate and key files, with errors that say which file is wrong and how.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use rustls::ServerConfig;
+use rustls::pki_types::pem::{self, PemObject};
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use thiserror::Error;
+
+/// The files of a certificate and of its key, both PEM.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TlsFiles {
+    /// The server's certificate, then those between it and the authority that clients trust.
+    pub certificate: PathBuf,
+    /// The certificate's private key: PKCS #8, PKCS #1 or SEC1, not encrypted.
+    pub key: PathBuf,
+}
+
+/// Why a server cannot speak TLS.
+#[derive(Debug, Error)]
+pub enum TlsError {
+    /// A file cannot be read.
+    #[error("cannot read the {what} {}: {source}", path.display())]
+    Read {
+        /// Which of the files.
+        what: &'static str,
+        /// Where it should be.
+        path: PathBuf,
+        /// What the operating system says.
+        source: std::io::Error,
+    },
+    /// A file is not PEM.
+    #[error("the {what} {} is not PEM: {source}", path.display())]
+    Pem {
+        /// Which of the files.
+        what: &'static str,
+        /// Where it is.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: pem::Error,
+    },
+    /// A file is PEM and holds something else.
+    #[error("the {what} {} has no {expected}", path.display())]
+    Nothing {
+        /// Which of the files.
+        what: &'static str,
+        /// Where it is.
+        path: PathBuf,
+        /// What it should hold.
+        expected: &'static str,
+    },
+    /// The key is not the certificate's.
+    #[error("the key {} does not belong to the certificate {}", key.display(), certificate.display())]
+    Mismatch {
+        /// Where the certificate is.
+        certificate: PathBuf,
+        /// Where the key is.
+        key: PathBuf,
+    },
+    /// The files are read and cannot be used.
+    #[error("cannot use the certificate {} with the key {}: {source}", certificate.display(), key.display())]
+    Unusable {
+        /// Where the certificate is.
+        certificate: PathBuf,
+        /// Where the key is.
+        key: PathBuf,
+        /// Why not.
+        source: rustls::Error,
+    },
+}
+
+const CERTIFICATE: &str = "certificate";
+const KEY: &str = "key of the certificate";
+
+/// What a server needs to speak TLS 1.2 and 1.3 with these files. Blocks.
+pub(crate) fn configure(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError> {
+    let TlsFiles { certificate, key } = files;
+    let text = read(CERTIFICATE, certificate)?;
+    let chain: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&text).collect();
+    let chain = chain.map_err(|source| pem_error(CERTIFICATE, certificate, source))?;
+    if chain.is_empty() {
+        let (path, expected) = (certificate.clone(), "certificate (BEGIN CERTIFICATE)");
+        return Err(TlsError::Nothing { what: CERTIFICATE, path, expected });
+    }
+    let private =
+        PrivateKeyDer::from_pem_slice(&read(KEY, key)?).map_err(|source| match source {
+            pem::Error::NoItemsFound => {
+                let expected = "private key that is not encrypted (BEGIN PRIVATE KEY)";
+                TlsError::Nothing { what: KEY, path: key.clone(), expected }
+            }
+            source => pem_error(KEY, key, source),
+        })?;
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let unusable = |source| match source {
+        rustls::Error::InconsistentKeys(_) => {
+            TlsError::Mismatch { certificate: certificate.clone(), key: key.clone() }
+        }
+        source => TlsError::Unusable { certificate: certificate.clone(), key: key.clone(), source },
+    };
+    let mut config = ServerConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .map_err(unusable)?
+        .with_no_client_auth()
+        .with_single_cert(chain, private)
+        .map_err(unusable)?;
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(Arc::new(config))
+}
+
+fn read(what: &'static str, path: &Path) -> Result<Vec<u8>, TlsError> {
+    std::fs::read(path).map_err(|source| TlsError::Read { what, path: path.to_owned(), source })
+}
+
+fn pem_error(what: &'static str, path: &Path, source: pem::Error) -> TlsError {
+    TlsError::Pem { what, path: path.to_owned(), source }
+}

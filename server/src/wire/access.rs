@@ -1,0 +1,70 @@
+//! Keys, roles and audit entries on the wire.
+
+use palpate_schemas as wire;
+use palpate_store::access::{AccessKey, Role};
+use palpate_store::audit::AuditEntry;
+
+use super::time;
+use crate::keys::is_active;
+use crate::refusal::Refusal;
+
+/// A key as the wire has it.
+pub(crate) fn key(key: &AccessKey, now_ms: u64) -> wire::ApiKey {
+    let rotating = key.previous.map(|previous| previous.until_ms).filter(|until| *until > now_ms);
+    wire::ApiKey {
+        id: key.id,
+        name: key.name.clone(),
+        role: role(key.role),
+        active: is_active(key, now_ms),
+        created_at: time(key.created_at_ms),
+        expires_at: key.expires_at_ms.map(time),
+        last_used_at: key.last_used_at_ms.map(time),
+        revoked_at: key.revoked_at_ms.map(time),
+        rotating_until: rotating.map(time),
+    }
+}
+
+/// An entry of the audit log as the wire has it.
+pub(crate) fn audit_entry(entry: AuditEntry) -> wire::AuditEntry {
+    let (key_id, key_name) = entry.key.unzip();
+    wire::AuditEntry {
+        seq: entry.seq,
+        at: time(entry.at_ms),
+        key_id,
+        key_name,
+        role: entry.role.map(role),
+        address: entry.address,
+        operation: entry.operation,
+        resource: entry.resource,
+        status: entry.status,
+        request_id: entry.request_id,
+        n_left_out: entry.n_left_out,
+    }
+}
+
+/// A time of the wire in milliseconds since 1970.
+pub(crate) fn milliseconds(pointer: &str, text: &str) -> Result<u64, Refusal> {
+    let parsed = text.parse::<jiff::Timestamp>().ok().map(jiff::Timestamp::as_millisecond);
+    parsed.map(|ms| u64::try_from(ms).unwrap_or(0)).ok_or_else(|| {
+        let expected = "expected a time like 2026-05-01T00:00:00Z";
+        Refusal::field(pointer, format!("came {text:?}, {expected}"))
+    })
+}
+
+pub(crate) fn role(role: Role) -> wire::Role {
+    match role {
+        Role::Robot => wire::Role::Robot,
+        Role::Trainer => wire::Role::Trainer,
+        Role::Viewer => wire::Role::Viewer,
+        Role::Admin => wire::Role::Admin,
+    }
+}
+
+pub(crate) fn stored_role(role: wire::Role) -> Role {
+    match role {
+        wire::Role::Robot => Role::Robot,
+        wire::Role::Trainer => Role::Trainer,
+        wire::Role::Viewer => Role::Viewer,
+        wire::Role::Admin => Role::Admin,
+    }
+}

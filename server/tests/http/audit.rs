@@ -1,0 +1,135 @@
+//! The audit log: what was changed by whom, what was refused, and how it is asked.
+
+use reqwest::Method;
+use serde_json::{Value, json};
+
+use crate::harness::{Harness, quiet_reading};
+
+async fn entries(it: &Harness, query: &str) -> Vec<Value> {
+    let page = it.get(&format!("/v1/audit{query}")).await.expect(200);
+    page["items"].as_array().unwrap().clone()
+}
+
+fn brief(entries: &[Value]) -> Vec<(&str, &str, u64)> {
+    let of = |entry: &'_ Value, field: &str| entry[field].as_str().map(str::len);
+    entries
+        .iter()
+        .map(|entry| {
+            assert!(of(entry, "request_id").is_some_and(|n| n > 0), "{entry}");
+            assert_eq!(entry["address"], "127.0.0.1");
+            let operation = entry["operation"].as_str().unwrap();
+            let name = entry["key_name"].as_str().unwrap_or("-");
+            (operation, name, entry["status"].as_u64().unwrap_or(0))
+        })
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn changes_are_written_down_with_who_made_them_and_what_came_of_it() {
+    let mut it = Harness::guarded().await;
+    let admin = it.key.clone();
+    let trainer = it.new_key("teacher", "trainer").await;
+    it.key = Some(trainer);
+    let made = it.post("/v1/objects", &json!({"name": "mug"})).await;
+    let made_at = made.headers["location"].to_str().unwrap().to_owned();
+    made.expect(201);
+    it.post("/v1/objects", &json!({"name": "mug"})).await.problem(409, "conflict", None);
+    it.get("/v1/objects/mug").await.expect(200);
+    it.send(Method::DELETE, "/v1/keys/teacher", None).await.problem(403, "forbidden", None);
+    it.send(Method::DELETE, "/v1/objects/mug", None).await.expect(204);
+    it.key = admin;
+
+    let found = entries(&it, "").await;
+    let expected = [
+        ("delete_object", "teacher", 204),
+        ("revoke_key", "teacher", 403),
+        ("create_object", "teacher", 409),
+        ("create_object", "teacher", 201),
+        ("create_key", "admin", 201),
+    ];
+    assert_eq!(brief(&found), expected);
+    assert_eq!(found[0]["resource"], "/v1/objects/mug");
+    assert_eq!(found[2]["resource"], "/v1/objects");
+    assert_eq!(found[3]["resource"], made_at.as_str(), "something new goes by its own path");
+    assert_eq!(found[3]["role"], "trainer");
+    assert!(!it.get("/v1/audit").await.text.contains("palpate_"), "no secret is in the log");
+
+    let it = it.restart().await;
+    assert_eq!(entries(&it, "").await, found, "the log outlives a restart");
+    assert_eq!(brief(&entries(&it, "?operation=create_object&limit=1").await), expected[2..3]);
+    assert_eq!(brief(&entries(&it, "?key=admin").await), expected[4..]);
+    let id = found[0]["key_id"].as_str().unwrap();
+    assert_eq!(brief(&entries(&it, &format!("?key={id}")).await), expected[..4]);
+    let at = found[3]["at"].as_str().unwrap();
+    let since = entries(&it, &format!("?since={at}")).await;
+    assert!(since.len() >= 4 && since[..4] == found[..4], "{since:?}");
+    let until = entries(&it, &format!("?until={at}")).await;
+    assert_eq!(until.len() + since.len(), found.len());
+    assert_eq!(until[..], found[since.len()..]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_of_the_log_lead_from_the_newest_to_the_oldest() {
+    let it = Harness::start_with(|config| config.audit_entries_max = 5).await;
+    for number in 0..7 {
+        it.post("/v1/objects", &json!({"name": format!("object-{number}")})).await.expect(201);
+    }
+    let mut seqs = Vec::new();
+    let mut cursor = String::new();
+    loop {
+        let page = it.get(&format!("/v1/audit?limit=2{cursor}")).await.expect(200);
+        let items = page["items"].as_array().unwrap();
+        seqs.extend(items.iter().map(|entry| entry["seq"].as_u64().unwrap()));
+        let Some(next) = page["next_cursor"].as_str() else { break };
+        cursor = format!("&cursor={next}");
+    }
+    assert_eq!(seqs, [7, 6, 5, 4, 3], "the oldest two have left the log");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn readings_are_not_in_the_log_and_sessions_are() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    let readings = json!({"readings": [quiet_reading()]});
+    it.post(&format!("/v1/sessions/{session}/readings"), &readings).await.expect(200);
+    it.send(Method::POST, &format!("/v1/sessions/{session}/close"), None).await.expect(200);
+    it.send(Method::DELETE, &format!("/v1/sessions/{session}"), None).await.expect(204);
+    let found = entries(&it, "?limit=4").await;
+    let expected = [
+        ("delete_session", "-", 204),
+        ("close_session", "-", 200),
+        ("create_session", "-", 201),
+        ("start_training", "-", 202),
+    ];
+    assert_eq!(brief(&found), expected);
+    assert_eq!(found[2]["resource"], format!("/v1/sessions/{session}"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_storm_of_refusals_does_not_wash_the_log_out() {
+    let it = Harness::guarded().await;
+    it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
+    for _ in 0..60 {
+        it.send_as(None, Method::GET, "/v1/objects").await.problem(401, "unauthenticated", None);
+    }
+    let found = entries(&it, "").await;
+    assert_eq!(found.iter().filter(|entry| entry["status"] == 401).count(), 30);
+    assert_eq!(found.last().unwrap()["operation"], "create_object");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_question_that_is_wrong_is_refused_by_name() {
+    let it = Harness::start().await;
+    for (query, pointer) in [
+        ("since=yesterday", "?since"),
+        ("until=2026-13-01T00:00:00Z", "?until"),
+        ("operation=drop_tables", "?operation"),
+        ("limit=0", "?limit"),
+        ("cursor=x", "?cursor"),
+        ("who=me", "?who"),
+    ] {
+        let answer = it.get(&format!("/v1/audit?{query}")).await;
+        answer.problem(422, "invalid-value", Some(pointer));
+    }
+}

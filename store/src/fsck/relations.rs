@@ -1,0 +1,257 @@
+//! What names what: journals and their heads, versions and their blocks, names and ids.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use uuid::Uuid;
+
+use super::records::{Whole, damage, space, words};
+use super::{Finding, Report, Severity};
+use crate::catalogue::Manifest;
+use crate::key::{self, Space};
+
+/// What is kept of the records that were seen.
+#[derive(Default)]
+pub(super) struct Relations {
+    /// Lengths of journals by the letter of their entries and owner.
+    heads: BTreeMap<(u8, Uuid), u64>,
+    /// How many entries were seen, without a gap.
+    entries: BTreeMap<(u8, Uuid), u64>,
+    sessions: BTreeSet<Uuid>,
+    objects: BTreeSet<Uuid>,
+    /// Blocks that are there: whether they are whole, and their lengths.
+    blocks: BTreeMap<[u8; 32], Option<u64>>,
+    named_blocks: BTreeSet<[u8; 32]>,
+    files: BTreeMap<Vec<u8>, Option<[u8; 32]>>,
+    /// Names by kind and text, and those that things have.
+    names: BTreeMap<Vec<u8>, Uuid>,
+    used_names: BTreeSet<Vec<u8>>,
+    named: Vec<(Vec<u8>, Uuid)>,
+    catalogues: BTreeMap<Uuid, u32>,
+    versions: BTreeSet<(Uuid, u32)>,
+    calibrations: BTreeMap<Uuid, u64>,
+    /// Keys of records that are there but damaged.
+    damaged: BTreeSet<Vec<u8>>,
+}
+
+impl Relations {
+    pub(super) fn leftover(&mut self, key: &[u8], fault: String, report: &mut Report) {
+        if report.leftovers.last().is_some_and(|last| last == key) {
+            return;
+        }
+        let (space, _, _) = space(key[0]);
+        let means = "nothing; `palpate fsck --collect` removes it";
+        let key_words = words(key);
+        report.add(Finding { severity: Severity::Leftover, space, key: key_words, fault, means });
+        report.leftovers.push(key.to_vec());
+    }
+
+    /// Notes a record that is there and damaged.
+    pub(super) fn damaged(&mut self, key: &[u8], _fault: &str) {
+        self.damaged.insert(key.to_vec());
+        match key[0] {
+            b'b' => {
+                self.blocks.insert(hash_of(key), None);
+            }
+            b'f' => {
+                self.files.insert(key.to_vec(), None);
+            }
+            b't' | b'r' => self.entry(key),
+            b'o' => {
+                self.objects.insert(id_of(key));
+            }
+            b'e' => {
+                self.sessions.insert(id_of(key));
+            }
+            _ => {}
+        }
+    }
+
+    /// Notes a record that is whole, and what is wrong with its place.
+    pub(super) fn record(&mut self, key: &[u8], whole: Whole, report: &mut Report) {
+        let id = if key.len() >= 17 { id_of(key) } else { Uuid::nil() };
+        let is_misplaced = match whole {
+            Whole::Layout(layout) => {
+                report.layout = Some(layout.layout);
+                false
+            }
+            Whole::Sensor(sensor) => self.thing(Space::Sensor, sensor.id, id, &sensor.name),
+            Whole::Object(object) => {
+                self.objects.insert(id);
+                self.thing(Space::Object, object.id, id, &object.name)
+            }
+            Whole::Catalogue(catalogue) => {
+                self.catalogues.insert(id, catalogue.latest);
+                self.thing(Space::Catalogue, catalogue.id, id, &catalogue.name)
+            }
+            Whole::Name(name) => {
+                self.names.insert(key.to_vec(), Uuid::from_bytes(name.id));
+                false
+            }
+            Whole::Session(session) => {
+                self.sessions.insert(id);
+                session.id != id
+            }
+            Whole::Head(head) => {
+                self.heads.insert((key[0].to_ascii_lowercase(), id), head.next);
+                false
+            }
+            Whole::Entry(entry) => {
+                self.entry(key);
+                entry.seq != number_of(key)
+            }
+            Whole::Robot(robot) => {
+                let entries = if key[0] == b'u' { b't' } else { b'r' };
+                let length = self.heads.get(&(entries, id)).copied();
+                length.is_some_and(|length| robot.seq >= length)
+            }
+            Whole::Raw(hash, length) => self.raw(key, hash, length),
+            Whole::Mesh(mesh) => {
+                let file = key::nested(Space::MeshFile, id, mesh.upload);
+                let found = self.files.remove(&file);
+                if found != Some(Some(mesh.hash)) {
+                    report.add(damage(key, "its file is missing or damaged".to_owned()));
+                }
+                false
+            }
+            Whole::Version(manifest) => {
+                self.version(key, &manifest, report);
+                manifest.catalogue != id || u64::from(manifest.version) != number_of(key)
+            }
+            Whole::Calibration(calibration) => {
+                let before = self.calibrations.insert(id, number_of(key)).unwrap_or(0);
+                if before + 1 != number_of(key) {
+                    report.add(damage(key, format!("number {} is missing", before + 1)));
+                }
+                calibration.sensor != id || u64::from(calibration.number) != number_of(key)
+            }
+            Whole::Alone | Whole::Other => false,
+        };
+        if is_misplaced {
+            report.add(damage(key, "it lies where another one belongs".to_owned()));
+        }
+    }
+
+    fn thing(&mut self, kind: Space, found: Uuid, place: Uuid, name: &str) -> bool {
+        self.named.push((key::name(kind, name), place));
+        found != place
+    }
+
+    fn entry(&mut self, key: &[u8]) {
+        let seen = self.entries.entry((key[0], id_of(key))).or_default();
+        if number_of(key) == *seen {
+            *seen += 1;
+        }
+    }
+
+    fn raw(&mut self, key: &[u8], hash: [u8; 32], length: u64) -> bool {
+        if key[0] == b'f' {
+            self.files.insert(key.to_vec(), Some(hash));
+            return false;
+        }
+        let is_its_own = hash_of(key) == hash;
+        self.blocks.insert(hash_of(key), is_its_own.then_some(length));
+        !is_its_own
+    }
+
+    fn version(&mut self, key: &[u8], manifest: &Manifest, report: &mut Report) {
+        self.versions.insert((manifest.catalogue, manifest.version));
+        for block in &manifest.blocks {
+            self.named_blocks.insert(block.hash);
+            let fault = match self.blocks.get(&block.hash) {
+                Some(Some(length)) if *length == block.length => continue,
+                Some(_) => format!("its block {} is damaged", block.name),
+                None => format!("its block {} is missing", block.name),
+            };
+            report.damaged_versions.push((manifest.catalogue, manifest.version, fault.clone()));
+            report.add(damage(key, fault));
+        }
+    }
+
+    /// Looks at what is known only when all records were seen.
+    pub(super) fn end(mut self, report: &mut Report) {
+        self.end_journals(report);
+        for (catalogue, latest) in &self.catalogues {
+            for version in (1..=*latest).filter(|n| !self.versions.contains(&(*catalogue, *n))) {
+                let key = key::numbered(Space::Version, *catalogue, u64::from(version));
+                if !self.damaged.contains(&key) {
+                    report.add(damage(&key, "it is missing".to_owned()));
+                }
+                let fault = "its manifest is missing or damaged".to_owned();
+                report.damaged_versions.push((*catalogue, version, fault));
+            }
+        }
+        for (name, id) in std::mem::take(&mut self.named) {
+            if self.names.get(&name) != Some(&id) && !self.damaged.contains(&name) {
+                report.add(damage(&name, format!("it does not lead to {id}")));
+            }
+            self.used_names.insert(name);
+        }
+        let stray: Vec<Vec<u8>> =
+            self.names.keys().filter(|name| !self.used_names.contains(*name)).cloned().collect();
+        for name in stray {
+            report.add(damage(&name, "nothing has this name: what had it is missing".to_owned()));
+        }
+        let unnamed: Vec<[u8; 32]> =
+            self.blocks.keys().filter(|hash| !self.named_blocks.contains(*hash)).copied().collect();
+        for hash in unnamed {
+            let key = key::hash(Space::Block, &hash);
+            self.leftover(&key, "no version names it".to_owned(), report);
+        }
+        for key in std::mem::take(&mut self.files).into_keys() {
+            self.leftover(&key, "no mesh names it".to_owned(), report);
+        }
+    }
+
+    fn end_journals(&mut self, report: &mut Report) {
+        let owners: BTreeSet<(u8, Uuid)> =
+            self.heads.keys().chain(self.entries.keys()).copied().collect();
+        for (letter, owner) in owners {
+            let (head, entries) = match letter {
+                b't' => (Space::TrainingHead, Space::Training),
+                _ => (Space::JournalHead, Space::Journal),
+            };
+            let lives = match entries {
+                Space::Training => self.objects.contains(&owner),
+                _ => self.sessions.contains(&owner),
+            };
+            let length = self.heads.get(&(letter, owner)).copied();
+            let seen = self.entries.get(&(letter, owner)).copied().unwrap_or(0);
+            let head_key = key::id(head, owner);
+            match length {
+                _ if !lives => {
+                    // What a removal leaves when it is interrupted.
+                    for space in [head, entries] {
+                        let key = key::id(space, owner);
+                        self.leftover(&key, "its owner was removed".to_owned(), report);
+                    }
+                }
+                Some(length) if seen < length => {
+                    let key = key::numbered(entries, owner, seen);
+                    report.add(damage(&key, format!("it is missing, of {length}")));
+                }
+                Some(length) if seen > length => {
+                    let fault = format!("it counts {length} entries, there are {seen}");
+                    report.add(damage(&head_key, fault));
+                }
+                None if !self.damaged.contains(&head_key) => {
+                    report.add(damage(&head_key, format!("it is missing, {seen} entries are not")));
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+fn id_of(key: &[u8]) -> Uuid {
+    let bytes = key.get(1..17).and_then(|bytes| <[u8; 16]>::try_from(bytes).ok());
+    Uuid::from_bytes(bytes.unwrap_or_default())
+}
+
+fn number_of(key: &[u8]) -> u64 {
+    let bytes = key.get(17..25).and_then(|bytes| <[u8; 8]>::try_from(bytes).ok());
+    u64::from_be_bytes(bytes.unwrap_or_default())
+}
+
+fn hash_of(key: &[u8]) -> [u8; 32] {
+    key.get(1..33).and_then(|bytes| bytes.try_into().ok()).unwrap_or_default()
+}

@@ -1,0 +1,110 @@
+//! API keys and entries of the audit log as they are stored.
+
+use bincode::{Decode, Encode};
+use uuid::Uuid;
+
+use super::{IdV1, Record, code, coded, read, write};
+use crate::access::{AccessKey, PreviousSecret, Role};
+use crate::audit::AuditEntry;
+use crate::envelope::Kind;
+use crate::error::RecordError;
+
+const ROLES: [Role; 4] = [Role::Robot, Role::Trainer, Role::Viewer, Role::Admin];
+
+#[derive(Encode, Decode)]
+struct AccessKeyRecordV1 {
+    id: IdV1,
+    name: String,
+    role: u8,
+    hash: [u8; 32],
+    /// The hash before the last rotation, and from when on it is refused.
+    previous: Option<([u8; 32], u64)>,
+    created_at_ms: u64,
+    expires_at_ms: Option<u64>,
+    last_used_at_ms: Option<u64>,
+    revoked_at_ms: Option<u64>,
+}
+
+impl Record for AccessKey {
+    const KIND: Kind = Kind::AccessKey;
+
+    fn to_payload(&self) -> Vec<u8> {
+        write(&AccessKeyRecordV1 {
+            id: self.id.into_bytes(),
+            name: self.name.clone(),
+            role: code(&ROLES, &self.role),
+            hash: self.hash,
+            previous: self.previous.map(|previous| (previous.hash, previous.until_ms)),
+            created_at_ms: self.created_at_ms,
+            expires_at_ms: self.expires_at_ms,
+            last_used_at_ms: self.last_used_at_ms,
+            revoked_at_ms: self.revoked_at_ms,
+        })
+    }
+
+    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
+        let stored: AccessKeyRecordV1 = read(payload)?;
+        let previous = stored.previous.map(|(hash, until_ms)| PreviousSecret { hash, until_ms });
+        Ok(Self {
+            id: Uuid::from_bytes(stored.id),
+            name: stored.name,
+            role: coded(&ROLES, "role", stored.role)?,
+            hash: stored.hash,
+            previous,
+            created_at_ms: stored.created_at_ms,
+            expires_at_ms: stored.expires_at_ms,
+            last_used_at_ms: stored.last_used_at_ms,
+            revoked_at_ms: stored.revoked_at_ms,
+        })
+    }
+}
+
+#[derive(Encode, Decode)]
+struct AuditRecordV1 {
+    seq: u64,
+    at_ms: u64,
+    key: Option<(IdV1, String)>,
+    role: Option<u8>,
+    address: String,
+    operation: String,
+    resource: String,
+    status: Option<u16>,
+    request_id: String,
+    n_left_out: u32,
+}
+
+impl Record for AuditEntry {
+    const KIND: Kind = Kind::Audit;
+
+    fn to_payload(&self) -> Vec<u8> {
+        write(&AuditRecordV1 {
+            seq: self.seq,
+            at_ms: self.at_ms,
+            key: self.key.as_ref().map(|(id, name)| (id.into_bytes(), name.clone())),
+            role: self.role.map(|role| code(&ROLES, &role)),
+            address: self.address.clone(),
+            operation: self.operation.clone(),
+            resource: self.resource.clone(),
+            status: self.status,
+            request_id: self.request_id.clone(),
+            n_left_out: self.n_left_out,
+        })
+    }
+
+    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
+        let stored: AuditRecordV1 = read(payload)?;
+        let role = stored.role.map(|role| coded(&ROLES, "role", role)).transpose()?;
+        Ok(Self {
+            seq: stored.seq,
+            at_ms: stored.at_ms,
+            key: stored.key.map(|(id, name)| (Uuid::from_bytes(id), name)),
+            role,
+            address: stored.address,
+            operation: stored.operation,
+            resource: stored.resource,
+            status: stored.status,
+            request_id: stored.request_id,
+            n_left_out: stored.n_left_out,
+        })
+    }
+}

@@ -1,0 +1,133 @@
+//! Opening: the folder's lock, sled itself, and what is there held against what was written.
+
+use std::fs::{self, File, OpenOptions};
+use std::path::Path;
+use std::time::Duration;
+
+use fs4::FileExt;
+
+use super::mark::{self, Found};
+use super::tally::{TALLY_KEY, Tally, sum_of};
+use super::{SledOptions, guarded};
+use crate::engine::{EngineError, OpenError};
+
+/// The file whose lock says that the folder is in use.
+const LOCK_FILE: &str = "lock";
+/// Where files go that sled can make anew and does not open with.
+const ASIDE_FOLDER: &str = "aside";
+/// How often sled's own lock is tried: a sled that was just closed in this process lets go of
+/// it a moment later.
+const OPEN_ATTEMPTS: u32 = 50;
+/// What sled says of a full disk.
+const NO_ROOM: &str = "No space left on device";
+const OPEN_ATTEMPT_PAUSE: Duration = Duration::from_millis(20);
+
+/// Holds what is there against what was written last: the tally to go on with, and what is
+/// wrong if something is.
+pub(super) fn verify(
+    folder: &Path,
+    db: &::sled::Db,
+) -> Result<(Tally, Option<OpenError>), OpenError> {
+    let unreadable = |error: EngineError| OpenError::Damaged {
+        folder: folder.to_owned(),
+        detail: error.to_string(),
+    };
+    let path = folder.join(mark::MARK_FILE);
+    let found_mark =
+        mark::read(folder).map_err(|source| OpenError::Io { path: path.clone(), source })?;
+    let record = guarded("reading", || db.get(TALLY_KEY)).map_err(unreadable)?;
+    let (sum, n_pairs) = sum_of(db).map_err(unreadable)?;
+    let tally = record.as_deref().map(Tally::from_record);
+    let there = tally.flatten().map_or(0, |tally| tally.commits);
+    let acknowledged = match found_mark {
+        Found::Commits(commits) => commits,
+        Found::Absent | Found::Damaged => 0,
+    };
+    let folder = folder.to_owned();
+    let damage = match (found_mark, tally) {
+        (Found::Commits(_), _) if acknowledged > there => {
+            Some(OpenError::LostCommits { folder, acknowledged, found: there })
+        }
+        (_, Some(None)) => Some(OpenError::Altered { folder, found: n_pairs }),
+        (_, Some(Some(tally))) if tally.sum != sum => {
+            Some(OpenError::Altered { folder, found: n_pairs })
+        }
+        (Found::Damaged, _) => Some(OpenError::Mark { path, fault: "is damaged" }),
+        (Found::Absent, Some(_)) => Some(OpenError::Mark { path, fault: "is missing" }),
+        // New, or of layout 1, which had no tally.
+        (Found::Absent | Found::Commits(_), None) => None,
+        (Found::Commits(_), Some(_)) => None,
+    };
+    Ok((Tally { commits: there.max(acknowledged), sum }, damage))
+}
+
+/// Takes the lock that says that the folder is in use.
+pub(super) fn lock_folder(folder: &Path) -> Result<File, OpenError> {
+    let path = folder.join(LOCK_FILE);
+    let opened = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
+    let lock = opened.map_err(|source| OpenError::Io { path: path.clone(), source })?;
+    match FileExt::try_lock(&lock) {
+        Ok(()) => Ok(lock),
+        Err(fs4::TryLockError::WouldBlock) => {
+            Err(OpenError::InUse { folder: folder.to_owned(), lock: path })
+        }
+        Err(fs4::TryLockError::Error(source)) => Err(OpenError::Io { path, source }),
+    }
+}
+
+/// Moves sled's own snapshots out of its way, which it makes anew from its log; whether there
+/// were any. What it makes of the log is held against tally and mark as always.
+pub(super) fn set_derived_aside(folder: &Path, sled_folder: &Path) -> Result<bool, OpenError> {
+    let io = |path: &Path| {
+        let path = path.to_owned();
+        move |source| OpenError::Io { path, source }
+    };
+    let mut is_any = false;
+    for entry in fs::read_dir(sled_folder).map_err(io(sled_folder))? {
+        let path = entry.map_err(io(sled_folder))?.path();
+        let name = path.file_name().unwrap_or_default().to_owned();
+        if !name.to_string_lossy().starts_with("snap.") {
+            continue;
+        }
+        let aside = folder.join(ASIDE_FOLDER);
+        fs::create_dir_all(&aside).map_err(io(&aside))?;
+        fs::rename(&path, aside.join(&name)).map_err(io(&path))?;
+        tracing::error!("Set {} aside: the database does not open with it", path.display());
+        is_any = true;
+    }
+    Ok(is_any)
+}
+
+/// Opens sled itself.
+pub(super) fn open_sled(
+    folder: &Path,
+    sled_folder: &Path,
+    options: &SledOptions,
+) -> Result<::sled::Db, OpenError> {
+    // No flushes behind the writer's back: concurrent flushes are sled's deadlock.
+    let config = ::sled::Config::new()
+        .path(sled_folder)
+        .cache_capacity(options.cache_bytes)
+        .flush_every_ms(None);
+    let mut attempt = 1;
+    loop {
+        match guarded("opening", || config.open()) {
+            Ok(db) => return Ok(db),
+            Err(EngineError::Failed { detail, .. }) => {
+                let still_locked = detail.contains("could not acquire lock");
+                if detail.contains(NO_ROOM) {
+                    return Err(OpenError::NoRoom { folder: folder.to_owned(), detail });
+                }
+                if !still_locked || attempt == OPEN_ATTEMPTS {
+                    return Err(OpenError::Damaged { folder: folder.to_owned(), detail });
+                }
+            }
+            Err(error) => {
+                let detail = error.to_string();
+                return Err(OpenError::Damaged { folder: folder.to_owned(), detail });
+            }
+        }
+        std::thread::sleep(OPEN_ATTEMPT_PAUSE);
+        attempt += 1;
+    }
+}

@@ -1,0 +1,112 @@
+//! Room on the disk: writes are refused before there is none left.
+//!
+//! A sled that meets a full disk in the middle of a write is lost until it is opened again, and
+//! may not open. So a reserve stays free, and commits that would need it are refused; those
+//! that only remove go on into half of it.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::engine::{Commit, EngineError};
+
+/// How many bytes of log a byte of a commit may cost: pages are written anew.
+const LOG_GROWTH: u64 = 4;
+/// What a commit costs besides its bytes.
+const COMMIT_BYTES: u64 = 4096;
+
+type Probe = dyn Fn(&Path) -> io::Result<u64> + Send + Sync;
+
+/// How the free bytes where a folder lies are found.
+#[derive(Clone)]
+pub struct FreeSpace(Arc<Probe>);
+
+impl FreeSpace {
+    /// What the operating system says.
+    #[must_use]
+    pub fn of_disk() -> Self {
+        Self::from_probe(|folder| fs4::available_space(folder))
+    }
+
+    /// What `probe` says of a folder: for quotas that the operating system does not know of.
+    #[must_use]
+    pub fn from_probe(probe: impl Fn(&Path) -> io::Result<u64> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(probe))
+    }
+}
+
+impl fmt::Debug for FreeSpace {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("FreeSpace")
+    }
+}
+
+/// The disk of a folder, and how much of it must stay free.
+#[derive(Clone, Debug)]
+pub(super) struct Room {
+    pub(super) folder: PathBuf,
+    pub(super) free_space: FreeSpace,
+    pub(super) reserve: u64,
+}
+
+/// What a group of commits may still take.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Allowance {
+    free: u64,
+    reserve: u64,
+    taken: u64,
+}
+
+impl Room {
+    /// The bytes that are free, if anybody can tell.
+    pub(super) fn free(&self) -> Option<u64> {
+        (self.free_space.0)(&self.folder)
+            .inspect_err(|error| tracing::warn!(%error, "Cannot tell how full the disk is"))
+            .ok()
+    }
+
+    /// What the next group of commits may take. A disk that nobody can measure has room.
+    pub(super) fn allowance(&self) -> Allowance {
+        Allowance { free: self.free().unwrap_or(u64::MAX), reserve: self.reserve, taken: 0 }
+    }
+}
+
+impl Allowance {
+    /// Takes the room for a commit.
+    pub(super) fn take(&mut self, commit: &Commit) -> Result<(), EngineError> {
+        let size = |(key, value): &(Vec<u8>, Option<Vec<u8>>)| {
+            key.len() + value.as_ref().map_or(0, Vec::len)
+        };
+        let bytes: usize = commit.writes.iter().map(size).sum();
+        let needed = self.taken + COMMIT_BYTES + LOG_GROWTH * bytes as u64;
+        let only_removes = commit.writes.iter().all(|(_, value)| value.is_none());
+        let stays = if only_removes { self.reserve / 2 } else { self.reserve };
+        if self.free.saturating_sub(needed) < stays {
+            return Err(EngineError::Full { free: self.free, reserve: self.reserve });
+        }
+        self.taken = needed;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reserve_stays_free_and_removals_may_use_half_of_it() {
+        let allowance = |free| Allowance { free, reserve: 1 << 20, taken: 0 };
+        let put = Commit::new().put(vec![1; 10], vec![0; 1014]);
+        let removal = Commit::new().remove(vec![1; 10]);
+        // 4096 + 4 × 1024 bytes.
+        assert_eq!(allowance((1 << 20) + 8192).take(&put), Ok(()));
+        let full = EngineError::Full { free: (1 << 20) + 8191, reserve: 1 << 20 };
+        assert_eq!(allowance((1 << 20) + 8191).take(&put), Err(full));
+        assert_eq!(allowance(600 << 10).take(&removal), Ok(()));
+        assert!(allowance(512 << 10).take(&removal).is_err());
+        let mut shared = allowance((1 << 20) + 16_384);
+        assert_eq!((shared.take(&put), shared.take(&put)), (Ok(()), Ok(())));
+        assert!(shared.take(&put).is_err(), "a group shares what is left");
+    }
+}

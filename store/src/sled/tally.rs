@@ -1,0 +1,107 @@
+//! The tally: how many commits there were, and a sum over all pairs, written with each commit.
+//!
+//! A page that sled drops takes its keys with it, and their absence cannot be seen from what is
+//! left. The sum shows it: of every pair the first 16 bytes of blake3 over the key's length
+//! (u32), the key and the value, added up modulo 2¹²⁸. A commit changes it by what it writes.
+
+use crate::engine::EngineError;
+use crate::envelope::{self, Kind};
+
+/// The tally's key. No commit may write a key that begins like it.
+pub(super) const TALLY_KEY: [u8; 1] = [0];
+/// The schema of its record.
+const SCHEMA: u16 = 1;
+
+/// How many commits there were, and the sum of all pairs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Tally {
+    pub(super) commits: u64,
+    pub(super) sum: u128,
+}
+
+impl Tally {
+    /// Its stored form: commits u64, sum u128, little-endian, in an envelope.
+    pub(super) fn to_record(self) -> Vec<u8> {
+        let payload = [&self.commits.to_le_bytes()[..], &self.sum.to_le_bytes()[..]].concat();
+        envelope::seal(Kind::Tally, SCHEMA, &payload)
+    }
+
+    /// The tally of a record, if it is whole.
+    pub(super) fn from_record(bytes: &[u8]) -> Option<Self> {
+        let opened = envelope::open(Kind::Tally, bytes).ok()?;
+        let (commits, sum) = opened.payload.split_first_chunk::<8>()?;
+        let sum = <[u8; 16]>::try_from(sum).ok()?;
+        let is_known = opened.schema == SCHEMA;
+        is_known
+            .then(|| Self { commits: u64::from_le_bytes(*commits), sum: u128::from_le_bytes(sum) })
+    }
+
+    pub(super) fn add(&mut self, key: &[u8], value: &[u8]) {
+        self.sum = self.sum.wrapping_add(summand(key, value));
+    }
+
+    pub(super) fn remove(&mut self, key: &[u8], value: &[u8]) {
+        self.sum = self.sum.wrapping_sub(summand(key, value));
+    }
+}
+
+/// The sum over all pairs of `db`, and how many there are.
+pub(super) fn sum_of(db: &::sled::Db) -> Result<(u128, u64), EngineError> {
+    super::guarded("checking", || {
+        let mut tally = Tally::default();
+        let mut n_pairs = 0;
+        for pair in db.iter() {
+            let (key, value) = pair?;
+            if key != TALLY_KEY {
+                tally.add(&key, &value);
+                n_pairs += 1;
+            }
+        }
+        Ok((tally.sum, n_pairs))
+    })
+}
+
+fn summand(key: &[u8], value: &[u8]) -> u128 {
+    let mut hasher = blake3::Hasher::new();
+    // A key has at most 256 bytes.
+    hasher.update(&(key.len() as u32).to_le_bytes());
+    hasher.update(key);
+    hasher.update(value);
+    let mut bytes = [0; 16];
+    hasher.finalize_xof().fill(&mut bytes);
+    u128::from_le_bytes(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sum_does_not_depend_on_the_order_and_a_removed_pair_leaves_it() {
+        let (mut first, mut second) = (Tally::default(), Tally::default());
+        first.add(b"a", b"1");
+        first.add(b"b", b"2");
+        second.add(b"c", b"3");
+        second.add(b"b", b"2");
+        second.add(b"a", b"1");
+        assert_ne!(first.sum, second.sum);
+        second.remove(b"c", b"3");
+        assert_eq!(first.sum, second.sum);
+        let mut shifted = Tally::default();
+        shifted.add(b"a1", b"");
+        shifted.add(b"b", b"2");
+        assert_ne!(first.sum, shifted.sum, "the key's end counts");
+    }
+
+    #[test]
+    fn a_record_gives_the_tally_back_and_a_flipped_bit_gives_none() {
+        let tally = Tally { commits: 7, sum: 0x0123_4567_89ab_cdef_0011 };
+        let bytes = tally.to_record();
+        assert_eq!(Tally::from_record(&bytes), Some(tally));
+        for bit in 0..bytes.len() * 8 {
+            let mut flipped = bytes.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(Tally::from_record(&flipped), None, "bit {bit}");
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The one thread that writes: it drains the queue of commits, applies each with the tally as
+//! one batch, makes them durable together, moves the mark, then answers them.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use futures::channel::oneshot;
+
+use super::cut::Memory;
+use super::mark::Mark;
+use super::room::{Allowance, Room};
+use super::tally::{TALLY_KEY, Tally};
+use super::{Shared, guarded};
+use crate::engine::{Commit, CommitError, EngineError, Expected};
+
+/// How many orders share one flush at most.
+const GROUP_MAX: usize = 1024;
+/// After so long without an order the mark is synced.
+const IDLE: Duration = Duration::from_secs(1);
+
+/// What the writer is asked to do.
+pub(super) enum Order {
+    /// Apply a commit.
+    Commit(Commit, oneshot::Sender<Result<(), CommitError>>),
+    /// Begin to remember for the reader of a cut.
+    Cut(oneshot::Sender<Result<(), EngineError>>),
+}
+
+/// The one thread that writes.
+pub(super) struct Writer {
+    pub(super) db: ::sled::Db,
+    pub(super) data: File,
+    /// None where nothing is written.
+    pub(super) mark: Option<Mark>,
+    pub(super) tally: Tally,
+    pub(super) room: Room,
+    pub(super) is_full: bool,
+    pub(super) shared: Arc<Shared>,
+    pub(super) memory: Arc<Memory>,
+}
+
+impl Writer {
+    pub(super) fn run(&mut self, orders: &Receiver<Order>) {
+        loop {
+            let first = match orders.recv_timeout(IDLE) {
+                Ok(first) => first,
+                Err(RecvTimeoutError::Timeout) => {
+                    self.sync_mark();
+                    continue;
+                }
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            let rest = std::iter::from_fn(|| orders.try_recv().ok());
+            let group: Vec<_> = std::iter::once(first).chain(rest.take(GROUP_MAX - 1)).collect();
+            self.do_group(group);
+        }
+        self.sync_mark();
+    }
+
+    fn do_group(&mut self, group: Vec<Order>) {
+        let mut allowance = self.room.allowance();
+        let (mut applied, mut cuts) = (Vec::with_capacity(group.len()), Vec::new());
+        for order in group {
+            match order {
+                Order::Commit(commit, answer) => {
+                    applied.push((self.apply(commit, &mut allowance), answer));
+                }
+                Order::Cut(answer) => cuts.push(answer),
+            }
+        }
+        let written = applied.iter().filter(|(result, _)| result.is_ok()).count();
+        let flushed = if written > 0 { self.flush() } else { Ok(()) };
+        self.shared.commits.fetch_add(written as u64, Ordering::Relaxed);
+        for (result, answer) in applied {
+            let result = result.and_then(|()| flushed.clone().map_err(CommitError::from));
+            // Nobody waits for a dropped `Pending`; the commit stands.
+            let _ = answer.send(result);
+        }
+        for answer in cuts {
+            let begun = self.memory.begin();
+            // A reader that has gone away is not remembered for.
+            if answer.send(begun.clone()).is_err() && begun.is_ok() {
+                self.memory.end();
+            }
+        }
+    }
+
+    fn apply(&mut self, commit: Commit, allowance: &mut Allowance) -> Result<(), CommitError> {
+        if self.shared.poisoned.load(Ordering::Relaxed) {
+            return Err(EngineError::Poisoned.into());
+        }
+        for (expectation, (key, expected)) in commit.expectations.iter().enumerate() {
+            let found = guarded("checking a commit", || self.db.get(key))?;
+            let holds = match expected {
+                Expected::Absent => found.is_none(),
+                Expected::Value(value) => found.as_deref() == Some(value.as_slice()),
+            };
+            if !holds {
+                return Err(CommitError::Conflict { expectation });
+            }
+        }
+        let room = allowance.take(&commit);
+        self.tell_of_room(&room);
+        room?;
+        // The last write of a key wins.
+        let writes: BTreeMap<Vec<u8>, Option<Vec<u8>>> = commit.writes.into_iter().collect();
+        let mut tally = Tally { commits: self.tally.commits + 1, ..self.tally };
+        let mut batch = ::sled::Batch::default();
+        for (key, value) in writes {
+            let before = guarded("reading before a write", || self.db.get(&key))?;
+            self.memory.note(&key, before.as_deref());
+            if let Some(before) = &before {
+                tally.remove(&key, before);
+            }
+            match value {
+                Some(value) => {
+                    tally.add(&key, &value);
+                    batch.insert(key, value);
+                }
+                None => batch.remove(key),
+            }
+        }
+        batch.insert(&TALLY_KEY, tally.to_record());
+        let applied = guarded("writing", || self.db.apply_batch(batch));
+        self.poison_if_failed(applied)?;
+        self.tally = tally;
+        Ok(())
+    }
+
+    /// Returns when everything applied so far is on the disk, and the mark says so.
+    fn flush(&mut self) -> Result<(), EngineError> {
+        self.shared.flushes.fetch_add(1, Ordering::Relaxed);
+        let failed = |doing| {
+            move |error: std::io::Error| EngineError::Failed { doing, detail: error.to_string() }
+        };
+        let flushed = guarded("flushing", || self.db.flush())
+            .and_then(|_| self.data.sync_data().map_err(failed("syncing")))
+            .and_then(|()| match &mut self.mark {
+                Some(mark) => mark.set(self.tally.commits).map_err(failed("marking a commit")),
+                None => Ok(()),
+            });
+        self.poison_if_failed(flushed)
+    }
+
+    /// Takes what is there for the whole: writes the tally of it.
+    pub(super) fn accept(&mut self) -> Result<(), EngineError> {
+        self.tally.commits += 1;
+        let record = self.tally.to_record();
+        guarded("writing", || self.db.insert(TALLY_KEY, record.as_slice()))?;
+        self.flush()
+    }
+
+    fn sync_mark(&mut self) {
+        if let Some(mark) = &mut self.mark
+            && let Err(error) = mark.sync()
+        {
+            tracing::warn!(%error, "Cannot sync the mark of the last commit");
+        }
+    }
+
+    /// Says once that the disk is full, and once that it is not any more.
+    fn tell_of_room(&mut self, room: &Result<(), EngineError>) {
+        match room {
+            Err(error) if !self.is_full => {
+                tracing::error!(%error, "Writes are refused until there is room: {error}");
+            }
+            Ok(()) if self.is_full => tracing::info!("There is room on the disk: writes go on"),
+            _ => {}
+        }
+        self.is_full = room.is_err();
+    }
+
+    fn poison_if_failed(&self, result: Result<(), EngineError>) -> Result<(), EngineError> {
+        if let Err(error) = &result {
+            self.shared.poisoned.store(true, Ordering::Relaxed);
+            tracing::error!(%error, "The database takes no more writes until it is opened again");
+        }
+        result
+    }
+}

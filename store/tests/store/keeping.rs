@@ -1,0 +1,193 @@
+//! What is acknowledged is kept: lost commits are noticed, a full disk refuses before it hurts,
+//! and a cut is one moment whatever is written while it is read.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use palpate_store::engine::{Commit, CommitError, Cut, Engine, EngineError, OpenError, Pair};
+use palpate_store::memory::MemoryEngine;
+use palpate_store::sled::{FreeSpace, OnDamage, SledEngine, SledOptions};
+use tempfile::TempDir;
+
+fn open(folder: &Path, on_damage: OnDamage) -> Result<SledEngine, OpenError> {
+    SledEngine::open(folder, &SledOptions { on_damage, ..SledOptions::default() })
+}
+
+fn put(engine: &dyn Engine, number: u32) {
+    let key = format!("k{number:06}").into_bytes();
+    engine.commit(Commit::new().put(key, vec![number as u8; 100])).wait().unwrap();
+}
+
+fn written(folder: &Path, numbers: std::ops::Range<u32>) {
+    let engine = open(folder, OnDamage::Refuse).unwrap();
+    numbers.for_each(|number| put(&engine, number));
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+#[test]
+fn an_older_copy_of_the_log_is_refused_inspected_and_accepted() {
+    let folder = TempDir::new().unwrap();
+    written(folder.path(), 0..40);
+    let older = TempDir::new().unwrap();
+    copy(folder.path(), older.path());
+    written(folder.path(), 40..50);
+    // The log as it was ten commits ago, and the mark of today.
+    std::fs::copy(folder.path().join("mark"), older.path().join("mark")).unwrap();
+    let error = open(older.path(), OnDamage::Refuse).unwrap_err();
+    let OpenError::LostCommits { acknowledged: 50, found: 40, .. } = error else {
+        panic!("{error}");
+    };
+    assert!(error.to_string().contains("palpate fsck --accept"), "{error}");
+    {
+        let engine = open(older.path(), OnDamage::Inspect).unwrap();
+        assert!(engine.damage().is_some());
+        assert_eq!(engine.scan(b"k", None, 100).unwrap().len(), 40);
+        let refused = engine.commit(Commit::new().put(vec![1], vec![1])).wait();
+        assert_eq!(refused, Err(CommitError::Engine(EngineError::Poisoned)));
+    }
+    drop(open(older.path(), OnDamage::Accept).unwrap());
+    let engine = open(older.path(), OnDamage::Refuse).unwrap();
+    put(&engine, 99);
+    assert_eq!(engine.scan(b"k", None, 100).unwrap().len(), 41);
+}
+
+#[test]
+fn a_mark_that_is_missing_or_damaged_is_named() {
+    let folder = TempDir::new().unwrap();
+    written(folder.path(), 0..3);
+    let path = folder.path().join("mark");
+    std::fs::write(&path, [7; 600]).unwrap();
+    let error = open(folder.path(), OnDamage::Refuse).unwrap_err();
+    assert!(matches!(&error, OpenError::Mark { fault: "is damaged", .. }), "{error}");
+    std::fs::remove_file(&path).unwrap();
+    let error = open(folder.path(), OnDamage::Refuse).unwrap_err();
+    assert!(matches!(&error, OpenError::Mark { fault: "is missing", .. }), "{error}");
+    drop(open(folder.path(), OnDamage::Accept).unwrap());
+    assert!(open(folder.path(), OnDamage::Refuse).is_ok());
+}
+
+#[test]
+fn a_key_that_sled_drops_is_missed() {
+    let folder = TempDir::new().unwrap();
+    written(folder.path(), 0..20);
+    {
+        // As a page that is lost: without a commit.
+        let db = sled::open(folder.path().join("sled")).unwrap();
+        db.remove("k000007").unwrap();
+        db.flush().unwrap();
+    }
+    let error = open(folder.path(), OnDamage::Refuse).unwrap_err();
+    assert!(matches!(error, OpenError::Altered { found: 19, .. }), "{error}");
+}
+
+#[test]
+fn a_full_disk_refuses_writes_and_goes_on_when_there_is_room() {
+    let folder = TempDir::new().unwrap();
+    let free = Arc::new(AtomicU64::new(u64::MAX));
+    let seen = Arc::clone(&free);
+    let engine = SledEngine::open(
+        folder.path(),
+        &SledOptions {
+            reserve_bytes: 1 << 20,
+            free_space: FreeSpace::from_probe(move |_| Ok(seen.load(Ordering::Relaxed))),
+            ..SledOptions::default()
+        },
+    )
+    .unwrap();
+    put(&engine, 1);
+    free.store(1 << 20, Ordering::Relaxed);
+    let refused = engine.commit(Commit::new().put(b"k2".to_vec(), vec![0; 10])).wait();
+    let full = EngineError::Full { free: 1 << 20, reserve: 1 << 20 };
+    assert_eq!(refused, Err(CommitError::Engine(full)));
+    assert_eq!(engine.get(b"k2").unwrap(), None);
+    assert!(engine.get(b"k000001").unwrap().is_some(), "reading goes on");
+    engine.commit(Commit::new().remove(b"k000001".to_vec())).wait().unwrap();
+    free.store(u64::MAX, Ordering::Relaxed);
+    put(&engine, 3);
+    drop(engine);
+    let engine = open(folder.path(), OnDamage::Refuse).unwrap();
+    let keys: Vec<_> = engine.scan(b"k", None, 9).unwrap().into_iter().map(|pair| pair.0).collect();
+    assert_eq!(keys, [b"k000003".to_vec()]);
+}
+
+fn read_all(cut: &mut dyn Cut, mut between: impl FnMut()) -> Vec<Pair> {
+    let mut all = Vec::new();
+    loop {
+        let page = cut.next(7).unwrap();
+        if page.is_empty() {
+            return all;
+        }
+        all.extend(page);
+        between();
+    }
+}
+
+#[test]
+fn a_cut_is_one_moment_whatever_is_written_meanwhile() {
+    let folder = TempDir::new().unwrap();
+    let sled = open(folder.path(), OnDamage::Refuse).unwrap();
+    let memory = MemoryEngine::new();
+    for engine in [&sled as &dyn Engine, &memory] {
+        (0..100).for_each(|number| put(engine, 2 * number));
+        let before = engine.scan(&[], None, 1000).unwrap();
+        let mut cut = engine.cut().unwrap();
+        let mut round = 0;
+        let read = read_all(&mut *cut, || {
+            // Changes, removals and new keys, before and behind the reader.
+            round += 1;
+            let key = |number: u32| format!("k{:06}", number % 200).into_bytes();
+            let commit = Commit::new()
+                .put(key(round * 37), vec![9; 50])
+                .remove(key(round * 74))
+                .put(key(2 * round + 1), vec![8; 5])
+                .put(key(199 - 2 * round), vec![7; 5]);
+            engine.commit(commit).wait().unwrap();
+        });
+        assert!(round > 10);
+        assert_eq!(read, before);
+        drop(cut);
+        let now = engine.scan(&[], None, 1000).unwrap();
+        assert_ne!(now, before);
+        assert_eq!(read_all(&mut *engine.cut().unwrap(), || ()), now, "the next one is of now");
+    }
+}
+
+#[test]
+fn there_is_one_cut_at_a_time() {
+    let folder = TempDir::new().unwrap();
+    let engine = open(folder.path(), OnDamage::Refuse).unwrap();
+    let first = engine.cut().unwrap();
+    assert_eq!(engine.cut().err(), Some(EngineError::CutUnderWay));
+    drop(first);
+    assert!(engine.cut().is_ok());
+}
+
+#[test]
+fn a_damaged_file_that_can_be_made_anew_is_made_anew() {
+    let folder = TempDir::new().unwrap();
+    // Sled makes its snapshots when it opens a log that has something in it.
+    written(folder.path(), 0..19);
+    written(folder.path(), 19..20);
+    let sled_folder = folder.path().join("sled");
+    let is_derived = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with("snap.");
+    let files = std::fs::read_dir(&sled_folder).unwrap().map(|entry| entry.unwrap().path());
+    let derived: Vec<_> = files.filter(|path| is_derived(path.file_name().unwrap())).collect();
+    assert!(!derived.is_empty());
+    derived.iter().for_each(|path| std::fs::write(path, [3; 40]).unwrap());
+    let engine = open(folder.path(), OnDamage::Refuse).unwrap();
+    assert_eq!(engine.scan(b"k", None, 100).unwrap().len(), 20);
+    assert!(folder.path().join("aside").is_dir(), "what was damaged is kept");
+}
