@@ -14,7 +14,9 @@ use crate::envelope::{self, HEADER_BYTES, Kind};
 use crate::journal::Entry;
 use crate::key;
 use crate::mesh::MeshInfo;
-use crate::record::{self, JournalHeadV1, JournalRobotV1, LayoutV1, NameV1, Record};
+use crate::record::{
+    self, JournalHeadV1, JournalRetractionV1, JournalRobotV1, LayoutV1, NameV1, Record,
+};
 
 /// A record that has all its pieces and is whole.
 pub(super) enum Whole {
@@ -26,6 +28,7 @@ pub(super) enum Whole {
     Head(JournalHeadV1),
     Entry(Entry),
     Robot(JournalRobotV1),
+    Retraction(JournalRetractionV1),
     Session(Session),
     Catalogue(Catalogue),
     Version(Manifest),
@@ -55,6 +58,7 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'R' => ("journal head", Some(17), "the session's readings are not found"),
         b'r' => ("journal entry", Some(25), "the session has no belief any more"),
         b'w' => ("journal robot", None, "a repeated reading is not recognised"),
+        b'x' => ("retraction", Some(25), "a withdrawn reading is listed as one that counts"),
         b'c' => ("catalogue", Some(17), "the catalogue and its versions are not found"),
         b'v' => ("version", Some(25), "the version cannot be recognised with"),
         b'k' => ("calibration", Some(25), "readings that it applies to cannot be used"),
@@ -78,7 +82,7 @@ pub(super) fn words(key: &[u8]) -> String {
     match (key.first(), key.len()) {
         (Some(b'!'), 1) => "of the whole".to_owned(),
         (Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a'), 17..) => id(1),
-        (Some(b't' | b'r'), 25..) => format!("{} entry {}", id(1), number(17)),
+        (Some(b't' | b'r' | b'x'), 25..) => format!("{} entry {}", id(1), number(17)),
         (Some(b'v' | b'k'), 25..) => format!("{} number {}", id(1), number(17)),
         (Some(b'l'), 9..) => format!("number {}", number(1)),
         (Some(b'f'), 33..) => format!("{} upload {}", id(1), id(17)),
@@ -212,6 +216,7 @@ impl Assembly {
             b'T' | b'R' => decoded(bytes, Whole::Head),
             b't' | b'r' => decoded(bytes, Whole::Entry),
             b'u' | b'w' => decoded(bytes, Whole::Robot),
+            b'x' => decoded(bytes, Whole::Retraction),
             b'e' => decoded(bytes, Whole::Session),
             b'c' => decoded(bytes, Whole::Catalogue),
             b'v' => decoded(bytes, Whole::Version),
