@@ -33,6 +33,7 @@ impl fmt::Display for Access {
 
 /// The settings of a server. Every default is meant for one machine and a small fleet.
 #[derive(Clone, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "settings that are on or off, each for itself")]
 pub struct Config {
     /// The address to listen at; port 0 takes any free one.
     pub listen: SocketAddr,

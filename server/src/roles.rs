@@ -98,17 +98,17 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("get_belief", ALL, Reads),
     ("get_marginals", ALL, Reads),
     ("ask_next_touches", ALL, Reads),
-    ("list_session_readings", ALL, Reads),
-    ("replay_session", ALL, Reads),
-    ("explain_session", ALL, Reads),
     ("session_events", ALL, Reads),
     ("events", ALL, Reads),
     ("create_session", TOUCHING, Changes),
     ("close_session", TOUCHING, Changes),
     ("delete_session", TOUCHING, Changes),
     ("add_readings", TOUCHING, Touches),
+    ("list_session_readings", ALL, Reads),
     ("retract_reading", TOUCHING, Changes),
     ("retract_robot_reading", TOUCHING, Changes),
+    ("replay_session", ALL, Reads),
+    ("explain_session", ALL, Reads),
     ("list_keys", RULING, Reads),
     ("get_key", RULING, Reads),
     ("create_key", RULING, Changes),
@@ -214,7 +214,9 @@ mod tests {
                 assert!(may(&operation, Trainer), "trainer sees less than viewer: {operation}");
             }
             if may(&operation, Robot) && rule.effect != Reads {
-                let of_sessions = operation.contains("session") || operation == "add_readings";
+                let of_readings = ["add_readings", "retract_reading", "retract_robot_reading"];
+                let of_sessions =
+                    operation.contains("session") || of_readings.contains(&operation.as_str());
                 assert!(of_sessions, "robot: {operation}");
             }
             if operation.contains("key") || operation.contains("audit") {

@@ -15,6 +15,7 @@ use crate::output::Output;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate serve\n  \
     palpate serve --data /var/lib/palpate --listen 127.0.0.1:7411")]
+#[expect(clippy::struct_excessive_bools, reason = "flags, each for itself")]
 pub(crate) struct ServeArgs {
     /// The folder of the database; made if it does not exist.
     #[arg(long, env = "PALPATE_DATA", value_name = "DIR", default_value = "palpate-data")]
