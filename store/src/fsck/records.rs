@@ -58,7 +58,9 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'R' => ("journal head", Some(17), "the session's readings are not found"),
         b'r' => ("journal entry", Some(25), "the session has no belief any more"),
         b'w' => ("journal robot", None, "a repeated reading is not recognised"),
-        b'x' => ("journal retraction", Some(25), "a withdrawn reading is listed as one that counts"),
+        b'x' => {
+            ("journal retraction", Some(25), "a withdrawn reading is listed as one that counts")
+        }
         b'c' => ("catalogue", Some(17), "the catalogue and its versions are not found"),
         b'v' => ("version", Some(25), "the version cannot be recognised with"),
         b'k' => ("calibration", Some(25), "readings that it applies to cannot be used"),
