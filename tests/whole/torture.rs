@@ -86,6 +86,14 @@ fn damaged_files_are_refused_or_named() {
 }
 
 #[test]
+fn readings_in_any_order_give_one_belief() {
+    let counts = torture(&["order", "--rounds", "4", "--seed", "101", "--json"]);
+    let number = |name: &str| counts[name].as_u64().unwrap();
+    assert_eq!((number("orders_differ"), number("orders_compared")), (0, 32));
+    assert_eq!((number("restarts"), number("beliefs_compared")), (1, 32));
+}
+
+#[test]
 fn a_database_of_an_older_layout_is_refused_then_migrated_then_served() {
     let folder = tempfile::tempdir().unwrap();
     database(folder.path(), include_str!("../../migrations/golden/layout1.txt"));

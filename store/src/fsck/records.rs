@@ -28,6 +28,7 @@ pub(super) enum Whole {
     Head(JournalHeadV1),
     Entry(Entry),
     Robot(JournalRobotV1),
+    Retraction(JournalRetractionV1),
     Session(Session),
     Catalogue(Catalogue),
     Version(Manifest),
@@ -57,7 +58,9 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'R' => ("journal head", Some(17), "the session's readings are not found"),
         b'r' => ("journal entry", Some(25), "the session has no belief any more"),
         b'w' => ("journal robot", None, "a repeated reading is not recognised"),
-        b'x' => ("journal retraction", Some(25), "the reading could be withdrawn twice"),
+        b'x' => {
+            ("journal retraction", Some(25), "a withdrawn reading is listed as one that counts")
+        }
         b'c' => ("catalogue", Some(17), "the catalogue and its versions are not found"),
         b'v' => ("version", Some(25), "the version cannot be recognised with"),
         b'k' => ("calibration", Some(25), "readings that it applies to cannot be used"),
@@ -215,7 +218,7 @@ impl Assembly {
             b'T' | b'R' => decoded(bytes, Whole::Head),
             b't' | b'r' => decoded(bytes, Whole::Entry),
             b'u' | b'w' => decoded(bytes, Whole::Robot),
-            b'x' => decoded(bytes, |_: JournalRetractionV1| Whole::Alone),
+            b'x' => decoded(bytes, Whole::Retraction),
             b'e' => decoded(bytes, Whole::Session),
             b'c' => decoded(bytes, Whole::Catalogue),
             b'v' => decoded(bytes, Whole::Version),

@@ -7,6 +7,7 @@ use uuid::Uuid;
 use super::records::{Whole, damage, space, words};
 use super::{Finding, Report, Severity};
 use crate::catalogue::Manifest;
+use crate::journal::Event;
 use crate::key::{self, Space};
 
 /// What is kept of the records that were seen.
@@ -16,6 +17,9 @@ pub(super) struct Relations {
     heads: BTreeMap<(u8, Uuid), u64>,
     /// How many entries were seen, without a gap.
     entries: BTreeMap<(u8, Uuid), u64>,
+    /// Readings that entries withdraw, and those of which a record says so.
+    withdrawn: BTreeSet<(Uuid, u64)>,
+    retractions: BTreeSet<(Uuid, u64)>,
     sessions: BTreeSet<Uuid>,
     objects: BTreeSet<Uuid>,
     /// Blocks that are there: whether they are whole, and their lengths.
@@ -56,6 +60,9 @@ impl Relations {
                 self.files.insert(key.to_vec(), None);
             }
             b't' | b'r' => self.entry(key),
+            b'x' => {
+                self.retractions.insert((id_of(key), number_of(key)));
+            }
             b'o' => {
                 self.objects.insert(id_of(key));
             }
@@ -97,7 +104,15 @@ impl Relations {
             }
             Whole::Entry(entry) => {
                 self.entry(key);
+                if let (b'r', Event::Retraction { seq }) = (key[0], &entry.event) {
+                    self.withdrawn.insert((id, *seq));
+                }
                 entry.seq != number_of(key)
+            }
+            Whole::Retraction(retraction) => {
+                self.retractions.insert((id, number_of(key)));
+                let length = self.heads.get(&(b'r', id)).copied();
+                length.is_some_and(|length| retraction.seq >= length)
             }
             Whole::Robot(robot) => {
                 let entries = if key[0] == b'u' { b't' } else { b'r' };
@@ -170,6 +185,10 @@ impl Relations {
     /// Looks at what is known only when all records were seen.
     pub(super) fn end(mut self, report: &mut Report) {
         self.end_journals(report);
+        for (session, seq) in self.withdrawn.difference(&self.retractions) {
+            let key = key::numbered(Space::JournalRetraction, *session, *seq);
+            report.add(damage(&key, "it is missing".to_owned()));
+        }
         for (catalogue, latest) in &self.catalogues {
             for version in (1..=*latest).filter(|n| !self.versions.contains(&(*catalogue, *n))) {
                 let key = key::numbered(Space::Version, *catalogue, u64::from(version));

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use palpate_store::database::Database;
 use palpate_store::engine::{Commit, Engine};
 use palpate_store::fsck::{CollectError, Report, Severity, check, collect};
+use palpate_store::journal::{Event, NewEntry};
+use palpate_store::key::{self, Space};
 use palpate_store::memory::MemoryEngine;
 use uuid::Uuid;
 
@@ -82,6 +84,20 @@ fn a_journal_without_its_last_entry_is_named() {
     let words = damages(&check(&*engine).unwrap());
     let owner = Uuid::from_u128(50);
     assert_eq!(words, [format!("journal entry {owner} entry 1: it is missing, of 2")]);
+}
+
+#[test]
+fn a_withdrawal_without_its_record_is_named() {
+    let engine = filled();
+    let journal = Database::with_engine(Arc::clone(&engine)).unwrap().journal();
+    let owner = Uuid::from_u128(50);
+    let event = Event::Retraction { seq: 0 };
+    let entry = NewEntry { reading_id: None, received_at_ms: 1, event };
+    samples::wait(journal.append_next(owner, &[entry])).unwrap();
+    assert_eq!(damages(&check(&*engine).unwrap()), [""; 0]);
+    write(&*engine, &key::numbered(Space::JournalRetraction, owner, 0), None);
+    let named = damages(&check(&*engine).unwrap());
+    assert!(named.len() == 1 && named[0].contains("retraction"), "{named:?}");
 }
 
 #[test]
