@@ -73,7 +73,7 @@ impl HybridBelief {
                 self.bar(f64::from(self.options.drop_between), budget.refined_objects),
             ),
         };
-        let hopeless = self.hopeless();
+        let hopeless = self.n_listed().map_or(f32::NEG_INFINITY, |_| self.hopeless());
         let (objects, evidence) = self.parts();
         let (touches, options) = (evidence.touches, evidence.options);
         let [earlier @ .., newest] = touches else { return };
