@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::commands::{
-    analyses::AnalysesArgs, audit::AuditArgs, demo::DemoArgs, experiment::ExperimentArgs,
-    explore::ExploreArgs, fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs,
-    maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs,
-    report::ReportArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
-    snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
+    analyses::AnalysesArgs, audit::AuditArgs, config::ConfigArgs, demo::DemoArgs,
+    experiment::ExperimentArgs, explore::ExploreArgs, fsck::FsckArgs, jobs::JobsArgs,
+    keys::KeysArgs, letters::LettersArgs, load::LoadArgs, maps::MapsArgs, migrate::MigrateArgs,
+    next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs,
+    serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs,
+    train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -25,7 +26,7 @@ Examples:
   palpate touch --object mug --mesh mug.stl --readings 15 --seed 7
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 server unreachable, 4 object not recognised,
-5 stored data damaged, 130 interrupted.";
+5 stored data damaged, 6 a stated bound broken, 130 interrupted.";
 
 /// Recognises objects by touch, for fleets of robots.
 #[derive(Debug, Parser)]
@@ -53,6 +54,19 @@ pub(crate) struct Cli {
     /// The only authority whose certificates to trust for https, a PEM file; the system's else.
     #[arg(long, global = true, env = "PALPATE_CA", value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,
+    /// A configuration file (TOML): settings of the server in `[serve]`, of the commands that speak
+    /// to one in `[client]`, named as the flags. Also in PALPATE_CONFIG; see `palpate config`.
+    #[arg(long, global = true, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// How logs are written: for people, or as one JSON object a line.
+    #[arg(
+        long,
+        global = true,
+        env = "PALPATE_LOG_FORMAT",
+        value_name = "FORMAT",
+        default_value = "human"
+    )]
+    pub(crate) log_format: LogFormat,
     /// Print JSON to the standard output, everything else to the standard error.
     #[arg(long, global = true)]
     pub(crate) json: bool,
@@ -64,11 +78,22 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
+/// How logs are written.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum LogFormat {
+    /// For people.
+    Human,
+    /// One JSON object a line, with the request's id.
+    Json,
+}
+
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run the service.
     Serve(ServeArgs),
+    /// Show the server's settings as they hold, and where each comes from.
+    Config(ConfigArgs),
     /// Show the whole of it: a server, ten objects, four simulated robots.
     Demo(DemoArgs),
     /// Sensors that robots send readings of.
@@ -95,8 +120,12 @@ pub(crate) enum Command {
     NextTouch(NextTouchArgs),
     /// Sessions: objects being touched, and what is known of them.
     Sessions(SessionsArgs),
+    /// Many simulated robots at once: how much a server bears, and what it does beyond.
+    Load(LoadArgs),
     /// API keys: create, list, revoke, rotate.
     Keys(KeysArgs),
+    /// Say whether the server does its work; the exit code tells supervisors.
+    Health,
     /// Say whom the server takes this key for.
     Whoami,
     /// Who changed what.
@@ -134,6 +163,8 @@ mod tests {
         for line in [
             "palpate serve --data ./d --listen 0.0.0.0:7411",
             "palpate serve --model-memory-mb 250",
+            "palpate serve --config palpate.toml --log-format json",
+            "palpate config --requests 100 --json",
             "palpate serve --migrate --disk-reserve-mb 256",
             "palpate fsck --data ./d --json",
             "palpate fsck --data ./d --collect",
@@ -178,6 +209,10 @@ mod tests {
             "palpate sensors calibrate finger --file indentation.json",
             "palpate sensors calibration finger --number 1 --json",
             "palpate analyses covering --element-width-mm 2 --thickness-mm 1,2.5",
+            "palpate load --prepare --rate 100 --duration-s 30",
+            "palpate load --prepare --steps 100,200,400,800 --min-share 0.8 --picture load.svg",
+            "palpate load --catalogue default --mix readings=8,beliefs=2 --poisson --polite",
+            "palpate load --steps 200,400 --soak 10 --overload 2 --pid 1 --max-growth-mb 50",
             "palpate openapi",
             "palpate serve --access keys --listen 0.0.0.0:7411 --tls-cert c.pem --tls-key k.pem",
             "palpate serve --cors-origin https://a.example --cors-origin http://b.example:3000",
@@ -236,6 +271,10 @@ mod tests {
             "palpate train --geometry planar --cell-mm 0",
             "palpate maps export --object A",
             "palpate maps merge",
+            "palpate load --rate 0",
+            "palpate load --rate 5 --steps 5,6",
+            "palpate load --mix beliefs=1",
+            "palpate load --min-share 2",
         ] {
             let error = parse(line).expect_err(line);
             assert_eq!(error.exit_code(), 2, "{line}");

@@ -3,13 +3,16 @@
 pub(crate) mod analyses;
 pub(crate) mod audit;
 pub(crate) mod calibrate;
+pub(crate) mod config;
 pub(crate) mod demo;
 pub(crate) mod experiment;
 pub(crate) mod explore;
 pub(crate) mod fsck;
+pub(crate) mod health;
 pub(crate) mod jobs;
 pub(crate) mod keys;
 pub(crate) mod letters;
+pub(crate) mod load;
 pub(crate) mod maps;
 pub(crate) mod migrate;
 pub(crate) mod next_touch;
@@ -55,6 +58,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
     };
     match cli.command {
         Command::Serve(args) => serve::run(args, output).await,
+        Command::Config(args) => config::run(&args, output),
         Command::Demo(args) => demo::run(args, output).await,
         Command::Sensors(args) => sensors::run(args, &context()?).await,
         Command::Analyses(args) => analyses::run(args, &context()?).await,
@@ -68,7 +72,9 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Explore(args) => explore::run(args, &context()?).await,
         Command::NextTouch(args) => next_touch::run(args, &context()?).await,
         Command::Sessions(args) => sessions::run(args, &context()?).await,
+        Command::Load(args) => load::run(args, &context()?).await,
         Command::Keys(args) => keys::run(args, &context()?).await,
+        Command::Health => health::run(&context()?).await,
         Command::Whoami => keys::whoami(&context()?).await,
         Command::Audit(args) => audit::run(args, &context()?).await,
         Command::Snapshot(args) => snapshot::run(args, output, context).await,

@@ -1,7 +1,7 @@
 //! Exit codes, so that scripts can tell what happened.
 //!
 //! 0 done · 1 failed · 2 wrong usage (clap's) · 3 server unreachable · 4 object not
-//! recognised · 5 stored data damaged · 130 interrupted (128 + SIGINT, as shells have it).
+//! recognised · 5 stored data damaged · 6 a stated bound broken · 130 interrupted (128 + SIGINT, as shells have it).
 
 use std::process::ExitCode;
 
@@ -17,6 +17,9 @@ pub(crate) enum Ended {
     /// What is stored is damaged, as the answer says.
     #[error("damaged")]
     Damaged,
+    /// A bound that was stated is broken, as the answer says.
+    #[error("a bound is broken")]
+    BoundBroken,
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
@@ -65,6 +68,7 @@ fn code(error: &anyhow::Error) -> u8 {
     match error.downcast_ref::<Ended>() {
         Some(Ended::NotRecognised) => 4,
         Some(Ended::Damaged) => 5,
+        Some(Ended::BoundBroken) => 6,
         Some(Ended::Interrupted) => 130,
         None if is_unreachable(error) => 3,
         None => 1,
@@ -103,6 +107,7 @@ mod tests {
         assert_eq!(code(&other.into()), 1);
         assert_eq!(code(&Ended::NotRecognised.into()), 4);
         assert_eq!(code(&Ended::Damaged.into()), 5);
+        assert_eq!(code(&Ended::BoundBroken.into()), 6);
         assert_eq!(code(&Ended::Interrupted.into()), 130);
         assert_eq!(code(&anyhow::anyhow!("a broken file")), 1);
     }

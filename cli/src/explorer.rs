@@ -6,10 +6,11 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use glam::DVec3;
-use palpate_client::schemas::{self, Reading, SensorPreset};
+use palpate_client::schemas::{Reading, SensorPreset};
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
+use palpate_experiments::wire::on_the_wire;
 use palpate_sim::arm::Arm;
 use palpate_sim::explore::{Exploration, ExploreConfig, Perturbation, Statistics, Touch, explore};
 use palpate_sim::mesh::Mesh;
@@ -96,21 +97,10 @@ impl Plan {
     /// A touch as it goes over the wire. Its robot is named after the seed, so that the same
     /// reading sent twice is known to be the same.
     fn to_wire(&self, touch: &Touch, seq: u64) -> Reading {
-        let pose = touch.reading.session_from_sensor();
         Reading {
             robot: Some(format!("explorer-{}", self.seed)),
             seq: Some(seq),
-            sensor: self.sensor.name().to_owned(),
-            frame_id: None,
-            stamp: None,
-            pose: Some(schemas::Pose {
-                position: pose.translation.to_array(),
-                orientation: pose.rotation.to_array(),
-            }),
-            image: touch.reading.image().pressures.iter().copied().map(Some).collect(),
-            feature: None,
-            approach_m: None,
-            object_moved: None,
+            ..on_the_wire(&touch.reading, self.sensor.name())
         }
     }
 }

@@ -9,22 +9,30 @@ mod args;
 mod commands;
 mod exit;
 mod explorer;
+mod logging;
 mod output;
 mod progress;
 mod readings_file;
 mod robot;
+mod settings;
 mod symmetry;
 mod trial;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 
 use crate::args::{Cli, Command};
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    install_log(&cli);
+    let cli = match typed() {
+        Ok(cli) => cli,
+        Err(error) => return exit::code_of(Err(error)),
+    };
+    if let Err(error) = logging::install(&cli) {
+        return exit::code_of(Err(error));
+    }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let outcome = match runtime {
         Ok(runtime) => {
@@ -35,19 +43,23 @@ fn main() -> ExitCode {
         }
         Err(error) => Err(error.into()),
     };
+    logging::flush();
     exit::code_of(outcome)
 }
 
-/// Logs go to the standard error: what `RUST_LOG` says, else warnings, and with `serve` or
-/// `--verbose` also what happens.
-fn install_log(cli: &Cli) {
-    let talkative = cli.verbose || matches!(cli.command, Command::Serve(_));
-    let default = if talkative { "info" } else { "warn" };
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(default));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(progress::is_watched())
-        .init();
+/// What was typed, over what the environment and a configuration file say.
+fn typed() -> anyhow::Result<Cli> {
+    let typed: Vec<OsString> = std::env::args_os().collect();
+    let mut command = Cli::command();
+    let file = settings::file(&command, &typed)?;
+    if let Some(file) = &file {
+        command = settings::layered(command, file);
+    }
+    // Help, and what is typed wrongly, end here.
+    let matches = command.clone().get_matches_from(typed);
+    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    if let Command::Config(args) = &mut cli.command {
+        args.effective = settings::effective(&command, &matches, file.as_ref());
+    }
+    Ok(cli)
 }

@@ -60,6 +60,20 @@ impl Drop for Server {
 }
 
 #[test]
+fn health_says_by_its_exit_code_whether_a_server_serves() {
+    let folder = TempDir::new().unwrap();
+    let server = Server::start(folder.path());
+    let address = server.address.clone();
+    let healthy = run(folder.path(), &format!("health --server {address}"));
+    assert_eq!(healthy.status.code(), Some(0), "{}", stderr(&healthy));
+    let checks = stdout(&healthy);
+    assert!(checks.contains("store") && checks.contains("room"), "{checks}");
+    drop(server);
+    let gone = run(folder.path(), &format!("health --server {address}"));
+    assert_eq!(gone.status.code(), Some(3));
+}
+
+#[test]
 fn wrong_usage_exits_with_two() {
     let folder = TempDir::new().unwrap();
     for arguments in

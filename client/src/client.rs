@@ -109,6 +109,14 @@ impl Client {
         Ok(Self { http, server, options })
     }
 
+    /// The same client, which tries again as `retry` says and waits for answers as long as
+    /// `request_timeout`. Both share connections.
+    #[must_use]
+    pub fn with_policy(&self, retry: RetryPolicy, request_timeout: Duration) -> Self {
+        let options = ClientOptions { retry, request_timeout, ..self.options.clone() };
+        Self { options, ..self.clone() }
+    }
+
     /// The server's address.
     #[must_use]
     pub fn address(&self) -> &str {
@@ -137,6 +145,15 @@ impl Client {
     /// [`Error`].
     pub async fn version(&self) -> Result<Version, Error> {
         self.send(Request::get(["version"])).await
+    }
+
+    /// The server's figures, as Prometheus's text has them.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn metrics(&self) -> Result<String, Error> {
+        let text = self.send_for_file(Request::get(["metrics"])).await?;
+        Ok(String::from_utf8_lossy(&text).into_owned())
     }
 
     /// The API's description, as the server gives it.

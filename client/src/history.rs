@@ -29,7 +29,7 @@ impl Client {
     /// without it. Withdrawn again it answers as the first time.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the session is closed.
+    /// [`Error`]; status 410 when the session has ended.
     pub async fn retract_reading(
         &self,
         session: Uuid,
@@ -43,7 +43,7 @@ impl Client {
     /// The same by a robot's own number of the reading.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the session is closed.
+    /// [`Error`]; status 410 when the session has ended.
     pub async fn retract_robot_reading(
         &self,
         session: Uuid,

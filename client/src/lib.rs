@@ -2,7 +2,7 @@
 //!
 //! A [`Client`] is cheap to clone and meant to be kept. Types of requests and answers are
 //! those of `palpate_schemas`, all SI, quaternions x, y, z, w. A robot opens a
-//! [`TouchSession`], which numbers its readings so that none is counted twice.
+//! [`TouchSession`], which numbers its readings so that none is counted twice, and stamps them.
 //!
 //! ```no_run
 //! # async fn example() -> Result<(), palpate_client::Error> {
@@ -41,6 +41,8 @@ mod snapshots;
 
 mod history;
 
+mod stamps;
+
 mod events;
 
 mod touch_session;
@@ -51,4 +53,4 @@ pub use events::Events;
 /// The types of requests and answers.
 pub use palpate_schemas as schemas;
 pub use retry::RetryPolicy;
-pub use touch_session::TouchSession;
+pub use touch_session::{Touch, TouchSession};

@@ -99,6 +99,14 @@ impl Client {
         self.send(request).await
     }
 
+    /// The file of an object's mesh, as it was put.
+    ///
+    /// # Errors
+    /// [`Error`]; status 404 when it has none.
+    pub async fn mesh(&self, object: &str) -> Result<Vec<u8>, Error> {
+        self.send_for_file(Request::get(["v1", "objects", object, "mesh"])).await
+    }
+
     /// Adds 1 to 1000 training readings of an object. Repeated after a lost connection only
     /// if every reading has its robot's number.
     ///

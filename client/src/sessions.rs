@@ -1,8 +1,9 @@
 //! Calls about sessions: readings in, beliefs out.
 
 use palpate_schemas::{
-    AddReadings, AskNextTouches, Belief, BeliefQuery, CreateSession, Marginals, MarginalsQuery,
-    NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    AddReadings, AskNextTouches, Belief, BeliefQuery, CloseSession, CreateSession, ExtendSession,
+    Marginals, MarginalsQuery, NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session,
+    SessionPage, SessionState, SessionsQuery,
 };
 use uuid::Uuid;
 
@@ -26,8 +27,23 @@ impl Client {
     ///
     /// # Errors
     /// [`Error`].
-    pub async fn sessions(&self, page: &PageQuery) -> Result<SessionPage, Error> {
-        self.send(Request::get(["v1", "sessions"]).page(page)).await
+    pub async fn sessions(&self, query: &SessionsQuery) -> Result<SessionPage, Error> {
+        let page = PageQuery { limit: query.limit, cursor: query.cursor.clone() };
+        let state = query.state.map(|state| match state {
+            SessionState::Open => "open",
+            SessionState::Closed => "closed",
+        });
+        self.send(Request::get(["v1", "sessions"]).page(&page).query("state", state)).await
+    }
+
+    /// Keeps a session open for so many seconds from now on, though nothing comes.
+    ///
+    /// # Errors
+    /// [`Error`]; status 410 when it has ended.
+    pub async fn extend_session(&self, id: Uuid, seconds: u32) -> Result<Session, Error> {
+        let path = ["v1", "sessions", &id.to_string(), "lease"];
+        let asked = ExtendSession { seconds };
+        self.send(Request::post(path).json(&asked).repeat(Repeat::Harmless)).await
     }
 
     /// A session.
@@ -43,7 +59,21 @@ impl Client {
     /// # Errors
     /// [`Error`].
     pub async fn close_session(&self, id: Uuid) -> Result<Session, Error> {
-        self.send(Request::post(["v1", "sessions", &id.to_string(), "close"])).await
+        self.close_session_with(id, &CloseSession::default()).await
+    }
+
+    /// Closes a session, also one that has ended, and says what its object was: the session's
+    /// `truth` tells how right its belief was.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when something else was said before.
+    pub async fn close_session_with(
+        &self,
+        id: Uuid,
+        truth: &CloseSession,
+    ) -> Result<Session, Error> {
+        let path = ["v1", "sessions", &id.to_string(), "close"];
+        self.send(Request::post(path).json(truth).repeat(Repeat::Harmless)).await
     }
 
     /// Removes a session with its readings.

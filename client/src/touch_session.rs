@@ -1,14 +1,16 @@
 //! A robot's part in a session: it numbers the robot's readings, so that a reading that is
-//! sent again after a lost connection is not counted twice.
+//! sent again after a lost connection is not counted twice, and stamps them, so that readings
+//! of several robots are folded in the order in which they were taken.
 
 use palpate_schemas::{
     AddReadings, AskNextTouches, Belief, BeliefDetail, CreateSession, NextTouches, Pose, Reading,
-    ReadingsQuery, Session,
+    ReadingsQuery, Session, Stamp,
 };
 use uuid::Uuid;
 
 use crate::client::Client;
 use crate::error::Error;
+use crate::stamps::Stamps;
 
 /// One robot's readings of one session.
 #[derive(Clone, Debug)]
@@ -17,6 +19,24 @@ pub struct TouchSession {
     session: Session,
     robot: String,
     next_seq: u64,
+    stamps: Stamps,
+}
+
+/// One press as a robot made it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Touch {
+    /// The sensor's id or name.
+    pub sensor: String,
+    /// `session_from_sensor`; `None` where the session's method needs none.
+    pub pose: Option<Pose>,
+    /// Pressures in pascal, as the driver sends them.
+    pub image: Vec<Option<f64>>,
+    /// How far the sensor came along its +z with nothing in touch, metres: worth saying above
+    /// all of a press that met nothing.
+    pub approach_m: Option<f64>,
+    /// When it was taken, by a clock that all robots of the session share, such as the simulated
+    /// time; this computer's clock when not given. Sent as it is: let it rise with every touch.
+    pub stamp: Option<Stamp>,
 }
 
 impl Client {
@@ -38,7 +58,8 @@ impl TouchSession {
     /// Joins a session that exists; `next_seq` is the robot's next number in it.
     #[must_use]
     pub fn join(client: Client, session: Session, robot: &str, next_seq: u64) -> Self {
-        Self { client, session, robot: robot.to_owned(), next_seq }
+        let stamps = Stamps::default();
+        Self { client, session, robot: robot.to_owned(), next_seq, stamps }
     }
 
     /// The session as it was when it began or was joined.
@@ -57,7 +78,8 @@ impl TouchSession {
     /// is `session_from_sensor` (`None::<Pose>` where the session's method needs none),
     /// `image` in pascal as the driver sends it.
     ///
-    /// A call that fails may be made again with the same arguments: it has the same number.
+    /// A call that fails may be made again with the same arguments: it has the same number and
+    /// stamp.
     ///
     /// # Errors
     /// [`Error`].
@@ -82,21 +104,44 @@ impl TouchSession {
         image: Vec<Option<f64>>,
         approach_m: Option<f64>,
     ) -> Result<Belief, Error> {
+        let (sensor, pose) = (sensor.to_owned(), pose.into());
+        self.send(Touch { sensor, pose, image, approach_m, stamp: None }).await
+    }
+
+    /// Sends one press and answers the belief after it; as [`TouchSession::touch`], with all
+    /// that can be said of a press.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn send(&mut self, touch: Touch) -> Result<Belief, Error> {
+        let stamp = match touch.stamp {
+            Some(stamp) => stamp,
+            None => self.stamps.of(self.next_seq),
+        };
         let reading = Reading {
             robot: Some(self.robot.clone()),
             seq: Some(self.next_seq),
-            sensor: sensor.to_owned(),
+            sensor: touch.sensor,
             frame_id: self.session.frame_id.clone(),
-            stamp: None,
-            pose: pose.into(),
-            image,
+            stamp: Some(stamp),
+            pose: touch.pose,
+            image: touch.image,
             feature: None,
-            approach_m,
+            approach_m: touch.approach_m,
             object_moved: None,
         };
         let readings = AddReadings { readings: vec![reading] };
         let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };
-        let added = self.client.add_readings(self.id(), &readings, query).await?;
+        let added = match self.client.add_readings(self.id(), &readings, query).await {
+            Ok(added) => added,
+            Err(error) => {
+                // What was refused is not stored: the next press has its own time.
+                if error.status().is_some_and(|status| status < 500) {
+                    self.stamps.forget();
+                }
+                return Err(error);
+            }
+        };
         self.next_seq += 1;
         match added.belief {
             Some(belief) => Ok(belief),

@@ -12,9 +12,9 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::any;
 use palpate_client::schemas::{
     AddReadings, BeliefDetail, BeliefQuery, CreateObject, CreateSession, ExplainQuery, JobState,
-    PageQuery, Pose, ProblemType, Reading, ReadingsQuery, ReplayQuery, SetCurrent,
+    PageQuery, Pose, ProblemType, Reading, ReadingsQuery, ReplayQuery, SetCurrent, Stamp,
 };
-use palpate_client::{Client, ClientOptions, Error, RetryPolicy};
+use palpate_client::{Client, ClientOptions, Error, RetryPolicy, Touch};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
 use uuid::Uuid;
@@ -309,6 +309,62 @@ async fn a_robots_readings_are_numbered_and_a_failed_one_keeps_its_number() {
     let pose = Pose { position: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0] };
     assert!(session.touch("s", pose, vec![None]).await.is_err());
     assert_eq!(session.touch("s", pose, vec![None]).await.unwrap().n_readings, 1);
+}
+
+#[tokio::test]
+async fn a_robots_readings_are_stamped_and_one_that_is_sent_again_keeps_its_stamp() {
+    let (asked, mut heard) = tokio::sync::mpsc::unbounded_channel::<String>();
+    let belief = r#"{"session":"00000000-0000-0000-0000-000000000002","revision":1,
+        "n_readings":1,"objects":[],"entropy_bits":0.0,"poses":[]}"#;
+    let added = ADDED.replace("\"belief\":null", &format!("\"belief\":{belief}"));
+    let count = Arc::new(AtomicUsize::new(0));
+    let handler = move |uri: Uri, body: String| {
+        let (asked, added) = (asked.clone(), added.clone());
+        let n = count.fetch_add(1, Ordering::SeqCst);
+        async move {
+            if !uri.path().ends_with("/readings") {
+                return SESSION.into_response();
+            }
+            asked.send(body).unwrap();
+            // The first answer is lost, the third press is refused.
+            match n {
+                1 => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+                3 => StatusCode::UNPROCESSABLE_ENTITY.into_response(),
+                _ => added.into_response(),
+            }
+        }
+    };
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let client = client(listener.local_addr().unwrap());
+    let app = Router::new().fallback(any(handler));
+    tokio::spawn(async move { axum::serve(listener, app).await.unwrap() });
+    let mut session = client.touch_session(&CreateSession::default(), "arm").await.unwrap();
+    let given = Stamp { sec: 3, nanosec: 5 };
+    let press = Touch {
+        sensor: "s".to_owned(),
+        pose: None,
+        image: vec![None],
+        approach_m: None,
+        stamp: None,
+    };
+    assert!(session.send(press.clone()).await.is_err());
+    assert!(session.send(press.clone()).await.is_ok());
+    assert!(session.send(press.clone()).await.is_err());
+    assert!(session.send(press.clone()).await.is_ok());
+    assert!(session.send(Touch { stamp: Some(given), ..press }).await.is_ok());
+    let mut sent = Vec::new();
+    while sent.len() < 5 {
+        let body: AddReadings = serde_json::from_str(&heard.recv().await.unwrap()).unwrap();
+        let reading = &body.readings[0];
+        sent.push((reading.seq.unwrap(), reading.stamp.unwrap()));
+    }
+    let numbers: Vec<u64> = sent.iter().map(|(seq, _)| *seq).collect();
+    assert_eq!(numbers, [0, 0, 1, 1, 2]);
+    let at = |place: usize| (sent[place].1.sec, sent[place].1.nanosec);
+    assert_eq!(at(0), at(1), "sent again, it is the same reading");
+    assert!(at(1) < at(2) && at(2) < at(3), "{sent:?}");
+    assert!(at(0).0 > 1_700_000_000, "seconds since 1970");
+    assert_eq!(sent[4].1, given);
 }
 
 #[test]

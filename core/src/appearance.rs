@@ -106,6 +106,13 @@ pub struct AppearanceBelief {
 }
 
 impl AppearanceBelief {
+    /// Bytes of memory that this belief has for itself, without the model that it shares.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let numbers: usize = self.evidence.iter().map(Vec::capacity).sum();
+        size_of::<Self>() + (numbers + self.log_prior.capacity()) * size_of::<f64>()
+    }
+
     /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
     /// is even.
     ///

@@ -48,6 +48,17 @@ enum State {
 }
 
 impl GeometricBelief {
+    /// Bytes of memory that this belief has for itself, about, without the maps that it shares.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let state = match &self.state {
+            State::Planar(belief) => belief.bytes(),
+            State::Printed(belief) => belief.bytes(),
+            State::Solid(belief) => belief.bytes(),
+        };
+        size_of::<Self>() + state
+    }
+
     /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
     /// is even.
     ///

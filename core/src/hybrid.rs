@@ -1,7 +1,8 @@
 //! The hybrid recogniser: hypotheses are proposed, verified by every touch, and refined.
 //!
 //! Beyond the dissertation (sections 5.6.3–5.6.6 and 6.1 name the idea). A pair of touches
-//! proposes poses of every object that is not out of the question (`propose`), each touch
+//! proposes poses of every object that is not out of the question (`propose`), in a large
+//! catalogue of those that one table of all pairs lists (`shortlist`), each touch
 //! scores each surviving hypothesis (`score`), the best are refined (`refine`) and what is one
 //! pose is merged (`hypothesis`). The cost of a touch grows with the hypotheses, not with the
 //! touches before it. Objects are worked on side by side; the number of threads does not
@@ -10,6 +11,7 @@
 mod answer;
 pub mod calibrate;
 mod carried;
+mod conclusions;
 mod evidence;
 mod fit;
 mod hypothesis;
@@ -32,6 +34,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
+pub use conclusions::NotConclusions;
 pub use options::HybridOptions;
 pub use outlook::Expected;
 pub use usual::prepare;
@@ -111,6 +114,13 @@ struct PairEvidence {
     looks: f32,
 }
 
+impl ObjectState {
+    /// Bytes behind its lists.
+    fn bytes(&self) -> usize {
+        self.hypotheses.capacity() * size_of::<Hypothesis>() + self.carried.bytes()
+    }
+}
+
 impl HybridBelief {
     /// The belief before any reading. `prior` weighs the objects; `None` is even.
     ///
@@ -139,24 +149,27 @@ impl HybridBelief {
         })
     }
 
+    /// Bytes of memory that this belief has for itself, without the model that it shares.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let objects: usize = self.objects.iter().map(ObjectState::bytes).sum();
+        let patterns: usize = self.patterns.iter().map(Pattern::bytes).sum();
+        size_of::<Self>()
+            + self.log_prior.capacity() * size_of::<f64>()
+            + self.touches.capacity() * size_of::<Sighting>()
+            + self.patterns.capacity() * size_of::<Pattern>()
+            + patterns
+            + self.misses.iter().map(Miss::bytes).sum::<usize>()
+            + self.objects.capacity() * size_of::<ObjectState>()
+            + objects
+    }
+
     /// Takes a reading into account. A press that touched nothing says where the object is not.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
-        self.n_readings += 1;
-        let Some(touch) = observe_touch(reading, sensor, &self.model.space) else {
-            self.add_miss(reading, sensor);
+        if !self.witness(reading, sensor) {
+            self.judge_miss();
             return;
-        };
-        if self.touches.is_empty() && !self.may_have_moved {
-            self.anchor = touch.position;
         }
-        if self.touches.is_empty() {
-            let misses = std::mem::take(&mut self.misses);
-            self.patterns.extend(misses.iter().map(|miss| miss.pattern(self.anchor)));
-        }
-        self.patterns.push(Pattern::of_touch(reading, sensor, self.anchor));
-        let (space, scale) = (&self.model.space, &self.options.scale);
-        let sighting = Sighting::new(&touch, self.anchor, space, scale).with_base(reading.base());
-        self.touches.push(sighting.weighed(&self.touches));
         match self.touches.len() {
             1 => {
                 self.compare_looks();
@@ -178,12 +191,36 @@ impl HybridBelief {
         self.bound();
     }
 
+    /// Takes note of a reading without concluding anything; whether it touched something.
+    fn witness(&mut self, reading: &Reading, sensor: &SensorDescription) -> bool {
+        self.n_readings += 1;
+        let Some(touch) = observe_touch(reading, sensor, &self.model.space) else {
+            if self.touches.is_empty() {
+                self.misses.push(Miss { reading: reading.clone(), sensor: sensor.clone() });
+            } else {
+                self.patterns.push(Pattern::of_miss(reading, sensor, self.anchor));
+            }
+            return false;
+        };
+        if self.touches.is_empty() && !self.may_have_moved {
+            self.anchor = touch.position;
+        }
+        if self.touches.is_empty() {
+            let misses = std::mem::take(&mut self.misses);
+            self.patterns.extend(misses.iter().map(|miss| miss.pattern(self.anchor)));
+        }
+        self.patterns.push(Pattern::of_touch(reading, sensor, self.anchor));
+        let (space, scale) = (&self.model.space, &self.options.scale);
+        let sighting = Sighting::new(&touch, self.anchor, space, scale).with_base(reading.base());
+        self.touches.push(sighting.weighed(&self.touches));
+        true
+    }
+
     /// The object may have moved since the last touch, by deviations of `motion`: which one it
     /// is stays as probable, its pose becomes loose by so much.
     pub fn loosen(&mut self, motion: &Looseness) {
-        self.may_have_moved |= !self.touches.is_empty();
         if self.touches.is_empty() {
-            self.misses.clear();
+            self.witness_motion();
             self.objects.iter_mut().for_each(|state| state.carried.loosen(motion));
             return;
         }
@@ -200,9 +237,19 @@ impl HybridBelief {
             (state.log_evidence, state.standing) = (0.0, 0.0);
             state.pair = PairEvidence::default();
         }
-        self.touches.clear();
-        self.patterns.clear();
+        self.witness_motion();
         self.stage = 0;
+    }
+
+    /// Takes note of a motion: what was touched before it is elsewhere now.
+    fn witness_motion(&mut self) {
+        if self.touches.is_empty() {
+            self.misses.clear();
+        } else {
+            self.may_have_moved = true;
+            self.touches.clear();
+            self.patterns.clear();
+        }
     }
 
     /// Lays the poses of before a motion onto the touches since.
@@ -221,12 +268,10 @@ impl HybridBelief {
     }
 
     /// A press that met nothing makes poses less likely that had something there.
-    fn add_miss(&mut self, reading: &Reading, sensor: &SensorDescription) {
+    fn judge_miss(&mut self) {
         if self.touches.is_empty() {
-            self.misses.push(Miss { reading: reading.clone(), sensor: sensor.clone() });
             return;
         }
-        self.patterns.push(Pattern::of_miss(reading, sensor, self.anchor));
         self.judge_newest_pattern();
         if self.stage == 3 {
             self.weigh();

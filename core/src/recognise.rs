@@ -22,6 +22,7 @@ use crate::patch::{Patch, observe_patch};
 use crate::reading::Reading;
 use crate::rotation_grid::RotationGrid;
 use crate::sensor::SensorDescription;
+use crate::vocabulary::Association;
 use matching::{PairQuery, find_poses};
 pub use options::{BinPose, PairWeight, SvaOptions};
 
@@ -89,6 +90,18 @@ pub struct SvaBelief {
 }
 
 impl SvaBelief {
+    /// Bytes of memory that this belief has for itself, without the catalogue that it shares.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let seen = |patch: &Patch| {
+            size_of::<Patch>() + patch.classes.capacity() * size_of::<Association>()
+        };
+        size_of::<Self>()
+            + self.log_prior.capacity() * size_of::<f64>()
+            + self.seen.iter().map(seen).sum::<usize>()
+            + self.histograms.iter().map(SparseHistogram::bytes).sum::<usize>()
+    }
+
     /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
     /// is even.
     ///

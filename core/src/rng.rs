@@ -43,6 +43,8 @@ pub enum Purpose {
     Bootstrap = 31,
     /// Objects put together at random.
     Assembly = 32,
+    /// When a load's requests are due, and what each of them is.
+    Arrivals = 40,
 }
 
 /// A reproducible stream of random numbers.

@@ -8,6 +8,7 @@
 //! Beyond the dissertation; sections 5.6.3–5.6.6 name the idea.
 
 pub mod appearance;
+pub mod bend;
 pub mod joint_pairs;
 pub mod map;
 mod pair_cells;

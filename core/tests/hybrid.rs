@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock};
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate_core::belief::answer::Answer;
-use palpate_core::hybrid::{HybridBelief, HybridOptions};
+use palpate_core::hybrid::{HybridBelief, HybridOptions, NotConclusions};
 use palpate_core::model::ObjectIdx;
 use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::pose::Pose;
@@ -300,6 +300,61 @@ fn two_touches_of_one_place_differ_by_one_deviation_along_each_axis() {
     assert!(n > 100.0, "{n} pairs");
     let deviation = f64::sqrt(squares / n);
     assert!((0.5..2.0).contains(&deviation), "{deviation}");
+}
+
+/// What is done to a belief: a reading comes, or the object may have moved.
+enum Step {
+    Touch(Reading),
+    Moved(Looseness),
+}
+
+/// Touches, a press that meets nothing, and motions, before the first touch and later.
+fn steps() -> Vec<Step> {
+    let pose = some_pose(1);
+    let sensor = six_by_six();
+    let away = Pose::from_parts(DQuat::IDENTITY, pose.translation + DVec3::X);
+    let miss = || Step::Touch(Reading::new(SensorId(0), &sensor, &[Some(0.0); 36], away).unwrap());
+    let touched = |n, seed| touches(1, n, seed).into_iter().map(|r| Step::Touch(r.moved_by(pose)));
+    let motion = || Step::Moved(Looseness { position: 5.0 * MM, angle: 0.1 });
+    let mut steps = vec![miss(), motion(), miss()];
+    steps.extend(touched(6, 2));
+    steps.push(miss());
+    steps.extend([motion(), miss(), motion()]);
+    steps.extend(touched(5, 3));
+    steps
+}
+
+#[test]
+fn a_belief_that_is_resumed_goes_on_bit_for_bit() {
+    let (steps, sensor) = (steps(), six_by_six());
+    let step = |belief: &mut HybridBelief, step: &Step| match step {
+        Step::Touch(reading) => belief.add(reading, &sensor),
+        Step::Moved(motion) => belief.loosen(motion),
+    };
+    let mut whole = belief();
+    let mut kept = Vec::new();
+    for each in &steps {
+        kept.push(whole.conclusions());
+        step(&mut whole, each);
+    }
+    for n in 0..steps.len() {
+        let mut resumed = belief();
+        for each in &steps[..n] {
+            match each {
+                Step::Touch(reading) => resumed.retrace(reading, &sensor),
+                Step::Moved(_) => resumed.retrace_motion(),
+            }
+        }
+        assert_eq!(resumed.clone().resume(&kept[n][..kept[n].len() - 1]), Err(NotConclusions));
+        if n > 0 {
+            assert_eq!(belief().resume(&kept[n]), Err(NotConclusions), "of {n} steps, with none");
+        }
+        resumed.resume(&kept[n]).unwrap();
+        assert_eq!(resumed.conclusions(), kept[n]);
+        steps[n..].iter().for_each(|each| step(&mut resumed, each));
+        assert_eq!(resumed.conclusions(), whole.conclusions(), "from {n} steps");
+        assert_eq!(format!("{:?}", resumed.answer(5)), format!("{:?}", whole.answer(5)));
+    }
 }
 
 #[test]

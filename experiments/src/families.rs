@@ -82,11 +82,9 @@ impl Warp {
 }
 
 /// Objects one after the other: the parents, then members of their families in turn. Equal
-/// seeds give equal objects. Only the parents are kept: a catalogue of any size needs no memory
-/// for its meshes.
+/// seeds give equal objects. Of the meshes only the parents' are kept.
 pub struct Families {
     parents: Vec<TestObject>,
-    refined: Vec<Mesh>,
     /// Of every family, what its members so far are told apart by.
     signatures: Vec<Vec<Vec<f64>>>,
     seed: u64,
@@ -99,20 +97,20 @@ impl Families {
     /// # Errors
     /// When a parent cannot be made of smaller triangles.
     pub fn new(parents: Vec<TestObject>, seed: u64) -> anyhow::Result<Self> {
-        let refined: Vec<Mesh> =
-            parents.iter().map(|parent| subdivided(&parent.mesh)).collect::<anyhow::Result<_>>()?;
-        let signatures = refined.iter().map(|mesh| vec![signature(mesh)]).collect();
-        Ok(Self { parents, refined, signatures, seed, next: 0 })
+        let own = |parent: &TestObject| Ok(vec![signature(&subdivided(&parent.mesh)?)]);
+        let signatures = parents.iter().map(own).collect::<anyhow::Result<_>>()?;
+        Ok(Self { parents, signatures, seed, next: 0 })
     }
 
     fn member(&mut self, index: usize) -> anyhow::Result<TestObject> {
         let (parent, generation) = (index % self.parents.len(), index / self.parents.len());
-        let (mesh, name) = (&self.refined[parent], &self.parents[parent].name);
+        let TestObject { name, mesh } = &self.parents[parent];
+        let mesh = subdivided(mesh)?;
         let signatures = &mut self.signatures[parent];
         let mut stream = Stream::new(self.seed, Purpose::Shape, index as u64);
         let least = DIFFERENT / (80.0 * MM) * mesh.largest_dimension();
         for _draw in 0..DRAWS_MAX {
-            let mesh = Warp::draw(&mut stream).apply(mesh)?;
+            let mesh = Warp::draw(&mut stream).apply(&mesh)?;
             let found = signature(&mesh);
             if signatures.iter().all(|known| difference(known, &found) >= least) {
                 signatures.push(found);

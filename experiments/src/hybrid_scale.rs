@@ -6,8 +6,10 @@
 //! Of the letters only [`LETTERS`] are taken: solids can be turned over, so that lower-case
 //! b, d, p and q, n and u are (nearly) one, as are M and W, N and Z, and in round fonts C and U,
 //! A and V. In the same run the printed method (`literal`) plays a few sessions.
+//! In a few more sessions of the largest the planner chooses the touches (`chosen`).
 //! Time is processor time of one thread a reading, answer included.
 
+mod chosen;
 mod thousand;
 
 use std::path::{Path, PathBuf};
@@ -52,7 +54,7 @@ pub struct HybridScale {
     pub letters: Option<PathBuf>,
     /// Sizes of catalogues.
     pub counts: Vec<usize>,
-    /// Also grow families of these objects to a thousand.
+    /// Also a thousand: these objects but the letters, procedural ones, and families of both.
     pub thousand: bool,
     /// Largest dimension of every object, metres.
     pub size: f64,
@@ -62,6 +64,9 @@ pub struct HybridScale {
     pub trials: usize,
     /// Sessions of the literal method, each with another object; 0 for none.
     pub literal_sessions: usize,
+    /// Trials an object of the largest of `counts` whose touches are chosen from the third on;
+    /// 0 for none.
+    pub chosen_trials: usize,
     /// Training readings an object.
     pub train_readings: usize,
     /// Test readings an object.
@@ -84,6 +89,7 @@ impl Default for HybridScale {
             seed: 1,
             trials: 10,
             literal_sessions: 20,
+            chosen_trials: 2,
             train_readings: 1_000,
             test_readings: 100,
             readings: 10,
@@ -177,15 +183,18 @@ fn touch(
                 touched.test.push(test);
                 touched.objects.push(object);
             }
-            Err(error) => report.row(vec![
-                ("left_out", json!(object.name)),
-                ("because", json!(format!("{error:#}"))),
-            ]),
+            Err(error) => report_left_out(report, &object, &error),
         }
     }
     let found = touched.objects.len();
     anyhow::ensure!(found == wanted, "{found} objects can be touched, expected {wanted}");
     Ok(touched)
+}
+
+/// A row for an object that cannot be touched often enough.
+fn report_left_out(report: &mut Report, object: &TestObject, error: &anyhow::Error) {
+    let because = json!(format!("{error:#}"));
+    report.row(vec![("left_out", json!(object.name)), ("because", because)]);
 }
 
 /// Trains and tests with the first `count` objects; gives a panel of accuracy.
@@ -210,6 +219,11 @@ fn one_catalogue(
         threads: 1,
         disturbance: Disturbance::None,
     };
+    let is_largest = config.counts.iter().all(|other| *other <= count);
+    if config.chosen_trials > 0 && is_largest {
+        let objects = &touched.objects[..count];
+        chosen::run(config, &model, objects, &sessions, report, progress)?;
+    }
     let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
     let played = sessions.play(&hybrid, count, config.trials * count, progress)?;
     report_catalogue(report, "", count, &hybrid, &played);
@@ -315,6 +329,7 @@ mod tests {
             seed: 101,
             trials: 2,
             literal_sessions: 2,
+            chosen_trials: 1,
             train_readings: 250,
             test_readings: 20,
             readings: 6,
@@ -333,6 +348,9 @@ mod tests {
             }
         }
         assert!((summary["trials_6"] - 12.0).abs() < 1e-9);
+        assert!(summary["accuracy_6_at_6_chosen"] > 0.8, "{summary:?}");
+        assert!(summary["presses_per_touch_6_chosen"] >= 1.0, "{summary:?}");
+        assert!(!summary.contains_key("accuracy_4_at_6_chosen"), "the largest only");
         // No letters were given.
         assert_eq!(
             summary["others_accuracy_6_at_4"].to_bits(),

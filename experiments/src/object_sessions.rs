@@ -307,13 +307,20 @@ impl Sessions<'_> {
         Pose::from_parts(stream.rotation(), position)
     }
 
-    /// The readings of a trial, each with where the object was.
+    /// The readings of a trial, each with where the object was. None comes twice before all have
+    /// come: a robot does not touch one place twice in just the same way.
     #[must_use]
     pub fn presented(&self, object: usize, trial: usize) -> Vec<(Reading, Pose)> {
         let index = self.index(object, trial);
         let mut choice = Stream::new(self.seed, Purpose::ReadingChoice, index);
         let test = &self.test[object];
-        let readings = (0..self.readings).map(|_| test[choice.index(test.len())].clone());
+        let mut rest = Vec::new();
+        let readings = (0..self.readings).map(|_| {
+            if rest.is_empty() {
+                rest.extend(0..test.len());
+            }
+            test[rest.swap_remove(choice.index(rest.len()))].clone()
+        });
         let mut stream = Stream::new(self.seed, Purpose::Perturbation, index);
         let pose = self.true_pose(object, trial);
         self.disturbance.present(readings.collect(), pose, &mut stream)

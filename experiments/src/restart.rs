@@ -20,7 +20,7 @@ use serde_json::json;
 
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
-use crate::server_throughput::{CATALOGUE, ServerThroughput, on_the_wire, prepare};
+use crate::server_throughput::{CATALOGUE, ServerThroughput, numbered, prepare};
 
 /// How many clients ask at the same time.
 const CLIENTS: usize = 8;
@@ -70,7 +70,7 @@ pub async fn fill(
             readings: (0..config.readings)
                 .map(|seq| {
                     let reading = touched[stream.index(touched.len())].moved_by(pose);
-                    on_the_wire(&reading, 0, seq)
+                    numbered(&reading, 0, seq)
                 })
                 .collect(),
         };

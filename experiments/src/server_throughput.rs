@@ -26,6 +26,7 @@ use serde_json::json;
 use crate::objects;
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
+use crate::wire::on_the_wire;
 
 const SENSOR: &str = "throughput-6x6";
 /// The catalogue that is trained.
@@ -198,7 +199,7 @@ async fn work(
                 readings: (0..batch)
                     .map(|k| {
                         let reading = touched[stream.index(touched.len())].moved_by(pose);
-                        on_the_wire(&reading, robot, request * batch + k)
+                        numbered(&reading, robot, request * batch + k)
                     })
                     .collect(),
             };
@@ -213,22 +214,11 @@ async fn work(
     Ok((latency, posted))
 }
 
-/// A reading for the wire, with its robot's number.
-pub(crate) fn on_the_wire(reading: &core_reading::Reading, robot: usize, seq: usize) -> Reading {
-    let pose = reading.session_from_sensor();
+/// A reading for the wire, with its robot and its number.
+pub(crate) fn numbered(reading: &core_reading::Reading, robot: usize, seq: usize) -> Reading {
     Reading {
         robot: Some(format!("robot-{robot}")),
         seq: Some(seq as u64),
-        sensor: SENSOR.to_owned(),
-        frame_id: None,
-        stamp: None,
-        pose: Some(palpate_schemas::Pose {
-            position: pose.translation.to_array(),
-            orientation: pose.rotation.to_array(),
-        }),
-        image: reading.image().pressures.iter().copied().map(Some).collect(),
-        feature: None,
-        approach_m: None,
-        object_moved: None,
+        ..on_the_wire(reading, SENSOR)
     }
 }

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::belief::Belief;
 use crate::pose::Pose;
 use crate::reading::{Looseness, Stamp};
-use crate::session::Belief;
 
 /// A reading of a session, as it came.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
@@ -117,6 +117,10 @@ pub struct ReplayStep {
     pub n_readings: u32,
     /// The likeliest object and its probability.
     pub best: Option<BestObject>,
+    /// The ten likeliest objects, likeliest first.
+    #[serde(default)]
+    #[schema(max_items = 10)]
+    pub objects: Vec<BestObject>,
     /// How probable it was that the object is none of the catalogue's.
     pub unknown: f64,
     /// Uncertainty about the identity in bits, "none of these" included.

@@ -7,7 +7,9 @@
 pub mod access;
 pub mod analysis;
 pub mod appearance;
+pub mod belief;
 pub mod calibration;
+pub mod fleet;
 pub mod geometry;
 pub mod health;
 pub mod history;
@@ -31,11 +33,13 @@ pub use appearance::{
     AppearanceReport, AppearanceSummary, AppearanceTraining, ClassCandidate, ClusteringKind,
     FeatureSource, NearDuplicate, ObjectAppearance,
 };
+pub use belief::{Belief, BeliefQuery, ObjectProbability, PoseHypothesis, StopAdvice};
 pub use calibration::{
     CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
     TaxelState,
 };
+pub use fleet::{Fleet, FleetQuery, FleetSession};
 pub use geometry::{
     AxisUnit, GeometryKind, GeometryReport, GeometryTraining, Marginal, Marginals, MarginalsQuery,
     MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior, SliceQuery,
@@ -60,9 +64,9 @@ pub use sensor::{
     SensorPage, SensorPreset, TaxelGrid,
 };
 pub use session::{
-    AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, EventsQuery, Method,
-    ObjectProbability, PoseHypothesis, PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase,
-    Session, SessionEvent, SessionPage, SessionState, StopAdvice,
+    AddReadings, BeliefDetail, CloseSession, CreateSession, EventsQuery, ExtendSession, Method,
+    PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent,
+    SessionPage, SessionState, SessionsQuery, Truth,
 };
 pub use symmetry::SymmetryAxis;
 pub use training::{

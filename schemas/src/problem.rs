@@ -56,12 +56,16 @@ pub enum ProblemType {
     /// 408: the request's body did not arrive in time.
     #[serde(rename = "urn:palpate:problem:timeout")]
     Timeout,
-    /// 409: the request does not fit the state of the thing, such as a closed session.
+    /// 409: the request does not fit the state of the thing, such as a job that is finished.
     #[serde(rename = "urn:palpate:problem:wrong-state")]
     WrongState,
     /// 409: something with this name, or another reading with this robot and sequence, exists.
     #[serde(rename = "urn:palpate:problem:conflict")]
     Conflict,
+    /// 410: the session was closed or has expired; `detail` says which, and when. What it
+    /// believed can still be read.
+    #[serde(rename = "urn:palpate:problem:session-ended")]
+    SessionEnded,
     /// 412: the thing has changed since it was read (`If-Match`).
     #[serde(rename = "urn:palpate:problem:precondition-failed")]
     PreconditionFailed,
@@ -77,7 +81,11 @@ pub enum ProblemType {
     /// 422: the request can be read, a value in it is wrong.
     #[serde(rename = "urn:palpate:problem:invalid-value")]
     InvalidValue,
-    /// 503: too much is being asked at once; `Retry-After` says when to ask again.
+    /// 429: the client has used up what it may have; `RateLimit` says of what, and `Retry-After`
+    /// when there is more.
+    #[serde(rename = "urn:palpate:problem:too-many-requests")]
+    TooManyRequests,
+    /// 503: too much is being asked of the server at once; `Retry-After` says when to ask again.
     #[serde(rename = "urn:palpate:problem:overloaded")]
     Overloaded,
     /// 503: the server is stopping, or its store does not take writes.

@@ -15,6 +15,10 @@ pub struct Sensor {
     pub preset: Option<String>,
     /// Its geometry and response. Does not change: readings rely on it.
     pub description: SensorDescription,
+    /// The number of its newest calibration, which applies to readings that come now; null
+    /// when it has none.
+    #[serde(default)]
+    pub calibration: Option<u32>,
     /// When it was created.
     #[schema(format = DateTime)]
     pub created_at: String,

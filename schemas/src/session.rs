@@ -4,10 +4,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::belief::Belief;
 use crate::geometry::PosePrior;
-use crate::pose::Pose;
 use crate::reading::{Looseness, Reading};
-use crate::symmetry::SymmetryAxis;
 
 /// A new session: one object that is touched, and, but for the methods `appearance…`, rests
 /// in one frame.
@@ -35,6 +34,11 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 10_000)]
     pub prior: Option<Vec<PriorEntry>>,
+    /// How probable it is before the first touch that the object is none of the catalogue's,
+    /// above 0 and below 1, for `hybrid`; 0.05 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(exclusive_minimum = 0.0, exclusive_maximum = 1.0, example = 0.05)]
+    pub unknown_prior: Option<f64>,
     /// Where the object may lie, for the methods `geometric…`. With maps of kind `planar` the
     /// planar prior's defaults when not given; with maps of kind `solid` it must be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -71,11 +75,67 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.000_1, maximum = 0.5, example = 0.05)]
     pub risk: Option<f64>,
-    /// Seconds without a new reading after which the session closes, 1 to 31536000; it stays
-    /// open when not given.
+    /// Seconds without a new reading after which the session expires, 1 to 31536000; the
+    /// server's own bound, a day if its operator has not chosen another, when not given. A
+    /// lease keeps it open for longer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 31_536_000)]
     pub ttl_s: Option<u32>,
+}
+
+/// The end of a session, and what its object was if that is known.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CloseSession {
+    /// The object that was touched, by id or name: the server counts how often it was right.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 64, example = "mug")]
+    pub object: Option<String>,
+    /// True when it was none of the catalogue's objects; not together with `object`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub none_of_these: Option<bool>,
+}
+
+/// What a session's object was, as a client said when it closed the session.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+pub struct Truth {
+    /// The object's id; null when it was none of the catalogue's.
+    pub object: Option<Uuid>,
+    /// Its name; null when it was none of the catalogue's.
+    pub name: Option<String>,
+    /// The probability that the session's belief gave to that.
+    #[schema(minimum = 0.0, maximum = 1.0)]
+    pub probability: f64,
+    /// Whether that was the likeliest answer.
+    pub was_right: bool,
+}
+
+/// A lease: the session stays open although nothing comes.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExtendSession {
+    /// Seconds from now on for which it stays open at least, 1 to 31536000. A lease is never
+    /// shortened.
+    #[schema(minimum = 1, maximum = 31_536_000, example = 3600)]
+    pub seconds: u32,
+}
+
+/// What a list of sessions is asked for.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct SessionsQuery {
+    /// How many items at most, 1 to 1000; 100 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[param(minimum = 1, maximum = 1000)]
+    pub limit: Option<u32>,
+    /// The `next_cursor` of the page before; its content is the server's business.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cursor: Option<String>,
+    /// Only sessions in this state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[param(inline)]
+    pub state: Option<SessionState>,
 }
 
 /// A robot whose base is not exactly where its poses say.
@@ -152,6 +212,9 @@ pub struct Session {
     pub robots: Option<Vec<RobotBase>>,
     /// How far the object moves between any two touches; null when it rests.
     pub object_moves: Option<Looseness>,
+    /// How probable it was before the first touch that the object is none of the catalogue's;
+    /// null with methods other than `hybrid`.
+    pub unknown_prior: Option<f64>,
     /// The risk of a wrong answer at which its client wants to stop; null when not named.
     pub risk: Option<f64>,
     /// The frame of its sensor poses, if it was named.
@@ -166,14 +229,38 @@ pub struct Session {
     /// Counts what changed its readings: readings that came, withdrawals, and its end.
     #[serde(default)]
     pub revision: u32,
-    /// Seconds without a new reading after which it closes.
+    /// Seconds without a new reading after which it expires; null when it never does.
     pub ttl_s: Option<u32>,
+    /// When it expires if nothing new comes; null when it never does, or has ended.
+    #[serde(default)]
+    #[schema(format = DateTime)]
+    pub expires_at: Option<String>,
+    /// Until when a lease keeps it open; null without one.
+    #[serde(default)]
+    #[schema(format = DateTime)]
+    pub leased_until: Option<String>,
     /// When it was created.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// When it was closed; null while it is open.
+    /// When it ended; null while it is open.
     #[schema(format = DateTime)]
     pub closed_at: Option<String>,
+    /// Why it ended; null while it is open.
+    #[serde(default)]
+    pub ended: Option<SessionEnd>,
+    /// What its object was, if a client has said; null otherwise.
+    #[serde(default)]
+    pub truth: Option<Truth>,
+}
+
+/// Why a session takes no more readings.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SessionEnd {
+    /// A client closed it.
+    Closed,
+    /// Nothing new came within its time to live, and no lease kept it open.
+    Expired,
 }
 
 /// Whether a session takes readings.
@@ -182,7 +269,7 @@ pub struct Session {
 pub enum SessionState {
     /// It takes readings.
     Open,
-    /// It was closed, or nothing came within its time to live. Its belief can still be read.
+    /// It has ended: it was closed, or it expired. Its belief can still be read.
     Closed,
 }
 
@@ -240,99 +327,6 @@ pub struct ReadingsAdded {
     pub n_readings: u32,
     /// The belief after them; null with `belief=none`.
     pub belief: Option<Belief>,
-}
-
-/// What a belief query asks for.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct BeliefQuery {
-    /// How many pose hypotheses at most, 0 to 100; 5 when not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[param(minimum = 0, maximum = 100)]
-    pub poses: Option<u32>,
-    /// Of which revision, such as the one of an earlier belief: after so many readings and
-    /// retractions, as they came; 0 is before the first, the newest when not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[param(minimum = 0)]
-    pub at: Option<u32>,
-}
-
-/// What is known of a session's object: which one it is, where, and how certainly.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct Belief {
-    /// The session.
-    pub session: Uuid,
-    /// Counts the changes of the session's readings (one that came, one that was withdrawn, the
-    /// session's end); its value is the `ETag`.
-    pub revision: u32,
-    /// How many readings it rests on; withdrawn ones do not count.
-    pub n_readings: u32,
-    /// The objects, likeliest first; with `unknown` their probabilities sum to 1 when all are
-    /// listed.
-    pub objects: Vec<ObjectProbability>,
-    /// How probable it is that the object is none of the catalogue's, 0 to 1; 0 with methods
-    /// other than `hybrid`, which take it for one of them.
-    #[serde(default)]
-    #[schema(minimum = 0.0, maximum = 1.0)]
-    pub unknown: f64,
-    /// Whether to stop touching, for sessions that named a `risk`; null otherwise.
-    #[serde(default)]
-    pub stop: Option<StopAdvice>,
-    /// Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
-    /// knows nothing of n objects.
-    pub entropy_bits: f64,
-    /// Pose hypotheses, likeliest first; do not average them. With the methods `hybrid` and
-    /// `sva`, poses that look the same by the object's `symmetry` are one. Empty with the methods `appearance…`, which know nothing of poses.
-    pub poses: Vec<PoseHypothesis>,
-}
-
-/// Whether the answer is sure enough to stop.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct StopAdvice {
-    /// The risk that the client named.
-    pub risk: f64,
-    /// The risk that the likeliest answer, an object or "none of these", is wrong.
-    pub found: f64,
-    /// Whether it is low enough.
-    pub reached: bool,
-}
-
-/// How probable one object is.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct ObjectProbability {
-    /// The object's id.
-    pub object: Uuid,
-    /// The object's name when it was trained.
-    pub name: String,
-    /// Its probability, 0 to 1.
-    pub probability: f64,
-}
-
-/// One hypothesis of what the object is and where.
-#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct PoseHypothesis {
-    /// The object's id.
-    pub object: Uuid,
-    /// The object's name when it was trained.
-    pub name: String,
-    /// The hypothesis's share of the belief, 0 to 1, that of all poses that look the same
-    /// included.
-    pub weight: f64,
-    /// The object's pose in the session frame (`session_from_object`). The object frame has its
-    /// origin at the centroid of the mesh or of the training touches, see `origin_in_mesh` of
-    /// the version's report.
-    pub pose: Pose,
-    /// 6 × 6 covariance, row-major, in the order of ROS: x, y, z in metres, then rotation about
-    /// the fixed x, y, z axes of the session frame in radians. About an axis that every turn
-    /// leaves as it is, the angle is unknown: its variance is π²/3 rad² and more.
-    #[schema(min_items = 36, max_items = 36)]
-    pub covariance: Vec<f64>,
-    /// Which turns of this pose look the same, as axes in the session frame, highest order
-    /// first: `pose` stands for all of them. Empty when the object only looks like itself, with
-    /// the other methods, and with versions that were trained without surfaces.
-    #[serde(default)]
-    pub symmetry: Vec<SymmetryAxis>,
 }
 
 /// Which sessions a stream of events follows.

@@ -197,6 +197,10 @@ pub struct MapPatch {
     pub normal: [f64; 3],
     /// How well the contact fixed the normal, 0 to 1.
     pub normal_confidence: f64,
+    /// The class of appearance that it most likely belongs to, from 0; null when it is in no
+    /// pair.
+    #[serde(default)]
+    pub class: Option<u32>,
 }
 
 /// What to train.

@@ -21,6 +21,7 @@ use crate::headers::{cors, secure};
 use crate::jobs::Jobs;
 use crate::keys::Keys;
 use crate::objects::Objects;
+use crate::rate::{Rates, share};
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
 use crate::{problem, routes, telemetry};
@@ -35,6 +36,7 @@ pub(crate) struct Parts {
     pub(crate) store: Database,
     pub(crate) pool: Pool,
     pub(crate) admission: Admission,
+    pub(crate) rates: Option<Rates>,
     pub(crate) sensors: Arc<Sensors>,
     pub(crate) objects: Arc<Objects>,
     pub(crate) catalogues: Arc<Catalogues>,
@@ -60,6 +62,10 @@ impl App {
 
     pub(crate) fn admission(&self) -> &Admission {
         &self.0.admission
+    }
+
+    pub(crate) fn rates(&self) -> Option<&Rates> {
+        self.0.rates.as_ref()
     }
 
     pub(crate) fn sensors(&self) -> &Sensors {
@@ -119,20 +125,40 @@ impl App {
         let compute = check("compute", n_free > 0, format!("{n_free} places are free"));
         let stopping = *self.0.stopping.borrow();
         let serving = if stopping { "the server stops" } else { "the server serves" };
+        let (beliefs, bodies) = (self.0.sessions.belief_bytes(), self.0.admission.body_bytes());
+        let (beliefs_max, bodies_max) =
+            (self.0.config.belief_memory_bytes_max, self.0.config.bodies_bytes_max);
+        let memory = check(
+            "memory",
+            beliefs <= beliefs_max,
+            format!(
+                "beliefs have {beliefs} of {beliefs_max} bytes, bodies {bodies} of {bodies_max}"
+            ),
+        );
         let vital = [store, compute, check("serving", !stopping, serving.to_owned())];
         // With a full disk or a damaged version the server still does most of its work, and
         // another one would not do it better.
         let ready = vital.iter().all(|check| check.passed);
-        Readiness { ready, checks: vital.into_iter().chain([room, integrity]).collect() }
+        Readiness { ready, checks: vital.into_iter().chain([room, memory, integrity]).collect() }
     }
 
     /// Brings the figures up to date that nobody else keeps.
     pub(crate) fn measure(&self) {
+        // What the operating system says of the process: memory, processor time, open files.
+        metrics_process::Collector::default().collect();
         metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
+        metrics::gauge!("palpate_sessions_open").set(self.0.sessions.n_open() as f64);
         metrics::gauge!("palpate_jobs_unfinished").set(self.0.jobs.n_unfinished() as f64);
         metrics::gauge!("palpate_compute_places_free").set(self.0.pool.n_free() as f64);
         let n_damaged = self.0.catalogues.n_damaged() as f64;
         metrics::gauge!("palpate_versions_damaged").set(n_damaged);
+        let memory = [
+            ("beliefs", self.0.sessions.belief_bytes()),
+            ("bodies", self.0.admission.body_bytes()),
+        ];
+        for (kind, bytes) in memory {
+            metrics::gauge!("palpate_memory_bytes", "kind" => kind).set(bytes as f64);
+        }
         for part in ModelPart::ALL {
             let bytes = self.0.catalogues.bytes_in_memory(part) as f64;
             metrics::gauge!("palpate_model_bytes", "part" => part_name(part)).set(bytes);
@@ -156,6 +182,7 @@ pub(crate) fn router(app: App) -> Router {
         .layer(CatchPanicLayer::custom(problem::panicked))
         .layer(from_fn_with_state(app.clone(), record))
         .layer(from_fn_with_state(app.clone(), admit))
+        .layer(from_fn_with_state(app.clone(), share))
         .layer(from_fn_with_state(app.clone(), guard));
     // Browsers ask without a key whether a page may ask at all.
     let shared = match cors(&app.config().cors_origins) {

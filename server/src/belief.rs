@@ -13,7 +13,7 @@ use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals,
     PrintedFilter,
 };
-use palpate_core::hybrid::{HybridBelief, HybridOptions};
+use palpate_core::hybrid::HybridBelief;
 use palpate_core::model::ObjectIdx;
 use palpate_core::model::appearance::AppearanceSource;
 use palpate_core::next_touch::{Ranking, rank};
@@ -31,7 +31,7 @@ use crate::refusal::Refusal;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
-use crate::wire::session::{Options, is_appearance, name, options};
+use crate::wire::session::{Options, hybrid_options, is_appearance, name, options};
 
 /// Poses of pair maps are one within half a bin and a few degrees: they are refined.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
@@ -82,10 +82,7 @@ impl SessionBelief {
         let filter = match options.method {
             Method::Hybrid => {
                 let surfaces = Arc::clone(model.surfaces()?);
-                let rests = HybridOptions::default();
-                let options = options.object_moves.map_or(rests, |moves| {
-                    rests.loosened(moves.position_m as f32, moves.angle_rad as f32)
-                });
+                let options = hybrid_options(&options);
                 return Ok(Self::Hybrid(HybridBelief::new(surfaces, options, prior)?));
             }
             Method::Sva => {
@@ -119,6 +116,16 @@ impl SessionBelief {
         Ok(Self::Geometric(GeometricBelief::new(model.prepared()?, options, prior)?))
     }
 
+    /// Bytes of memory that it has for itself.
+    pub(crate) fn bytes(&self) -> usize {
+        match self {
+            Self::Hybrid(belief) => belief.bytes(),
+            Self::Sva(belief, _) => belief.bytes(),
+            Self::Geometric(belief) => belief.bytes(),
+            Self::Appearance(belief) => belief.bytes(),
+        }
+    }
+
     /// Takes a reading into account: as it is `stored`, and as core knows it.
     pub(crate) fn add(
         &mut self,
@@ -146,6 +153,36 @@ impl SessionBelief {
             Self::Sva(belief, _) => Ok(belief.add(reading, sensor)?),
             Self::Geometric(belief) => Ok(belief.add(reading, sensor)?),
         }
+    }
+
+    /// What it has concluded, for methods whose search is worth to keep.
+    pub(crate) fn conclusions(&self) -> Option<Vec<u8>> {
+        match self {
+            Self::Hybrid(belief) => Some(belief.conclusions()),
+            Self::Sva(..) | Self::Geometric(_) | Self::Appearance(_) => None,
+        }
+    }
+
+    /// Takes note of a reading whose conclusions [`SessionBelief::resume`] brings; whether the
+    /// method can.
+    pub(crate) fn retrace(
+        &mut self,
+        stored: &StoredReading,
+        reading: &Reading,
+        sensor: &SensorDescription,
+    ) -> bool {
+        let Self::Hybrid(belief) = self else { return false };
+        if stored.object_moved.is_some() {
+            belief.retrace_motion();
+        }
+        belief.retrace(reading, sensor);
+        true
+    }
+
+    /// Takes over conclusions from readings that were all retraced; whether they fit.
+    pub(crate) fn resume(&mut self, conclusions: &[u8]) -> bool {
+        let Self::Hybrid(belief) = self else { return false };
+        belief.resume(conclusions).is_ok()
     }
 
     /// By how many bits the belief expects a reading more than a touch anywhere; `None` when the

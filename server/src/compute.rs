@@ -10,6 +10,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread;
+use std::time::Instant;
 
 use thiserror::Error;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
@@ -103,8 +104,12 @@ impl Place {
     ) -> Result<T, ComputeError> {
         let (answer, answered) = oneshot::channel();
         let permit = self.permit;
+        let queued = Instant::now();
         let work = Box::new(move || {
+            metrics::histogram!("palpate_compute_wait_seconds").record(queued.elapsed());
+            let begun = Instant::now();
             let outcome = catch_unwind(AssertUnwindSafe(work));
+            metrics::histogram!("palpate_compute_seconds").record(begun.elapsed());
             drop(permit);
             // A robot that has gone away does not read the answer.
             let _ = answer.send(outcome.map_err(|_| ComputeError::Panicked));

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -55,6 +56,8 @@ pub struct Config {
     pub data: PathBuf,
     /// Bring a database of an older layout to today's; otherwise it is refused.
     pub migrate: bool,
+    /// How many bytes of memory the database keeps pages in.
+    pub store_cache_bytes: u64,
     /// Bytes of the disk that stay free: with fewer, writes are refused (507).
     pub disk_reserve_bytes: u64,
     /// How the free bytes are found.
@@ -69,6 +72,10 @@ pub struct Config {
     pub answer_timeout: Duration,
     /// How many requests may be under way at once.
     pub requests_max: usize,
+    /// How many bytes the bodies of all requests under way may have together.
+    pub bodies_bytes_max: usize,
+    /// How many requests a second each client may make; no bound of its own when `None`.
+    pub rate_per_second: Option<NonZeroU32>,
     /// How many event streams may be open at once.
     pub streams_max: usize,
     /// Threads that update beliefs and read meshes.
@@ -81,13 +88,27 @@ pub struct Config {
     pub training_queue_max: usize,
     /// How many bytes of memory models may have that sessions recognise by.
     pub model_memory_bytes_max: u64,
-    /// How many beliefs are kept in memory; others are rebuilt from their journals.
+    /// How many bytes of memory beliefs may have; those that were not used for longest are
+    /// rebuilt from their journals.
+    pub belief_memory_bytes_max: usize,
+    /// How many sessions are kept in memory; others are rebuilt from their journals.
     pub beliefs_in_memory_max: usize,
+    /// How many sessions may be open at once.
+    pub sessions_open_max: usize,
+    /// How long a session stays open without a new reading, unless it says so itself; zero is
+    /// for ever.
+    pub session_time_to_live: Duration,
+    /// How long sessions are kept after they ended, with their readings; for ever if `None`.
+    pub session_kept: Option<Duration>,
     /// How many readings one session may have.
     pub session_readings_max: usize,
     /// How many training readings one object may have.
     pub object_readings_max: usize,
 }
+
+/// So many requests may be under way for each core: what is accepted waits for those before it,
+/// and more of them would only wait longer.
+const REQUESTS_PER_CORE: usize = 128;
 
 impl Config {
     /// The defaults, with the database in `data`, listening at 127.0.0.1:7411.
@@ -105,20 +126,27 @@ impl Config {
             audit_entries_max: 100_000,
             data: data.into(),
             migrate: false,
+            store_cache_bytes: 64 << 20,
             disk_reserve_bytes: RESERVE_BYTES,
             free_space: FreeSpace::of_disk(),
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,
             body_timeout: Duration::from_secs(60),
             answer_timeout: Duration::from_secs(90),
-            requests_max: 1024,
+            requests_max: REQUESTS_PER_CORE * n_cores,
+            bodies_bytes_max: 256 << 20,
+            rate_per_second: None,
             streams_max: 1024,
             compute_threads: n_cores,
             compute_queue_max: 256,
             training_threads: n_cores.saturating_sub(1).max(1),
             training_queue_max: 32,
             model_memory_bytes_max: 1_000_000_000,
+            belief_memory_bytes_max: 500_000_000,
             beliefs_in_memory_max: 1024,
+            sessions_open_max: 10_000,
+            session_time_to_live: Duration::from_secs(86_400),
+            session_kept: None,
             session_readings_max: 10_000,
             object_readings_max: 100_000,
         }

@@ -19,8 +19,10 @@ use serde::de::DeserializeOwned;
 use serde_json::error::Category;
 use serde_path_to_error::Segment;
 
+use crate::admission::BodyRoom;
 use crate::app::App;
 use crate::refusal::Refusal;
+pub(crate) use msgpack::parse as parse_msgpack;
 
 /// How many times its limit of a body that is too long is read and thrown away, so that the
 /// robot, still sending, gets to read the answer.
@@ -31,6 +33,9 @@ const PARSE_HERE_MAX: usize = 100_000;
 
 /// A JSON body.
 pub(crate) struct JsonBody<T>(pub(crate) T);
+
+/// A JSON body that may be left out.
+pub(crate) struct OptionalBody<T>(pub(crate) T);
 
 /// Readings in JSON or MessagePack.
 pub(crate) struct ReadingsBody<T>(pub(crate) T);
@@ -62,6 +67,23 @@ impl<T: DeserializeOwned + Send + 'static> FromRequest<App> for JsonBody<T> {
             return Err(Refusal::ContentType { found, expected: "application/json" });
         }
         parsed(request, app, parse).await.map(Self)
+    }
+}
+
+impl<T: DeserializeOwned + Default + Send + 'static> FromRequest<App> for OptionalBody<T> {
+    type Rejection = Refusal;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
+        let found = content_type(request.headers());
+        let config = app.config();
+        let bytes = read(request, config.json_bytes_max, config.body_timeout).await?;
+        if bytes.is_empty() {
+            return Ok(Self(T::default()));
+        }
+        if !is_json(&found) {
+            return Err(Refusal::ContentType { found, expected: "application/json" });
+        }
+        parse(&bytes).map(Self)
     }
 }
 
@@ -244,11 +266,17 @@ fn is_json(content_type: &str) -> bool {
 }
 
 async fn read(request: Request, max: usize, within: Duration) -> Result<Bytes, Refusal> {
-    let reading = read_bounded(request.into_body(), max);
+    let room = request.extensions().get::<BodyRoom>().cloned();
+    let stated = request.headers().get(header::CONTENT_LENGTH);
+    let stated = stated.and_then(|length| length.to_str().ok()?.parse::<usize>().ok());
+    if let (Some(room), Some(length)) = (&room, stated) {
+        room.hold(length.min(max))?;
+    }
+    let reading = read_bounded(request.into_body(), max, room.as_ref());
     tokio::time::timeout(within, reading).await.unwrap_or(Err(Refusal::BodyTooSlow { within }))
 }
 
-async fn read_bounded(body: Body, max: usize) -> Result<Bytes, Refusal> {
+async fn read_bounded(body: Body, max: usize, room: Option<&BodyRoom>) -> Result<Bytes, Refusal> {
     let mut stream = body.into_data_stream();
     let mut bytes = Vec::new();
     let mut length = 0usize;
@@ -256,6 +284,7 @@ async fn read_bounded(body: Body, max: usize) -> Result<Bytes, Refusal> {
         let chunk = chunk.map_err(|error| Refusal::Unreadable { reason: error.to_string() })?;
         length += chunk.len();
         if length <= max {
+            room.map_or(Ok(()), |room| room.hold(length))?;
             bytes.extend_from_slice(&chunk);
         } else if length > DRAIN_FACTOR.saturating_mul(max) {
             break;

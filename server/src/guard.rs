@@ -16,6 +16,7 @@ use palpate_store::access::AccessKey;
 
 use crate::app::App;
 use crate::audit::Attempt;
+use crate::dashboard;
 use crate::keys::KeyFault;
 use crate::listener::Peer;
 use crate::refusal::Refusal;
@@ -108,7 +109,7 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
 
 /// Pages for people and the API's description, which say nothing of what is stored.
 fn is_page(path: &str) -> bool {
-    matches!(path, "/" | "/site.css" | "/openapi.json" | "/docs") || path.starts_with("/docs/")
+    matches!(path, "/openapi.json" | "/docs") || path.starts_with("/docs/") || dashboard::has(path)
 }
 
 /// Refuses what another site's page in a browser of this machine asks for: its origin is not

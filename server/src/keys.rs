@@ -4,6 +4,7 @@
 //! constant time, and a key that does not exist takes as long as one that does.
 //! Not here: what a role may do (`roles`), and the way of a request (`guard`).
 
+mod holding;
 mod secret;
 
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use palpate_store::database::Database;
 use palpate_store::error::StoreError;
 use subtle::ConstantTimeEq;
 use thiserror::Error;
+use tokio::sync::watch;
 use uuid::Uuid;
 
 use crate::clock::now_ms;
@@ -38,6 +40,8 @@ pub(crate) struct Keys {
     /// Held while keys change: that an admin is left is a promise about all of them.
     changing: tokio::sync::Mutex<()>,
     required: bool,
+    /// Told of every change, so that what is open for a key's holder can end.
+    changes: watch::Sender<()>,
 }
 
 /// Why a request is not let in.
@@ -94,7 +98,8 @@ impl Keys {
         };
         let needs_admin = fresh || (required && n_admins(&all, now) == 0);
         let known = Arc::new(RwLock::new(all));
-        let keys = Self { store, known, changing: tokio::sync::Mutex::default(), required };
+        let changing = tokio::sync::Mutex::default();
+        let keys = Self { store, known, changing, required, changes: watch::Sender::default() };
         if !needs_admin {
             return Ok((keys, None));
         }
@@ -293,6 +298,7 @@ impl Keys {
 
     fn learn(&self, key: AccessKey) {
         self.known.write().unwrap_or_else(PoisonError::into_inner).insert(key.id, key);
+        self.changes.send_replace(());
     }
 
     fn read<T>(&self, look: impl FnOnce(&BTreeMap<Uuid, AccessKey>) -> T) -> T {

@@ -15,6 +15,7 @@ use axum::serve::{IncomingStream, Listener};
 use rustls::ServerConfig;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
@@ -31,7 +32,8 @@ pub(crate) struct Peer(pub(crate) SocketAddr);
 /// A listener for HTTP, or for HTTP through TLS.
 pub(crate) struct Door {
     incoming: TcpListener,
-    tls: Option<TlsAcceptor>,
+    /// What is shown to connections that come from now on.
+    tls: Option<watch::Receiver<Arc<ServerConfig>>>,
     handshakes: JoinSet<io::Result<(TlsStream<TcpStream>, SocketAddr)>>,
 }
 
@@ -42,8 +44,11 @@ pub(crate) enum Connection {
 }
 
 impl Door {
-    pub(crate) fn new(incoming: TcpListener, tls: Option<Arc<ServerConfig>>) -> Self {
-        Self { incoming, tls: tls.map(TlsAcceptor::from), handshakes: JoinSet::new() }
+    pub(crate) fn new(
+        incoming: TcpListener,
+        tls: Option<watch::Receiver<Arc<ServerConfig>>>,
+    ) -> Self {
+        Self { incoming, tls, handshakes: JoinSet::new() }
     }
 }
 
@@ -61,7 +66,7 @@ impl Listener for Door {
                     let Some(tls) = &self.tls else {
                         return (Connection::Plain(stream), address);
                     };
-                    let shaking = tls.accept(stream);
+                    let shaking = TlsAcceptor::from(Arc::clone(&tls.borrow())).accept(stream);
                     self.handshakes.spawn(async move {
                         let shaken = tokio::time::timeout(HANDSHAKE_PATIENCE, shaking).await;
                         Ok((shaken.map_err(|_| io::ErrorKind::TimedOut)??, address))

@@ -4,6 +4,8 @@
 //! in one order, whatever order they came in. Whoever needs the belief folds what is missing, on
 //! the compute pool; if that panics nothing is in memory, and the next one to ask folds anew.
 
+mod account;
+mod ending;
 mod explain;
 mod folding;
 mod memory;
@@ -11,8 +13,9 @@ mod order;
 mod past;
 mod replay;
 mod retract;
+mod state;
+mod turns;
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -25,7 +28,8 @@ use palpate_store::database::Database;
 use palpate_store::entity::{ReadingId, Session, StoredReading};
 use palpate_store::error::StoreError;
 use palpate_store::journal::{Event, Journal, NewEntry};
-use tokio::sync::{Mutex, broadcast};
+use tokio::sync::broadcast;
+use tracing::Instrument;
 
 use crate::belief::{SessionBelief, check};
 use crate::catalogues::Model;
@@ -35,39 +39,39 @@ use crate::refusal::Refusal;
 use crate::repeats::new_readings;
 use crate::sessions::{POSES, Tools, status};
 use crate::wire::belief::{belief, top};
+use crate::wire::life::Status;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::reading::Incoming;
-use crate::wire::session::{Status, name, options};
+use crate::wire::session::{name, options};
 use crate::wire::{count, geometry};
+use account::Account;
+pub(crate) use account::Total;
 use folding::Folding;
-use memory::Memory;
 pub(crate) use replay::ReplayQuestion;
+use state::State;
+use turns::Turns;
 
-/// How many answers are remembered for robots that repeat a reading.
-const ANSWERS_MAX: usize = 64;
 /// How many events a slow follower may lag behind before it misses some.
 const EVENTS_MAX: usize = 16;
+
 /// A session in memory.
 pub(crate) struct Live {
     session: Session,
     model: Arc<Model>,
-    state: Mutex<State>,
+    turns: Turns<State>,
     events: broadcast::Sender<SessionEvent>,
     last_use: AtomicU64,
+    account: Account,
 }
 
-#[derive(Default)]
-struct State {
-    memory: Memory,
-    /// Beliefs that were answered to readings, by their revisions, newest last: robots repeat.
-    answers: VecDeque<wire::Belief>,
-}
+/// What a session has in memory besides its belief, about: itself and its channel of events.
+const ENTRY_BYTES: usize = size_of::<Live>() + EVENTS_MAX * size_of::<SessionEvent>();
 
 impl Live {
-    pub(crate) fn new(session: Session, model: Arc<Model>) -> Self {
+    pub(crate) fn new(session: Session, model: Arc<Model>, total: &Total) -> Self {
         let (events, _) = broadcast::channel(EVENTS_MAX);
-        let last_use = AtomicU64::new(0);
-        Self { session, model, state: Mutex::new(State::default()), events, last_use }
+        let (last_use, account) = (AtomicU64::new(0), total.open(ENTRY_BYTES));
+        Self { session, model, turns: Turns::default(), events, last_use, account }
     }
 
     pub(crate) fn session(&self) -> &Session {
@@ -90,6 +94,19 @@ impl Live {
         self.events.subscribe()
     }
 
+    /// Gives its belief's memory back, unless somebody works with it at this moment; whoever
+    /// needs the belief again folds it anew.
+    pub(crate) fn forget(&self) {
+        if let Some(mut state) = self.turns.try_take() {
+            *state = State::default();
+            self.count(&state);
+        }
+    }
+
+    fn count(&self, state: &State) {
+        self.account.set(ENTRY_BYTES + state.bytes());
+    }
+
     /// Tells everybody who follows the session; nobody has to.
     pub(crate) fn publish(&self, event: SessionEvent) {
         let _ = self.events.send(event);
@@ -107,13 +124,13 @@ impl Live {
         readings: Vec<Incoming>,
         detail: BeliefDetail,
     ) -> Result<wire::ReadingsAdded, Refusal> {
-        let mut state = self.state.lock().await;
+        let mut state = self.turns.take().await?;
         let now = now_ms();
         let status = self.status(tools.store, now)?;
         let new = self.new_readings(tools.store, &readings)?;
         let n_new = new.len();
-        if n_new > 0 && status.closed_at_ms.is_some() {
-            return Err(Refusal::SessionClosed { session: self.session.id });
+        if let Some(end) = status.end.filter(|_| n_new > 0) {
+            return Err(Refusal::SessionEnded { session: self.session.id, end });
         }
         if status.n_stored() + n_new as u64 > tools.readings_max as u64 {
             return Err(Refusal::ReadingsFull {
@@ -131,7 +148,9 @@ impl Live {
         if n_new > 0 {
             let entries: Vec<NewEntry> = new.iter().map(|reading| reading.entry(now)).collect();
             let journal = tools.store.journal();
-            journal.append(self.session.id, status.length, &entries).await?;
+            let span = tracing::info_span!("append", session.id = %self.session.id, n_new);
+            let appending = journal.append(self.session.id, status.length, &entries);
+            appending.instrument(span).await?;
             metrics::counter!("palpate_readings_total").increment(n_new as u64);
         }
         let belief = match (remembered, place, repeated) {
@@ -165,6 +184,7 @@ impl Live {
         let answer = self.ask(state, tools, place, length, answer(POSES)).await?;
         let belief = self.shown(length, &answer);
         state.remember(&belief);
+        self.count(state);
         self.publish(SessionEvent::Belief { belief: belief.clone() });
         Ok(belief)
     }
@@ -187,7 +207,7 @@ impl Live {
         poses: usize,
         known_revision: Option<u64>,
     ) -> Result<Option<wire::Belief>, Refusal> {
-        let mut state = self.state.lock().await;
+        let mut state = self.turns.take().await?;
         let length = tools.store.journal().len(self.session.id)?;
         if known_revision == Some(length) {
             return Ok(None);
@@ -206,7 +226,7 @@ impl Live {
         known_revision: Option<u64>,
     ) -> Result<Option<wire::Marginals>, Refusal> {
         let object = object.map(|reference| self.object(reference)).transpose()?;
-        let mut state = self.state.lock().await;
+        let mut state = self.turns.take().await?;
         let length = tools.store.journal().len(self.session.id)?;
         if known_revision == Some(length) {
             return Ok(None);
@@ -229,8 +249,12 @@ impl Live {
         if method != Method::Hybrid {
             return Err(Refusal::NoNextTouches { session, method: name(method) });
         }
-        let mut state = self.state.lock().await;
-        let length = tools.store.journal().len(session)?;
+        let mut state = self.turns.take().await?;
+        let status = self.status(tools.store, now_ms())?;
+        if let Some(end) = status.end {
+            return Err(Refusal::SessionEnded { session, end });
+        }
+        let length = status.length;
         let place = tools.pool.place()?;
         let ask = move |belief: &SessionBelief| {
             let mut is_late = || begun.elapsed() >= question.deadline;
@@ -241,38 +265,9 @@ impl Live {
         Ok(next_touches(session, length, &ranking, &question))
     }
 
-    /// Closes the session: nothing follows in its journal. Closing it again changes nothing.
-    pub(crate) async fn close(&self, store: &Database) -> Result<(), Refusal> {
-        let _state = self.state.lock().await;
-        let now = now_ms();
-        let status = self.status(store, now)?;
-        if status.closed_at_ms.is_some() {
-            return Ok(());
-        }
-        let closed = NewEntry { reading_id: None, received_at_ms: now, event: Event::Closed };
-        store.journal().append(self.session.id, status.length, &[closed]).await?;
-        let table = store.sessions();
-        let noted = table.update(self.session.id, |session| {
-            session.closed_at_ms = Some(now);
-            Ok::<(), Refusal>(())
-        });
-        noted.await??;
-        Ok(())
-    }
-
-    /// Deletes the session while nobody else works on it.
-    pub(crate) async fn delete(&self, store: &Database) -> Result<(), Refusal> {
-        let _state = self.state.lock().await;
-        store.remove_session(self.session.id).await?;
-        Ok(())
-    }
-
-    /// What the session is doing; it may have been deleted while its entry was in use.
     fn status(&self, store: &Database, now: u64) -> Result<Status, Refusal> {
-        if store.sessions().find(self.session.id)?.is_none() {
-            return Err(self.unknown());
-        }
-        status(store, &self.session, now)
+        let session = store.sessions().find(self.session.id)?.ok_or_else(|| self.unknown())?;
+        status(store, &session, now)
     }
 
     fn unknown(&self) -> Refusal {
@@ -308,17 +303,34 @@ impl Live {
     ) -> Result<T, Refusal> {
         let folding = self.folding(tools);
         let mut memory = std::mem::take(&mut state.memory);
+        let span = tracing::info_span!(
+            "fold", session.id = %self.session.id, revision = length,
+            catalogue.version = self.session.version
+        );
         let work = move || {
+            let _within = span.enter();
             let answer = question(folding.bring(&mut memory, length as usize)?);
             Ok::<_, Refusal>((memory, answer))
         };
-        let (memory, answer) = place.run(work).await??;
-        state.memory = memory;
-        Ok(answer)
+        let done = place.run(work).await;
+        let answer = match done {
+            Ok(Ok((memory, answer))) => {
+                state.memory = memory;
+                Ok(answer)
+            }
+            Ok(Err(refusal)) => Err(refusal),
+            Err(error) => Err(error.into()),
+        };
+        self.count(state);
+        answer
     }
 
     fn shown(&self, revision: u64, answer: &Answer) -> wire::Belief {
         belief(&self.session, revision, answer, &self.model)
+    }
+
+    pub(crate) fn model(&self) -> &Model {
+        &self.model
     }
 
     fn object(&self, reference: &str) -> Result<ObjectIdx, Refusal> {
@@ -338,21 +350,16 @@ impl Live {
             journal: tools.store.journal(),
             sensors: Arc::clone(tools.sensors),
             options: options(&self.session),
+            checkpoints: Arc::clone(tools.checkpoints),
         }
     }
-}
 
-impl State {
-    fn remembered(&self, revision: u64) -> Option<wire::Belief> {
-        let answers = self.answers.iter().rev();
-        answers.into_iter().find(|belief| u64::from(belief.revision) == revision).cloned()
-    }
-
-    fn remember(&mut self, belief: &wire::Belief) {
-        if self.answers.len() == ANSWERS_MAX {
-            self.answers.pop_front();
+    /// Stores the belief as it is, so that a restart need not fold it again; nobody may work
+    /// with it. Blocks.
+    pub(crate) fn store(&self, tools: &Tools<'_>) {
+        if let Some(mut state) = self.turns.try_take() {
+            self.folding(tools).store(&mut state.memory, 1);
         }
-        self.answers.push_back(belief.clone());
     }
 }
 

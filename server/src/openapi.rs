@@ -5,9 +5,12 @@
 //! its query, and a server that is busy or at fault. A test fails when the committed file
 //! drifts; `UPDATE_OPENAPI=1 cargo test -p palpate-server openapi` rewrites it.
 
+mod examples;
+mod unions;
+
 use std::sync::OnceLock;
 
-use palpate_schemas::{FieldError, Job, Problem, SessionEvent};
+use palpate_schemas::{BeliefDetail, FieldError, Job, PlyForm, Problem, SessionEvent};
 use utoipa::openapi::extensions::Extensions;
 use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
@@ -26,6 +29,15 @@ use crate::routes;
     description = "It does not fit the state of things, or something else has its name or number"
 )]
 pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents")] Problem);
+
+/// The answer of an operation to a session that has ended.
+#[derive(IntoResponses)]
+#[response(
+    status = 410,
+    content_type = "application/problem+json",
+    description = "The session was closed or has expired"
+)]
+pub(crate) struct Ended(#[expect(dead_code, reason = "the type only documents")] Problem);
 
 /// A mesh file, as its program wrote it.
 #[derive(ToSchema)]
@@ -68,7 +80,7 @@ const KEY: &str = "An API key, `palpate_…`, where the server asks for one. `x-
         (name = "admin", description = "Copies of all that is stored"),
         (name = "site", description = "Health, metrics, version"),
     ),
-    components(schemas(Problem, FieldError, SessionEvent, Job)),
+    components(schemas(Problem, FieldError, SessionEvent, Job, BeliefDetail, PlyForm)),
 )]
 struct Document;
 
@@ -82,10 +94,12 @@ pub fn document() -> OpenApi {
             add_roles(operation);
             add_location(operation);
             add_problems(operation, method != "GET");
+            examples::add(operation);
         });
     }
     let scheme = Http::builder().scheme(HttpAuthScheme::Bearer).description(Some(KEY));
     let components = document.components.get_or_insert_default();
+    unions::name_variants(&mut components.schemas);
     components.add_security_scheme(SCHEME, SecurityScheme::Http(scheme.build()));
     document
 }
@@ -180,8 +194,28 @@ fn add_problems(operation: &mut Operation, writes: bool) {
     if writes {
         add("507", "The disk is full: nothing was stored");
     }
+    add("429", "More than the client's share; `Retry-After` says when there is more");
     add("500", "The server is at fault, or what is stored is damaged");
     add("503", "Too much at once, or stopping; `Retry-After` says when to ask again");
+    for status in ["429", "503"] {
+        if let Some(RefOr::T(response)) = operation.responses.responses.get_mut(status) {
+            response.headers.extend(bound_headers());
+        }
+    }
+}
+
+/// What answers over a bound say of it; `RateLimit` is missing where there is no single bound.
+fn bound_headers() -> impl Iterator<Item = (String, RefOr<Header>)> {
+    let headers = [
+        ("Retry-After", "Whole seconds to wait; missing when waiting does not help"),
+        ("RateLimit-Policy", "The bound: its name, `q` how much there may be, `qu` of what"),
+        ("RateLimit", "The bound's name, `r` what is left of it, `t` seconds until there is more"),
+    ];
+    headers.into_iter().map(|(name, description)| {
+        let mut header = Header::default();
+        header.description = Some(description.to_owned());
+        (name.to_owned(), header.into())
+    })
 }
 
 fn problem(description: &str) -> RefOr<Response> {
@@ -236,6 +270,32 @@ mod tests {
         assert!(ids.len() > 30, "{}", ids.len());
     }
 
+    /// Every `$ref` below a value.
+    fn references<'a>(value: &'a serde_json::Value, found: &mut BTreeSet<&'a str>) {
+        match value {
+            serde_json::Value::Object(fields) => {
+                found.extend(fields.get("$ref").and_then(serde_json::Value::as_str));
+                fields.values().for_each(|field| references(field, found));
+            }
+            serde_json::Value::Array(items) => {
+                items.iter().for_each(|item| references(item, found));
+            }
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn every_reference_leads_somewhere() {
+        let json = serde_json::to_value(document()).unwrap();
+        let mut found = BTreeSet::new();
+        references(&json, &mut found);
+        assert!(found.contains("#/components/schemas/Problem"));
+        for reference in found {
+            let pointer = reference.trim_start_matches('#');
+            assert!(json.pointer(pointer).is_some(), "{reference} leads nowhere");
+        }
+    }
+
     #[test]
     fn no_schema_is_generic_or_untagged() {
         let json = serde_json::to_value(document()).unwrap();
@@ -245,5 +305,62 @@ mod tests {
             assert!(schema.get("anyOf").is_none(), "{name} is untagged");
         }
         assert!(schemas.contains_key("SessionEvent"));
+    }
+
+    #[test]
+    fn every_reference_leads_to_a_schema() {
+        let json = serde_json::to_value(document()).unwrap();
+        let schemas = json["components"]["schemas"].as_object().unwrap();
+        let mut references = BTreeSet::new();
+        collect_references(&json, &mut references);
+        assert!(references.len() > 100, "{}", references.len());
+        for reference in references {
+            let name = reference.strip_prefix("#/components/schemas/");
+            assert!(name.is_some_and(|name| schemas.contains_key(name)), "{reference}");
+        }
+    }
+
+    fn collect_references(json: &serde_json::Value, found: &mut BTreeSet<String>) {
+        match json {
+            serde_json::Value::Object(fields) => {
+                if let Some(serde_json::Value::String(reference)) = fields.get("$ref") {
+                    found.insert(reference.clone());
+                }
+                fields.values().for_each(|value| collect_references(value, found));
+            }
+            serde_json::Value::Array(items) => {
+                items.iter().for_each(|value| collect_references(value, found));
+            }
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn every_union_of_objects_has_a_discriminator() {
+        let json = serde_json::to_value(document()).unwrap();
+        let schemas = json["components"]["schemas"].as_object().unwrap();
+        let mut unions = Vec::new();
+        for (name, schema) in schemas {
+            let Some(items) = schema["oneOf"].as_array() else { continue };
+            unions.push(name.as_str());
+            let mapping = schema["discriminator"]["mapping"].as_object().unwrap();
+            assert_eq!(mapping.len(), items.len(), "{name}");
+            for (tag, reference) in mapping {
+                let variant = reference.as_str().unwrap().rsplit('/').next().unwrap();
+                let kind = &schemas[variant]["properties"]["kind"]["enum"];
+                assert_eq!(*kind, serde_json::json!([tag]), "{name}");
+            }
+        }
+        assert_eq!(unions, ["PosePrior", "SessionChange", "SessionEvent"]);
+    }
+
+    #[test]
+    fn the_examples_of_requests_are_shown() {
+        let json = serde_json::to_value(document()).unwrap();
+        let request = &json["paths"]["/v1/sessions"]["post"]["requestBody"]["content"];
+        assert_eq!(request["application/json"]["example"]["frame_id"], "base_link");
+        let readings = &json["paths"]["/v1/sessions/{session}/readings"]["post"];
+        let refusal = &readings["responses"]["422"]["content"][CONTENT_TYPE]["example"];
+        assert_eq!(refusal["errors"][0]["pointer"], "/readings/0/pose/orientation");
     }
 }

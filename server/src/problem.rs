@@ -4,6 +4,8 @@
 //! to see it, adds path and request id and writes the body. Errors of the framework carry no
 //! draft and get one by their status.
 
+use std::time::Duration;
+
 use axum::body::Body;
 use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -13,13 +15,16 @@ use palpate_store::error::StoreError;
 
 use crate::compute::ComputeError;
 use crate::keys::KeyFault;
+use crate::limits::{Bound, retry_after};
 use crate::refusal::Refusal;
 
 /// The content type of every error.
 pub(crate) const CONTENT_TYPE: &str = "application/problem+json";
 
-/// How long a robot waits before it asks an overloaded server again, in seconds.
-const RETRY_AFTER_S: &str = "1";
+/// How long a robot waits before it asks an overloaded server again.
+const RETRY_AFTER: Duration = Duration::from_secs(1);
+/// How long it waits at most for a session to end.
+const SESSION_WAIT: Duration = Duration::from_secs(10);
 
 /// A problem before it knows its request.
 #[derive(Clone, Debug)]
@@ -40,16 +45,54 @@ impl IntoResponse for Refusal {
             _ => self.to_string(),
         };
         let mut response = status(kind).into_response();
-        // No waiting makes a model smaller.
-        let passes = !matches!(self, Self::ModelTooLarge { .. });
-        if passes && matches!(kind, ProblemType::Overloaded | ProblemType::Unavailable) {
-            let seconds = HeaderValue::from_static(RETRY_AFTER_S);
-            response.headers_mut().insert(header::RETRY_AFTER, seconds);
-        }
-        response.headers_mut().extend(headers(&self));
+        let headers_of = response.headers_mut();
+        headers_of.extend(wait(&self, kind).map(retry_after));
+        headers_of.extend(bound(&self).iter().flat_map(Bound::headers));
+        headers_of.extend(headers(&self));
         response.extensions_mut().insert(Draft { kind, detail, errors: errors(self) });
         response
     }
+}
+
+/// When to ask again; `None` when that would not help.
+fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
+    match (refusal, kind) {
+        // No waiting makes a model smaller.
+        (Refusal::ModelTooLarge { .. }, _) => None,
+        (Refusal::RateExceeded { wait, .. }, _) => Some(*wait),
+        // Sessions are closed all the time: it is worth to look sooner.
+        (Refusal::SessionsFull { wait, .. }, _) => {
+            Some(wait.unwrap_or(SESSION_WAIT).min(SESSION_WAIT))
+        }
+        (_, ProblemType::Overloaded | ProblemType::Unavailable | ProblemType::TooManyRequests) => {
+            Some(RETRY_AFTER)
+        }
+        _ => None,
+    }
+}
+
+/// The bound that was met, where there is one.
+fn bound(refusal: &Refusal) -> Option<Bound> {
+    Some(match refusal {
+        Refusal::RateExceeded { bound, .. } => *bound,
+        Refusal::SessionsFull { max, .. } => Bound::used_up("sessions", "sessions", *max),
+        Refusal::SessionBusy { waiting } => {
+            Bound::used_up("session", "concurrent-requests", *waiting)
+        }
+        Refusal::RequestsFull { under_way } => {
+            Bound::used_up("concurrency", "concurrent-requests", *under_way)
+        }
+        Refusal::StreamsFull { open } => Bound::used_up("streams", "streams", *open),
+        Refusal::TrainingQueueFull { waiting } => {
+            Bound::used_up("trainings", "trainings", *waiting)
+        }
+        Refusal::BeliefsFull { max, .. } => Bound::used_up("beliefs", "bytes", *max),
+        Refusal::BodiesFull { max, .. } => Bound::used_up("bodies", "content-bytes", *max),
+        Refusal::Compute(ComputeError::Full { places }) => {
+            Bound::used_up("compute", "places", *places)
+        }
+        _ => return None,
+    })
 }
 
 /// The headers that some refusals come with.
@@ -135,9 +178,12 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
         Refusal::ContentType { .. } => ProblemType::UnsupportedMediaType,
         Refusal::Invalid(_) => ProblemType::InvalidValue,
-        Refusal::ReadingConflict { .. } => ProblemType::Conflict,
-        Refusal::SessionClosed { .. }
-        | Refusal::TooManyToExplain { .. }
+        Refusal::ReadingConflict { .. } | Refusal::OtherTruth { .. } => ProblemType::Conflict,
+        Refusal::SessionEnded { .. } => ProblemType::SessionEnded,
+        Refusal::RateExceeded { .. }
+        | Refusal::SessionsFull { .. }
+        | Refusal::SessionBusy { .. } => ProblemType::TooManyRequests,
+        Refusal::TooManyToExplain { .. }
         | Refusal::Untrained { .. }
         | Refusal::NoGeometry { .. }
         | Refusal::NoAppearance { .. }
@@ -157,6 +203,8 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::TrainingQueueFull { .. }
         | Refusal::StreamsFull { .. }
         | Refusal::RequestsFull { .. }
+        | Refusal::BodiesFull { .. }
+        | Refusal::BeliefsFull { .. }
         | Refusal::TooSlow { .. }
         | Refusal::ModelsInUse { .. }
         | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
@@ -219,6 +267,8 @@ fn status(kind: ProblemType) -> StatusCode {
         ProblemType::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
         ProblemType::Timeout => StatusCode::REQUEST_TIMEOUT,
         ProblemType::WrongState | ProblemType::Conflict => StatusCode::CONFLICT,
+        ProblemType::SessionEnded => StatusCode::GONE,
+        ProblemType::TooManyRequests => StatusCode::TOO_MANY_REQUESTS,
         ProblemType::PreconditionFailed => StatusCode::PRECONDITION_FAILED,
         ProblemType::PreconditionRequired => StatusCode::PRECONDITION_REQUIRED,
         ProblemType::BodyTooLarge => StatusCode::PAYLOAD_TOO_LARGE,
@@ -240,6 +290,8 @@ fn title(kind: ProblemType) -> &'static str {
         ProblemType::Timeout => "The request did not arrive in time",
         ProblemType::WrongState => "The request does not fit the state",
         ProblemType::Conflict => "Something else is there already",
+        ProblemType::SessionEnded => "The session has ended",
+        ProblemType::TooManyRequests => "That is more than your share",
         ProblemType::PreconditionFailed => "It has changed in between",
         ProblemType::PreconditionRequired => "A precondition is missing",
         ProblemType::BodyTooLarge => "The body is too large",

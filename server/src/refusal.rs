@@ -11,6 +11,8 @@ use uuid::Uuid;
 
 use crate::compute::ComputeError;
 use crate::keys::KeyFault;
+use crate::limits::Bound;
+use crate::wire::life::End;
 use crate::{roles, wire};
 
 /// Why something was not done.
@@ -32,8 +34,21 @@ pub(crate) enum Refusal {
     ContentType { found: String, expected: &'static str },
     #[error("{}", summary(.0))]
     Invalid(Vec<FieldError>),
-    #[error("session {session} is closed: it takes no more readings, and keeps those that it has")]
-    SessionClosed { session: Uuid },
+    #[error(
+        "session {session} {end}; it takes no more readings, keeps those that it has, and its \
+         belief can still be read"
+    )]
+    SessionEnded { session: Uuid, end: End },
+    #[error(
+        "{max} sessions are open, and no more may be: close those that are done, or let them \
+         expire (`ttl_s`)"
+    )]
+    SessionsFull { max: usize, wait: Option<Duration> },
+    #[error(
+        "{waiting} requests wait for this session already: send several readings in one request, \
+         or fewer requests at once"
+    )]
+    SessionBusy { waiting: usize },
     #[error("catalogue {catalogue:?} has no current version: train it first")]
     Untrained { catalogue: String },
     #[error(
@@ -111,6 +126,8 @@ pub(crate) enum Refusal {
     LastAdmin { name: String },
     #[error("the key {name:?} was revoked or has expired: create a new one")]
     KeyRefused { name: String },
+    #[error("session {session} was closed with {before:?} as the truth already")]
+    OtherTruth { session: Uuid, before: String },
     #[error("there are {found} keys, and none that was revoked and could be forgotten")]
     KeysFull { found: usize },
     #[error("the operating system has no random bits")]
@@ -125,6 +142,18 @@ pub(crate) enum Refusal {
     RevisionMissing,
     #[error("{waiting} trainings are waiting already")]
     TrainingQueueFull { waiting: usize },
+    #[error(
+        "{} requests a second are each client's share: ask again in {:.1} s", bound.limit,
+        wait.as_secs_f64()
+    )]
+    RateExceeded { bound: Bound, wait: Duration },
+    #[error("bodies that are under way have {used} of {max} bytes: this one has no room")]
+    BodiesFull { used: usize, max: usize },
+    #[error(
+        "beliefs that are worked with have {} of memory, and all may have {}",
+        megabytes(*bytes as u64), megabytes(*max as u64)
+    )]
+    BeliefsFull { bytes: usize, max: usize },
     #[error("{open} event streams are open already")]
     StreamsFull { open: usize },
     #[error("{under_way} requests are under way already")]

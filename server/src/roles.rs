@@ -37,7 +37,7 @@ pub(crate) enum Who {
 pub(crate) enum Effect {
     /// Nothing.
     Reads,
-    /// It adds readings of sessions, whose journal says who sent what.
+    /// It adds readings of sessions, whose journal says who sent what, or keeps them open.
     Touches,
     /// It changes something, and goes into the audit log.
     Changes,
@@ -95,6 +95,7 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("cancel_job", TEACHING, Changes),
     ("list_sessions", ALL, Reads),
     ("get_session", ALL, Reads),
+    ("get_fleet", LOOKING, Reads),
     ("get_belief", ALL, Reads),
     ("get_marginals", ALL, Reads),
     ("ask_next_touches", ALL, Reads),
@@ -102,6 +103,7 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("events", ALL, Reads),
     ("create_session", TOUCHING, Changes),
     ("close_session", TOUCHING, Changes),
+    ("extend_session", TOUCHING, Touches),
     ("delete_session", TOUCHING, Changes),
     ("add_readings", TOUCHING, Touches),
     ("list_session_readings", ALL, Reads),

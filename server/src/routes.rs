@@ -5,6 +5,7 @@ pub(crate) mod analyses;
 pub(crate) mod audit;
 pub(crate) mod calibrations;
 pub(crate) mod events;
+pub(crate) mod fleet;
 pub(crate) mod history;
 pub(crate) mod jobs;
 pub(crate) mod keys;
@@ -61,6 +62,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::list_sessions, sessions::create_session))
         .routes(routes!(sessions::get_session, sessions::delete_session))
         .routes(routes!(sessions::close_session))
+        .routes(routes!(sessions::extend_session))
         .routes(routes!(history::list_session_readings, sessions::add_readings))
         .routes(routes!(history::retract_reading))
         .routes(routes!(history::retract_robot_reading))
@@ -69,6 +71,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(sessions::get_belief))
         .routes(routes!(sessions::get_marginals))
         .routes(routes!(sessions::ask_next_touches))
+        .routes(routes!(fleet::get_fleet))
         .routes(routes!(events::session_events))
         .routes(routes!(events::events))
         .routes(routes!(keys::list_keys, keys::create_key))

@@ -106,7 +106,13 @@ impl Sensors {
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SensorPage, Refusal> {
         let page = self.store.sensors().list_whole(page_id(query)?, page_length(query)?)?;
-        let items = page.items.iter().map(sensor::sensor).collect();
-        Ok(wire::SensorPage { items, next_cursor: cursor(page.next) })
+        let items: Result<_, _> = page.items.iter().map(|sensor| self.show(sensor)).collect();
+        Ok(wire::SensorPage { items: items?, next_cursor: cursor(page.next) })
+    }
+
+    /// A sensor for the wire.
+    pub(crate) fn show(&self, sensor: &Sensor) -> Result<wire::Sensor, Refusal> {
+        let newest = self.calibrations.newest(sensor.id)?;
+        Ok(sensor::sensor(sensor, newest.map(|newest| newest.number)))
     }
 }

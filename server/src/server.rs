@@ -3,6 +3,7 @@
 //! Stopping takes no new connections, ends streams, lets requests finish for a while,
 //! suspends the running training, and closes the store last.
 
+use std::fmt;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
@@ -28,6 +29,7 @@ use crate::jobs::Jobs;
 use crate::keys::{Keys, KeysError};
 use crate::listener::{Door, Peer};
 use crate::objects::Objects;
+use crate::rate::Rates;
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
@@ -38,12 +40,12 @@ use crate::{telemetry, tls};
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
 
 /// A server that runs.
-#[derive(Debug)]
 pub struct Server {
     local_addr: SocketAddr,
     stop: watch::Sender<bool>,
     serving: JoinHandle<std::io::Result<()>>,
     working: JoinHandle<()>,
+    sessions: Arc<Sessions>,
     engine: Arc<SledEngine>,
     scheme: &'static str,
     admin_key: Option<String>,
@@ -100,6 +102,12 @@ pub enum StartError {
     /// The database cannot be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The open sessions cannot be counted.
+    #[error("cannot read the sessions: {reason}")]
+    Sessions {
+        /// Why not.
+        reason: String,
+    },
     /// Unfinished jobs cannot be taken up again.
     #[error("cannot take up unfinished jobs: {reason}")]
     Jobs {
@@ -117,6 +125,12 @@ impl From<KeysError> for StartError {
     }
 }
 
+impl fmt::Debug for Server {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Server").field("address", &self.address()).finish_non_exhaustive()
+    }
+}
+
 impl Server {
     /// Opens the database, takes up unfinished jobs and listens.
     ///
@@ -131,7 +145,8 @@ impl Server {
         if let Some(found) = config.cors_origins.iter().find(|origin| !is_origin(origin)) {
             return Err(StartError::Origin { found: found.clone() });
         }
-        let tls = config.tls.as_ref().map(tls::configure).transpose()?;
+        let tls_files = config.tls.clone();
+        let tls = tls_files.as_ref().map(tls::configure).transpose()?.map(watch::Sender::new);
         let scheme = if tls.is_some() { "https" } else { "http" };
         telemetry::metrics_handle();
         let listener = TcpListener::bind(address)
@@ -153,19 +168,29 @@ impl Server {
             );
         }
         let checked = store.clone();
+        let session_kept = config.session_kept;
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
         let checked_catalogues = app.shared_catalogues();
+        let sessions = Arc::clone(app.sessions());
+        tokio::spawn(telemetry::tidy(stopping.clone()));
         let working = tokio::spawn(jobs.work(stopping.clone()));
+        tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
+        if let Some(keep) = session_kept {
+            tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
+        }
         integrity::check(checked, checked_catalogues, stopping.clone())?;
-        let mut stopped = stopping;
+        let mut stopped = stopping.clone();
         let service = router(app).into_make_service_with_connect_info::<Peer>();
-        let door = Door::new(listener, tls);
+        let door = Door::new(listener, tls.as_ref().map(watch::Sender::subscribe));
+        if let (Some(files), Some(tls)) = (tls_files, tls) {
+            tokio::spawn(tls::renew(files, tls, stopping.clone()));
+        }
         let serving = axum::serve(door, service).with_graceful_shutdown(async move {
             let _ = stopped.wait_for(|stopping| *stopping).await;
         });
         let serving = tokio::spawn(serving.into_future());
         tracing::info!("Listening at {scheme}://{local_addr}");
-        Ok(Self { local_addr, stop, serving, working, engine, scheme, admin_key })
+        Ok(Self { local_addr, stop, serving, working, sessions, engine, scheme, admin_key })
     }
 
     /// The server's address as clients write it, such as `http://127.0.0.1:7411`.
@@ -198,6 +223,10 @@ impl Server {
         if (&mut self.working).await.is_err() {
             tracing::error!("The worker of training jobs panicked");
         }
+        let sessions = self.sessions;
+        if tokio::task::spawn_blocking(move || sessions.store_beliefs()).await.is_err() {
+            tracing::error!("Storing checkpoints of beliefs panicked");
+        }
         close(self.engine).await;
         tracing::info!("Stopped");
     }
@@ -207,6 +236,7 @@ async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError> {
     let folder = config.data.clone();
     let options = SledOptions {
         reserve_bytes: config.disk_reserve_bytes,
+        cache_bytes: config.store_cache_bytes,
         free_space: config.free_space.clone(),
         ..SledOptions::default()
     };
@@ -271,16 +301,23 @@ async fn assemble(
         pool.clone(),
         &config,
     ));
+    let counted = Arc::clone(&sessions);
+    let counted = tokio::task::spawn_blocking(move || counted.take_stock()).await;
+    counted
+        .map_err(std::io::Error::other)?
+        .map_err(|refusal| StartError::Sessions { reason: refusal.to_string() })?;
     let (log, entries_max) = (store.clone(), config.audit_entries_max);
     let log = tokio::task::spawn_blocking(move || log.audit(entries_max)).await;
     let audit = Arc::new(Audit::new(log.map_err(std::io::Error::other)??));
     let admission = Admission::new(&config);
+    let rates = config.rate_per_second.map(Rates::new);
     let working = Arc::clone(&jobs);
     let parts = Parts {
         config,
         store,
         pool,
         admission,
+        rates,
         sensors,
         objects,
         catalogues,

@@ -6,12 +6,16 @@
 //! no guard of the map lives across an await. What changes a session runs in a task of its
 //! own, so that a robot that hangs up does not leave it half done.
 
+mod fleet;
 mod history;
+mod life;
+mod open;
+mod retention;
 mod status;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use dashmap::DashMap;
 use palpate_schemas as wire;
@@ -21,17 +25,17 @@ use palpate_store::entity::Session;
 use tokio::sync::broadcast;
 use uuid::Uuid;
 
-use crate::belief::SessionBelief;
-use crate::catalogues::{Catalogues, DEFAULT, Model};
+use crate::catalogues::{Catalogues, Model};
+use crate::checkpoints::Checkpoints;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::live::Live;
+use crate::live::{Live, Total};
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
-use crate::wire::session::Status;
-use crate::wire::{self as convert, cursor, page_id, page_length};
+use crate::wire::{self as convert};
 
+use open::Open;
 pub(crate) use status::status;
 
 /// Pose hypotheses of an answer when the request does not say.
@@ -47,8 +51,15 @@ pub(crate) struct Sessions {
     pool: Pool,
     live: DashMap<Uuid, Arc<Live>>,
     uses: AtomicU64,
+    open: Open,
+    checkpoints: Arc<Checkpoints>,
     live_max: usize,
+    /// The memory that beliefs have, and may have.
+    beliefs: Total,
+    belief_bytes_max: usize,
     readings_max: usize,
+    /// What sessions get that do not say how long they live.
+    time_to_live: Duration,
 }
 
 impl Sessions {
@@ -66,82 +77,14 @@ impl Sessions {
             pool,
             live: DashMap::new(),
             uses: AtomicU64::new(0),
+            open: Open::new(config.sessions_open_max),
+            checkpoints: Arc::new(Checkpoints::new(config.data.join("checkpoints"))),
             live_max: config.beliefs_in_memory_max.max(1),
+            beliefs: Total::default(),
+            belief_bytes_max: config.belief_memory_bytes_max,
             readings_max: config.session_readings_max,
+            time_to_live: config.session_time_to_live,
         }
-    }
-
-    pub(crate) async fn create(
-        &self,
-        request: &wire::CreateSession,
-    ) -> Result<wire::Session, Refusal> {
-        let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
-        let pinned = self.catalogues.pin(name, request.version)?;
-        let method = convert::session::method(request, &pinned);
-        let model = self.model(pinned.catalogue, pinned.version, method).await?;
-        let session =
-            convert::session::new_session(request, method, &model, Uuid::now_v7(), now_ms())?;
-        self.try_out(&session, &model).await?;
-        self.store.sessions().create(&session).await?;
-        tracing::debug!(session.id = %session.id, "Created session {}", session.id);
-        let status = Status::default();
-        let shown = convert::session::session(&session, &model.name, status);
-        self.keep(session.id, Arc::new(Live::new(session, model)));
-        Ok(shown)
-    }
-
-    /// Makes the belief of a geometric session once: a version that it cannot be had of is
-    /// refused now, not when readings are stored.
-    async fn try_out(&self, session: &Session, model: &Arc<Model>) -> Result<(), Refusal> {
-        if !convert::session::is_geometric(convert::session::options(session).method) {
-            return Ok(());
-        }
-        let (session, model) = (session.clone(), Arc::clone(model));
-        let begin = move || SessionBelief::new(&session, &model).map(drop);
-        let begun = self.pool.place()?.run(begin).await?;
-        begun.map_err(|error| Refusal::field("/method", error))
-    }
-
-    pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Refusal> {
-        let session = self.find(id)?;
-        self.show(&session)
-    }
-
-    pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::SessionPage, Refusal> {
-        let page = self.store.sessions().list_whole(page_id(query)?, page_length(query)?)?;
-        let items: Result<_, _> = page.items.iter().map(|session| self.show(session)).collect();
-        Ok(wire::SessionPage { items: items?, next_cursor: cursor(page.next) })
-    }
-
-    /// Closes a session; closing it again changes nothing.
-    pub(crate) async fn close(self: &Arc<Self>, id: &str) -> Result<wire::Session, Refusal> {
-        let id = self.find(id)?.id;
-        let live = self.live(id).await?;
-        let sessions = Arc::clone(self);
-        let closing = tokio::spawn(async move {
-            live.close(&sessions.store).await?;
-            let session = sessions.show(&sessions.store.sessions().get(id)?)?;
-            live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
-            Ok(session)
-        });
-        closing.await.unwrap_or(Err(Refusal::Panicked))
-    }
-
-    /// Deletes a session with its readings.
-    pub(crate) async fn delete(&self, id: &str) -> Result<(), Refusal> {
-        let id = self.find(id)?.id;
-        match self.live.get(&id).map(|live| Arc::clone(&live)) {
-            Some(live) => {
-                live.delete(&self.store).await?;
-                self.live.remove(&id);
-                live.publish(SessionEvent::Deleted { session: id });
-            }
-            None => {
-                self.store.remove_session(id).await?;
-            }
-        }
-        tracing::info!(session.id = %id, "Deleted session {id}");
-        Ok(())
     }
 
     /// Stores readings, all or none, and answers the belief after them.
@@ -228,6 +171,16 @@ impl Sessions {
         Uuid::parse_str(id).map_err(|_| unknown())
     }
 
+    /// How many sessions are open.
+    pub(crate) fn n_open(&self) -> usize {
+        self.open.len()
+    }
+
+    /// How many bytes of memory beliefs have.
+    pub(crate) fn belief_bytes(&self) -> usize {
+        self.beliefs.bytes()
+    }
+
     /// How many sessions are in memory.
     pub(crate) fn n_live(&self) -> usize {
         self.live.len()
@@ -253,6 +206,14 @@ impl Sessions {
             sensors: &self.sensors,
             pool: &self.pool,
             readings_max: self.readings_max,
+            checkpoints: &self.checkpoints,
+        }
+    }
+
+    /// Stores the beliefs in memory, so that the next start need not fold them again. Blocks.
+    pub(crate) fn store_beliefs(&self) {
+        for live in &self.live {
+            live.store(&self.tools());
         }
     }
 
@@ -269,6 +230,7 @@ impl Sessions {
 
     /// The session's entry in memory, made from the store if need be.
     async fn live(&self, id: Uuid) -> Result<Arc<Live>, Refusal> {
+        self.make_room()?;
         if let Some(live) = self.live.get(&id).map(|live| Arc::clone(&live)) {
             live.used(self.uses.fetch_add(1, Ordering::Relaxed));
             return Ok(live);
@@ -278,7 +240,7 @@ impl Sessions {
             .ok_or_else(|| Refusal::NotFound { what: "session", reference: id.to_string() })?;
         let method = convert::session::options(&session).method;
         let model = self.model(session.catalogue, session.version, method).await?;
-        Ok(self.keep(id, Arc::new(Live::new(session, model))))
+        Ok(self.keep(id, Arc::new(Live::new(session, model, &self.beliefs))))
     }
 
     /// What a method recognises by. Sessions in memory that nobody uses make room for it:
@@ -297,6 +259,28 @@ impl Sessions {
             }
             other => other,
         }
+    }
+
+    /// Keeps the memory of beliefs within its budget: those that were not used for longest
+    /// are folded anew when they are needed. Refuses when those that are worked with right
+    /// now take it all.
+    fn make_room(&self) -> Result<(), Refusal> {
+        let max = self.belief_bytes_max;
+        if self.beliefs.bytes() <= max {
+            return Ok(());
+        }
+        let mut uses: Vec<(u64, Arc<Live>)> =
+            self.live.iter().map(|entry| (entry.last_use(), Arc::clone(&entry))).collect();
+        uses.sort_unstable_by_key(|(last_use, _)| *last_use);
+        // A quarter at once, so that not every request has to look for room.
+        for (_, live) in uses {
+            if self.beliefs.bytes() <= max - max / 4 {
+                break;
+            }
+            live.forget();
+        }
+        let bytes = self.beliefs.bytes();
+        if bytes > max { Err(Refusal::BeliefsFull { bytes, max }) } else { Ok(()) }
     }
 
     /// Keeps an entry, unless another one was quicker; makes room when there are too many.
@@ -333,6 +317,7 @@ pub(crate) struct Tools<'a> {
     pub(crate) sensors: &'a Arc<Sensors>,
     pub(crate) pool: &'a Pool,
     pub(crate) readings_max: usize,
+    pub(crate) checkpoints: &'a Arc<Checkpoints>,
 }
 
 /// How many poses an answer is to have at most.

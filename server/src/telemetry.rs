@@ -4,14 +4,17 @@
 //! to whatever `tracing` subscriber the process has; this is not the place that installs one.
 
 use std::sync::OnceLock;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderName, HeaderValue};
 use axum::middleware::Next;
 use axum::response::Response;
-use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
+use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
+use opentelemetry_http::HeaderExtractor;
+use tokio::sync::watch;
 use tracing::Instrument;
+use tracing_opentelemetry::OpenTelemetrySpanExt;
 use uuid::Uuid;
 
 use crate::problem;
@@ -22,17 +25,25 @@ pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id"
 /// The longest request id that a robot may choose.
 const REQUEST_ID_BYTES_MAX: usize = 64;
 
+/// How often measured times are sorted into buckets.
+const TIDY_EVERY: Duration = Duration::from_secs(5);
+
 /// Upper ends of the duration histogram's buckets, in seconds.
 const DURATION_BUCKETS: [f64; 12] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 5.0, 30.0];
+
+/// Upper ends of the buckets of probabilities.
+const SHARE_BUCKETS: [f64; 8] = [0.05, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1.0];
 
 /// The process's metrics, installed at the first call.
 pub(crate) fn metrics_handle() -> &'static PrometheusHandle {
     static HANDLE: OnceLock<PrometheusHandle> = OnceLock::new();
     HANDLE.get_or_init(|| {
+        let probability = Matcher::Full("palpate_feedback_probability".to_owned());
         let builder = PrometheusBuilder::new()
             .set_buckets(&DURATION_BUCKETS)
-            .expect("the list of buckets is not empty");
+            .and_then(|builder| builder.set_buckets_for_metric(probability, &SHARE_BUCKETS))
+            .expect("the lists of buckets are not empty");
         let recorder = builder.build_recorder();
         let handle = recorder.handle();
         if metrics::set_global_recorder(recorder).is_err() {
@@ -40,6 +51,17 @@ pub(crate) fn metrics_handle() -> &'static PrometheusHandle {
         }
         handle
     })
+}
+
+/// Sorts what was measured into its buckets now and then, until the server stops: else every
+/// time of every request would stay in memory until somebody asks for the figures.
+pub(crate) async fn tidy(mut stopping: watch::Receiver<bool>) {
+    loop {
+        tokio::select! {
+            () = tokio::time::sleep(TIDY_EVERY) => metrics_handle().run_upkeep(),
+            _ = stopping.wait_for(|stopping| *stopping) => return,
+        }
+    }
 }
 
 /// Names the request, times it, logs it, counts it, and gives an error its body.
@@ -51,12 +73,26 @@ pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
     let method = request.method().clone();
     let matched = request.extensions().get::<MatchedPath>();
     let route = matched.map_or("(none)", MatchedPath::as_str).to_owned();
-    let span = tracing::info_span!("request", request_id = %id, %method, path);
+    let span = tracing::info_span!(
+        "request", otel.kind = "server", otel.name = format!("{method} {route}"),
+        otel.status_code = tracing::field::Empty, request_id = %id, %method, path, route,
+        status = tracing::field::Empty,
+    );
+    // Who asks may have a trace of its own (W3C trace context) that this is a part of.
+    let caller = opentelemetry::global::get_text_map_propagator(|propagator| {
+        propagator.extract(&HeaderExtractor(request.headers()))
+    });
+    // Fails where nobody listens to spans.
+    let _ = span.set_parent(caller);
     let start = Instant::now();
     let response = next.run(request).instrument(span.clone()).await;
     let mut response = problem::finish(response, &path, &id);
     response.headers_mut().insert(REQUEST_ID, header);
     let status = response.status().as_u16();
+    span.record("status", status);
+    if response.status().is_server_error() {
+        span.record("otel.status_code", "ERROR");
+    }
     let elapsed = start.elapsed().as_secs_f64();
     span.in_scope(|| tracing::debug!(status, elapsed_s = elapsed, "Answered {status}"));
     let labels = [("method", method.to_string()), ("route", route), ("status", status.to_string())];

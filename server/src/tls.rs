@@ -1,12 +1,16 @@
 //! TLS from certificate and key files, with errors that say which file is wrong and how.
+//!
+//! Certificates live for weeks and servers for months, so the files are read anew when they change.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use rustls::ServerConfig;
 use rustls::pki_types::pem::{self, PemObject};
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use thiserror::Error;
+use tokio::sync::watch;
 
 /// The files of a certificate and of its key, both PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,6 +19,8 @@ pub struct TlsFiles {
     pub certificate: PathBuf,
     /// The certificate's private key: PKCS #8, PKCS #1 or SEC1, not encrypted.
     pub key: PathBuf,
+    /// How often to look whether the files changed.
+    pub look_every: Duration,
 }
 
 /// Why a server cannot speak TLS.
@@ -75,7 +81,7 @@ const KEY: &str = "key of the certificate";
 
 /// What a server needs to speak TLS 1.2 and 1.3 with these files. Blocks.
 pub(crate) fn configure(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError> {
-    let TlsFiles { certificate, key } = files;
+    let TlsFiles { certificate, key, .. } = files;
     let text = read(CERTIFICATE, certificate)?;
     let chain: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&text).collect();
     let chain = chain.map_err(|source| pem_error(CERTIFICATE, certificate, source))?;
@@ -106,6 +112,45 @@ pub(crate) fn configure(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError>
         .map_err(unusable)?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
     Ok(Arc::new(config))
+}
+
+/// Looks at the files now and then, and hands on what became of them. Ends with the server.
+///
+/// What cannot be used is a warning, once for each state of the files; until it can be, what
+/// was in use before stays so.
+pub(crate) async fn renew(
+    files: TlsFiles,
+    in_use: watch::Sender<Arc<ServerConfig>>,
+    mut stopping: watch::Receiver<bool>,
+) {
+    let mut seen = state(&files).await;
+    loop {
+        tokio::select! {
+            _ = stopping.wait_for(|stopping| *stopping) => return,
+            () = tokio::time::sleep(files.look_every) => {}
+        }
+        let now = state(&files).await;
+        if now == seen {
+            continue;
+        }
+        seen = now;
+        let read = files.clone();
+        match tokio::task::spawn_blocking(move || configure(&read)).await {
+            Ok(Ok(config)) => {
+                in_use.send_replace(config);
+                tracing::info!("Took up the certificate {}", files.certificate.display());
+            }
+            Ok(Err(error)) => {
+                tracing::warn!(%error, "The certificate changed and cannot be used; the one before stays");
+            }
+            Err(error) => tracing::error!(%error, "Reading the certificate panicked"),
+        }
+    }
+}
+
+/// What the files hold, `None` for what cannot be read.
+async fn state(files: &TlsFiles) -> [Option<Vec<u8>>; 2] {
+    [tokio::fs::read(&files.certificate).await.ok(), tokio::fs::read(&files.key).await.ok()]
 }
 
 fn read(what: &'static str, path: &Path) -> Result<Vec<u8>, TlsError> {

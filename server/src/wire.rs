@@ -11,6 +11,7 @@ pub(crate) mod belief;
 pub(crate) mod calibration;
 pub(crate) mod geometry;
 pub(crate) mod history;
+pub(crate) mod life;
 pub(crate) mod next_touch;
 pub(crate) mod object;
 pub(crate) mod reading;

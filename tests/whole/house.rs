@@ -66,7 +66,8 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        let skipped = path.file_name().is_some_and(|n| n == "target" || n == ".git");
+        let is_foreign = |n: &std::ffi::OsStr| n == "target" || n == ".git" || n == "node_modules";
+        let skipped = path.file_name().is_some_and(is_foreign);
         if path.is_dir() && !skipped {
             found.extend(sources(&path));
         } else if path.extension().is_some_and(|extension| extension == "rs") {

@@ -1,30 +1,11 @@
 //! The torture in short, and what an operator does with stored data, by the real command.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::sync::OnceLock;
 
 use serde_json::Value;
 
-/// The command: what `PALPATE_COMMAND` names, or else built by cargo as `torture` builds it.
-fn palpate() -> &'static Path {
-    static PATH: OnceLock<PathBuf> = OnceLock::new();
-    PATH.get_or_init(|| {
-        if let Some(built) = std::env::var_os("PALPATE_COMMAND") {
-            return built.into();
-        }
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-        let built = Command::new(env!("CARGO"))
-            .args(["build", "--quiet", "-p", "palpate"])
-            .args(if cfg!(debug_assertions) { &[][..] } else { &["--release"] })
-            .current_dir(root)
-            .status()
-            .unwrap();
-        assert!(built.success());
-        let torture = Path::new(env!("CARGO_BIN_EXE_torture"));
-        torture.with_file_name(format!("palpate{}", std::env::consts::EXE_SUFFIX))
-    })
-}
+use crate::command::palpate;
 
 fn torture(arguments: &[&str]) -> Value {
     let done = Command::new(env!("CARGO_BIN_EXE_torture"))
@@ -78,6 +59,28 @@ fn a_server_that_is_killed_loses_and_invents_nothing() {
     }
     assert_eq!(number("rounds"), 3);
     assert!(number("acknowledged") > 50 && number("beliefs_compared") > 5, "{counts}");
+}
+
+#[test]
+fn keys_that_were_given_are_let_in_after_a_kill_and_revoked_ones_are_not() {
+    let counts = torture(&[
+        "kill",
+        "--access",
+        "keys",
+        "--rounds",
+        "3",
+        "--writers",
+        "4",
+        "--seed",
+        "102",
+        "--json",
+    ]);
+    let number = |name: &str| counts[name].as_u64().unwrap();
+    for fault in ["acknowledged_lost", "invented", "beliefs_differ", "unexpected_answers"] {
+        assert_eq!(number(fault), 0, "{fault}");
+    }
+    assert!(number("keys_created") > 3 && number("keys_revoked") > 0, "{counts}");
+    assert!(number("keys_tried") > number("keys_created"), "{counts}");
 }
 
 #[test]

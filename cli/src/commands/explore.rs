@@ -75,10 +75,14 @@ pub(crate) struct ExploreArgs {
     /// The catalogue of a new session.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// How a new session recognises [default: sva]. An object that moves (--perturb) needs a
+    /// How a new session recognises [default: hybrid]. An object that moves (--perturb) needs a
     /// method that ignores poses: appearance, of a version trained with `--appearance`.
     #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
     method: Option<ExploreMethod>,
+    /// How probable it is before the first touch that the object of a new session is none of
+    /// the catalogue's: above 0 and below 1, for `hybrid` [default: 0.05].
+    #[arg(long, value_name = "PROBABILITY", conflicts_with_all = ["session", "offline"])]
+    unknown_prior: Option<f64>,
     /// Do not talk to a server.
     #[arg(long, requires = "out")]
     offline: bool,
@@ -297,6 +301,7 @@ async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Sessio
             let new = CreateSession {
                 catalogue: Some(args.catalogue.clone()),
                 method: args.method.map(ExploreMethod::wire),
+                unknown_prior: args.unknown_prior,
                 ..CreateSession::default()
             };
             context.client.create_session(&new).await?

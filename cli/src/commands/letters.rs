@@ -14,6 +14,7 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::SensorId;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::{DEG, MM};
+use palpate_experiments::wire::on_the_wire;
 use palpate_sim::letters::{Font, LOOK_ALIKE, Letter, RotationOrder, SYMBOLS, look_alikes};
 use palpate_sim::rig::{Rig, RigNoise, plan, rig_sensor};
 use serde::Serialize;
@@ -233,21 +234,10 @@ fn readings(font: &Font, args: &PressArgs) -> anyhow::Result<Vec<schemas::Readin
         .into_iter()
         .map(|press| {
             let reading = session[press].moved_by(session_from_letter);
-            let pose = reading.session_from_sensor();
             schemas::Reading {
                 robot: Some(ROBOT.to_owned()),
                 seq: Some(first_seq + press as u64),
-                sensor: SENSOR.name().to_owned(),
-                frame_id: None,
-                stamp: None,
-                pose: Some(schemas::Pose {
-                    position: pose.translation.to_array(),
-                    orientation: pose.rotation.to_array(),
-                }),
-                image: reading.image().pressures.iter().copied().map(Some).collect(),
-                feature: None,
-                approach_m: None,
-                object_moved: None,
+                ..on_the_wire(&reading, SENSOR.name())
             }
         })
         .collect())

@@ -1,7 +1,9 @@
 //! `palpate serve`: the service, until Ctrl-C or a supervisor's SIGTERM.
 
 use std::net::SocketAddr;
+use std::num::NonZeroU32;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use palpate_server::tls::TlsFiles;
@@ -42,6 +44,10 @@ pub(crate) struct ServeArgs {
     /// The certificate's private key, a PEM file.
     #[arg(long, env = "PALPATE_TLS_KEY", value_name = "FILE", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
+    /// Send a span of every request to the collector at this address, by OTLP over HTTP, such as
+    /// http://localhost:4318.
+    #[arg(long, env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
+    pub(crate) otlp_endpoint: Option<String>,
     /// Let pages of this origin use the API from a browser; may be given several times.
     #[arg(
         long = "cors-origin",
@@ -70,6 +76,80 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000_000)
     )]
     model_memory_mb: u64,
+    /// Memory for the beliefs of sessions, in MB; those that were not used for longest are
+    /// rebuilt from their readings when they are needed again.
+    #[arg(
+        long,
+        env = "PALPATE_BELIEF_MEMORY_MB",
+        value_name = "MB",
+        default_value_t = 500,
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000)
+    )]
+    belief_memory_mb: u64,
+    /// Memory for the bodies of all requests under way, in MB; what finds no room is told to
+    /// come back (503). A mesh of 64 MB must fit.
+    #[arg(
+        long,
+        env = "PALPATE_BODY_MEMORY_MB",
+        value_name = "MB",
+        default_value_t = 256,
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000)
+    )]
+    body_memory_mb: u64,
+    /// How many sessions may be open at once; one more is refused (429).
+    #[arg(
+        long,
+        env = "PALPATE_SESSIONS_OPEN",
+        value_name = "N",
+        default_value_t = 10_000,
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000)
+    )]
+    sessions_open: u64,
+    /// Seconds without a new reading after which sessions expire that do not say it themselves;
+    /// 0 is never.
+    #[arg(long, env = "PALPATE_SESSION_TTL_S", value_name = "S", default_value_t = 86_400)]
+    session_ttl_s: u64,
+    /// Seconds after their end in which sessions are deleted, with their readings; without it they
+    /// are kept until somebody deletes them.
+    #[arg(
+        long,
+        env = "PALPATE_KEEP_SESSIONS_S",
+        value_name = "S",
+        value_parser = clap::value_parser!(u64).range(1..)
+    )]
+    keep_sessions_s: Option<u64>,
+    /// How many requests a second each client may make, which is a key's holder, or an address
+    /// where nobody is asked for a key; more are refused (429). Without it only the bounds on
+    /// all clients together count.
+    #[arg(long, env = "PALPATE_RATE", value_name = "N")]
+    rate: Option<NonZeroU32>,
+    /// How many requests may be under way at once; more are told to come back (503) [default: 128
+    /// for each core].
+    #[arg(
+        long,
+        env = "PALPATE_REQUESTS",
+        value_name = "N",
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000)
+    )]
+    requests: Option<u64>,
+    /// Memory for pages of the database, in MB.
+    #[arg(
+        long,
+        env = "PALPATE_STORE_CACHE_MB",
+        value_name = "MB",
+        default_value_t = 64,
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000)
+    )]
+    store_cache_mb: u64,
+    /// How many pieces of computing may wait for a thread; more are told to come back (503).
+    #[arg(
+        long,
+        env = "PALPATE_COMPUTE_QUEUE",
+        value_name = "N",
+        default_value_t = 256,
+        value_parser = clap::value_parser!(u64).range(0..=1_000_000)
+    )]
+    compute_queue: u64,
     /// Bring stored data of an older layout to this version's; take a snapshot or a copy before.
     /// Without it such data is refused.
     #[arg(long, env = "PALPATE_MIGRATE")]
@@ -97,6 +177,8 @@ enum AccessChoice {
     Open,
 }
 
+/// How often to look whether the files of the certificate changed.
+const CERTIFICATE_LOOK_EVERY: Duration = Duration::from_secs(30);
 const ADMIN_KEY: &str = "\nAn admin's key was made. It is shown this once; keep it, and make others \
     with it:\n`PALPATE_KEY=… palpate keys create NAME --role robot`";
 
@@ -137,19 +219,33 @@ fn config(args: ServeArgs) -> Config {
         AccessChoice::Open => Access::Open,
     };
     let tls = args.tls_cert.zip(args.tls_key);
+    let usual = Config::new(args.data);
     Config {
         listen: args.listen,
         insecure_bind: args.insecure_bind,
         access,
         new_admin_key: args.new_admin_key,
         open_metrics: args.open_metrics,
-        tls: tls.map(|(certificate, key)| TlsFiles { certificate, key }),
+        tls: tls.map(|(certificate, key)| TlsFiles {
+            certificate,
+            key,
+            look_every: CERTIFICATE_LOOK_EVERY,
+        }),
         cors_origins: args.cors_origins,
         audit_entries_max: args.audit_entries,
         model_memory_bytes_max: args.model_memory_mb * 1_000_000,
+        belief_memory_bytes_max: args.belief_memory_mb as usize * 1_000_000,
+        bodies_bytes_max: (args.body_memory_mb as usize) << 20,
+        sessions_open_max: args.sessions_open as usize,
+        session_time_to_live: Duration::from_secs(args.session_ttl_s),
+        session_kept: args.keep_sessions_s.map(Duration::from_secs),
+        rate_per_second: args.rate,
+        requests_max: args.requests.map_or(usual.requests_max, |requests| requests as usize),
+        store_cache_bytes: args.store_cache_mb << 20,
+        compute_queue_max: args.compute_queue as usize,
         migrate: args.migrate,
         disk_reserve_bytes: args.disk_reserve_mb << 20,
-        ..Config::new(args.data)
+        ..usual
     }
 }
 

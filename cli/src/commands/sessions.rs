@@ -5,8 +5,8 @@ mod history;
 use clap::{Args, Subcommand};
 use futures::StreamExt;
 use palpate_client::schemas::{
-    AxisUnit, Belief, BeliefQuery, ExplainQuery, Marginals, MarginalsQuery, PageQuery, Session,
-    SessionEvent,
+    AxisUnit, Belief, BeliefQuery, CloseSession, ExplainQuery, Marginals, MarginalsQuery, Session,
+    SessionEvent, SessionState, SessionsQuery,
 };
 use serde::Serialize;
 use uuid::Uuid;
@@ -26,7 +26,30 @@ pub(crate) struct SessionsArgs {
 #[derive(Debug, Subcommand)]
 enum Action {
     /// List the sessions.
-    List,
+    List {
+        /// Only those that take readings.
+        #[arg(long)]
+        open: bool,
+    },
+    /// Keep a session open though nothing comes: a lease.
+    Extend {
+        /// Its id.
+        session: Uuid,
+        /// For so many seconds from now on.
+        #[arg(long, value_parser = clap::value_parser!(u32).range(1..=31_536_000))]
+        seconds: u32,
+    },
+    /// Close a session: it takes no more readings, its belief can still be read.
+    Close {
+        /// Its id.
+        session: Uuid,
+        /// What the object was, by id or name: the server counts how often it is right.
+        #[arg(long, value_name = "OBJECT", conflicts_with = "none_of_these")]
+        truth: Option<String>,
+        /// It was none of the catalogue's objects.
+        #[arg(long)]
+        none_of_these: bool,
+    },
     /// Show a session and its belief.
     Show {
         /// Its id.
@@ -106,9 +129,28 @@ struct Shown {
 pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
-        Action::List => {
-            let page = client.sessions(&PageQuery { limit: Some(1000), cursor: None }).await?;
-            output.answer(&page, |page| table(&page.items))
+        Action::List { open } => {
+            let state = open.then_some(SessionState::Open);
+            let query = SessionsQuery { limit: Some(1000), cursor: None, state };
+            output.answer(&client.sessions(&query).await?, |page| table(&page.items))
+        }
+        Action::Extend { session, seconds } => {
+            let session = client.extend_session(session, seconds).await?;
+            output.answer(&session, |session| table(std::slice::from_ref(session)))
+        }
+        Action::Close { session, truth, none_of_these } => {
+            let none_of_these = none_of_these.then_some(true);
+            let told = CloseSession { object: truth, none_of_these };
+            let session = client.close_session_with(session, &told).await?;
+            output.answer(&session, |session| {
+                let closed = table(std::slice::from_ref(session));
+                session.truth.as_ref().map_or(closed.clone(), |truth| {
+                    let was = truth.name.as_deref().unwrap_or(NONE_OF_THESE);
+                    let right = if truth.was_right { "right" } else { "wrong" };
+                    let percent = truth.probability * 100.0;
+                    format!("{closed}\n\nit was {was}: {right}, with {percent:.1} %")
+                })
+            })
         }
         Action::Show { session, poses } => {
             let belief =
@@ -250,7 +292,7 @@ fn marginals_words(marginals: &Marginals) -> String {
 
 fn table(sessions: &[Session]) -> String {
     output::table(
-        ["id", "catalogue", "version", "method", "state", "readings", "frame", "created"],
+        ["id", "catalogue", "version", "method", "state", "readings", "frame", "created", "until"],
         sessions.iter().map(|session| {
             [
                 session.id.to_string(),
@@ -261,6 +303,8 @@ fn table(sessions: &[Session]) -> String {
                 session.n_readings.to_string(),
                 session.frame_id.clone().unwrap_or_default(),
                 session.created_at.clone(),
+                // When it ended, or will if nothing comes.
+                session.closed_at.clone().or(session.expires_at.clone()).unwrap_or_default(),
             ]
         }),
     )

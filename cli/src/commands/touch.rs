@@ -43,6 +43,10 @@ pub(crate) struct TouchArgs {
     /// Decides where the object lies and how it is touched.
     #[arg(long, default_value_t = 7)]
     seed: u64,
+    /// How long the robot takes between two touches, in milliseconds; by default as fast as it
+    /// can.
+    #[arg(long, value_name = "MS", default_value_t = 0)]
+    pace: u64,
     /// The catalogue to recognise with.
     #[arg(long, default_value = "default")]
     catalogue: String,
@@ -53,6 +57,10 @@ pub(crate) struct TouchArgs {
     /// `--appearance`; the robot sends no poses then.
     #[arg(long, value_enum)]
     method: Option<TouchMethod>,
+    /// How probable it is before the first touch that the object is none of the catalogue's:
+    /// above 0 and below 1, for the method `hybrid` [default: 0.05].
+    #[arg(long, value_name = "PROBABILITY")]
+    unknown_prior: Option<f64>,
     /// The robot's sensor.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
@@ -122,6 +130,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         catalogue: Some(args.catalogue),
         version: Some(current),
         method,
+        unknown_prior: args.unknown_prior,
         pose_prior: is_geometric(method).then(|| robot.pose_prior(truth.origin_in_mesh)),
         ..CreateSession::default()
     };
@@ -134,7 +143,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         probability: f64::INFINITY,
         in_a_row: 1,
         touches_max: args.readings,
-        pause: Duration::ZERO,
+        pause: Duration::from_millis(args.pace),
     };
     let show = |step: &Step| output.say(step_words(step));
     let trial = trial::run(robot, &mut session, args.sensor.name(), &truth, rule, show);

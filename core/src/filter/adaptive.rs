@@ -76,6 +76,13 @@ pub struct AdaptiveHistogram<const D: usize> {
 }
 
 impl<const D: usize> AdaptiveHistogram<D> {
+    /// Bytes of the bins.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let numbers = self.log_prior.capacity() + self.typical.capacity();
+        self.bins.capacity() * size_of::<Bin<D>>() + numbers * size_of::<f64>()
+    }
+
     /// All first bins of all objects; `log_prior` is ln of the objects' probabilities, and an
     /// object of −∞ has no bins.
     #[must_use]

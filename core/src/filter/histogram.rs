@@ -137,6 +137,17 @@ pub struct PlanarHistogram {
 }
 
 impl PlanarHistogram {
+    /// Bytes of the bins and of the presses, without the planes that it shares.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let slab = |slab: &Slab| {
+            let active = slab.active.as_ref().map_or(0, Vec::capacity);
+            slab.logs.capacity() * size_of::<f32>() + active * size_of::<u32>()
+        };
+        let presses: usize = self.presses.iter().map(ClassifiedPress::bytes).sum();
+        size_of::<Self>() + self.slabs.iter().map(slab).sum::<usize>() + presses
+    }
+
     /// A uniform belief. `exponent` tempers every press (1 is as printed).
     ///
     /// # Panics

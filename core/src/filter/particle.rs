@@ -126,6 +126,12 @@ pub struct ParticleFilter {
 }
 
 impl ParticleFilter {
+    /// Bytes of the particles.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + self.particles.capacity() * size_of::<Particle>()
+    }
+
     /// Particles drawn uniformly from all objects and the region. Everything random comes
     /// from `seed`.
     ///

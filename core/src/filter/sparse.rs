@@ -108,6 +108,12 @@ pub struct SparseHistogram {
 }
 
 impl SparseHistogram {
+    /// Bytes of the bins, about: the table's control bytes are one a bin.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + self.bins.capacity() * (size_of::<(PoseBin, BinBelief)>() + 1)
+    }
+
     /// A uniform belief that will keep at most about `capacity` bins.
     #[must_use]
     pub fn new(rule: ProductRule, capacity: usize) -> Self {

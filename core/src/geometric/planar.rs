@@ -272,6 +272,12 @@ impl BinLikelihood<3> for PlanarModel {
 }
 
 impl PlanarBelief {
+    /// Bytes of the histogram and of the presses.
+    pub(super) fn bytes(&self) -> usize {
+        let taxels: usize = self.model.readings.iter().map(|r| r.press.pressures.len()).sum();
+        size_of::<Self>() + self.histogram.bytes() + taxels * size_of::<[f32; 3]>()
+    }
+
     pub(super) fn new(
         prepared: &PreparedGeometry,
         pose: PosePrior,

@@ -58,6 +58,15 @@ enum Space {
 }
 
 impl PrintedBelief {
+    /// Bytes of the filter.
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Self>()
+            + match &self.filter {
+                Filter::Histogram(histogram, _) => histogram.bytes(),
+                Filter::Particles(filter, _) => filter.bytes(),
+            }
+    }
+
     pub(super) fn new(
         model: &Arc<GeometricModel>,
         prior: &PosePrior,

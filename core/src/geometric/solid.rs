@@ -96,6 +96,12 @@ impl BinLikelihood<6> for SolidModel {
 }
 
 impl SolidBelief {
+    /// Bytes of the histogram and of the presses.
+    pub(super) fn bytes(&self) -> usize {
+        let presses: usize = self.model.presses.iter().map(ClassifiedPress::bytes).sum();
+        size_of::<Self>() + self.histogram.bytes() + presses
+    }
+
     pub(super) fn new(
         prepared: &PreparedGeometry,
         pose: PosePrior,

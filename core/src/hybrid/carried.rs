@@ -22,13 +22,18 @@ const WRONG: f32 = 0.02;
 /// Poses of one object from before it may have moved.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Carried {
-    poses: Vec<(Turned, f32)>,
+    pub(super) poses: Vec<(Turned, f32)>,
     /// Variances of the motion so far: m², rad².
     pub(super) position: f32,
     pub(super) angle: f32,
 }
 
 impl Carried {
+    /// Bytes behind its list.
+    pub(super) fn bytes(&self) -> usize {
+        self.poses.capacity() * size_of::<(Turned, f32)>()
+    }
+
     /// The likeliest of an object's hypotheses, after a motion.
     pub(super) fn of(hypotheses: &[Hypothesis], motion: &Looseness) -> Self {
         let best = hypotheses.first().map_or(0.0, |hypothesis| hypothesis.score);

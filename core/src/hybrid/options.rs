@@ -13,6 +13,9 @@ pub struct TouchScale {
     pub along: f32,
     /// Of the observed normal, rad; the mapped touch's own scatter comes on top.
     pub normal: f32,
+    /// The share of touches whose normal says little: at edges and tips a sensor may stand
+    /// almost any way round.
+    pub normal_outliers: f32,
     /// The concentration of the stretch's double angle for two contacts of elongation 1.
     pub direction: f32,
     /// The share of touches that fit nowhere.
@@ -140,6 +143,7 @@ impl Default for HybridOptions {
                 across: 0.7 * mm,
                 along: 4.0 * mm,
                 normal: 0.12,
+                normal_outliers: 0.05,
                 direction: 4.0,
                 outliers: 0.01,
                 workspace: 0.064,

@@ -47,6 +47,11 @@ pub struct PatternScale {
 }
 
 impl Pattern {
+    /// Bytes behind its lists.
+    pub(super) fn bytes(&self) -> usize {
+        (self.free.capacity() + self.occupied.capacity()) * size_of::<Vec3>()
+    }
+
     /// The pattern of a press that touched.
     pub(super) fn of_touch(reading: &Reading, sensor: &SensorDescription, anchor: DVec3) -> Self {
         let session_from_sensor = reading.session_from_sensor();
@@ -158,6 +163,11 @@ pub(super) struct Miss {
 }
 
 impl Miss {
+    /// Bytes with its image, about.
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Self>() + self.reading.image().pressures.len() * size_of::<f64>()
+    }
+
     /// Its pattern, once there is an anchor.
     pub(super) fn pattern(&self, anchor: DVec3) -> Pattern {
         Pattern::of_miss(&self.reading, &self.sensor, anchor)

@@ -56,10 +56,11 @@ impl HybridBelief {
     }
 
     /// The newest touch and each partner propose poses of the objects that are at most
-    /// `reach` (ln) less likely than the best, and of the `listed` ones that stand best.
+    /// `reach` (ln) less likely than the best, and of the `listed` ones that stand best of those
+    /// that have no hypothesis yet: what was proposed before and explains little stays out.
     pub(super) fn propose(&mut self, partners: &[usize], reach: f64, listed: Option<usize>) {
         let budget = &self.options.budget;
-        let standing = listed.map_or(f64::INFINITY, |n| self.standing_of(n));
+        let standing = listed.map_or(f64::INFINITY, |n| self.standing_of_unexplored(n));
         let n_objects = self.n_listed().unwrap_or(budget.objects).min(budget.objects);
         let n_proposals = match self.n_listed() {
             None => budget.proposals_per_object,
@@ -78,7 +79,8 @@ impl HybridBelief {
         let (touches, options) = (evidence.touches, evidence.options);
         let [earlier @ .., newest] = touches else { return };
         for_each_object(objects, evidence.maps, |state, map| {
-            if state.log_evidence < bar && state.standing < standing {
+            let is_listed = state.hypotheses.is_empty() && state.standing >= standing;
+            if state.log_evidence < bar && !is_listed {
                 return;
             }
             let known = Known { map, carried: &state.carried };

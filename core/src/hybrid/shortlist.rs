@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::options::HybridOptions;
 use super::propose::{alignment, loosened, misfit};
 use super::sighting::Sighting;
-use super::{HybridBelief, PairEvidence};
+use super::{HybridBelief, ObjectState, PairEvidence};
 use crate::surface::joint_pairs::{JointPairs, JointTable, OBJECTS_PER_TABLE};
 use crate::surface::pair_geometry::PairGeometry;
 
@@ -63,11 +63,25 @@ impl HybridBelief {
     }
 
     /// The least standing of the `n` objects that stand best.
-    pub(super) fn standing_of(&self, n: usize) -> f64 {
-        let mut all: Vec<f64> = self.objects.iter().map(|state| state.standing).collect();
-        all.sort_unstable_by(|a, b| b.total_cmp(a));
-        all.get(n.saturating_sub(1)).copied().unwrap_or(f64::NEG_INFINITY)
+    fn standing_of(&self, n: usize) -> f64 {
+        least_of_best(self.objects.iter(), n)
     }
+
+    /// The same among the objects that no pose was proposed of yet, or none that is left.
+    pub(super) fn standing_of_unexplored(&self, n: usize) -> f64 {
+        least_unexplored(&self.objects, n)
+    }
+}
+
+fn least_unexplored(states: &[ObjectState], n: usize) -> f64 {
+    least_of_best(states.iter().filter(|state| state.hypotheses.is_empty()), n)
+}
+
+/// The least standing of the `n` that stand best.
+fn least_of_best<'a>(states: impl Iterator<Item = &'a ObjectState>, n: usize) -> f64 {
+    let mut all: Vec<f64> = states.map(|state| state.standing).collect();
+    all.sort_unstable_by(|a, b| b.total_cmp(a));
+    all.get(n.saturating_sub(1)).copied().unwrap_or(f64::NEG_INFINITY)
 }
 
 /// Asks the table for two touches; `None` when they are at one place.
@@ -114,7 +128,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::hybrid::test_support::{map_of, places, seen, some_pose};
+    use crate::hybrid::hypothesis::Hypothesis;
+    use crate::hybrid::test_support::{map_of, places, seen, single, some_pose};
     use crate::pose::Pose;
     use crate::surface::pair_table::PairTable;
 
@@ -170,6 +185,20 @@ mod tests {
         let n_pairs = (120 * 119) as f32;
         let share = estimates([3, 50], [true; 4])[2].geometry;
         assert!((near / n_pairs..=visited / n_pairs).contains(&share), "{near} {share} {visited}");
+    }
+
+    #[test]
+    fn who_was_proposed_of_before_takes_no_place_of_the_list() {
+        let states = [(3.0, true), (2.0, false), (1.0, false), (0.0, false)];
+        let states = states.map(|(standing, is_explored)| {
+            let (rotation, translation) = single(&Pose::IDENTITY);
+            let known = vec![Hypothesis { rotation, translation, score: 0.0 }];
+            let hypotheses = if is_explored { known } else { Vec::new() };
+            ObjectState { hypotheses, standing, ..ObjectState::default() }
+        });
+        let (all, unexplored) = (least_of_best(states.iter(), 2), least_unexplored(&states, 2));
+        assert!((all - 2.0).abs() < 1e-12 && (unexplored - 1.0).abs() < 1e-12);
+        assert!(least_unexplored(&states, 9) < -1e12, "fewer than asked for: all of them");
     }
 
     #[test]

@@ -18,6 +18,12 @@ use crate::sensor::SensorDescription;
 pub struct ClassifiedPress(Vec<(DVec3, ContactClass)>);
 
 impl ClassifiedPress {
+    /// Bytes of the taxels.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.0.capacity() * size_of::<(DVec3, ContactClass)>()
+    }
+
     /// Classifies a reading. A touching taxel's point lies where the surface is, at
     /// z = −displacement in the sensor frame; any other's on the covering, at z = 0. Points in
     /// the frame of the reading's pose, metres, row-major.

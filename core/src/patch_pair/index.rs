@@ -4,6 +4,8 @@
 //! one array of 6-byte postings. A pair is stored once, under its classes in ascending
 //! order; a query of two equal classes matches it both ways round.
 
+use std::ops::Range;
+
 use super::distance::DistanceBins;
 use crate::vocabulary::{Association, ClassIdx};
 
@@ -111,6 +113,28 @@ impl PairIndex {
         size_of_val(self.offsets.as_slice()) + size_of_val(self.postings.as_slice())
     }
 
+    /// The likeliest appearance class of each patch of `range`, as the pairs that name it say:
+    /// the class under which their weights add up to most. `None` for a patch without pairs.
+    #[must_use]
+    pub fn likeliest_classes(&self, range: Range<usize>) -> Vec<Option<ClassIdx>> {
+        let mut tally = vec![0u64; range.len() * self.n_classes];
+        let n_bins = usize::from(self.distances.n());
+        let pairs =
+            (0..self.n_classes).flat_map(|low| (low..self.n_classes).map(move |c| (low, c)));
+        for (pair, (low, high)) in pairs.enumerate() {
+            let (begin, end) = (self.offsets[pair * n_bins], self.offsets[(pair + 1) * n_bins]);
+            for posting in &self.postings[begin as usize..end as usize] {
+                for (patch, class) in [(posting.first, low), (posting.second, high)] {
+                    if range.contains(&usize::from(patch)) {
+                        let row = usize::from(patch) - range.start;
+                        tally[row * self.n_classes + class] += u64::from(posting.weight);
+                    }
+                }
+            }
+        }
+        tally.chunks(self.n_classes.max(1)).map(likeliest).collect()
+    }
+
     /// Calls `visit(patch a, patch b, weight)` for every stored ordered pair whose patch a is
     /// of class `a`, patch b of class `b`, and whose distance lies in `bin`.
     pub fn matches(
@@ -133,6 +157,12 @@ impl PairIndex {
             }
         }
     }
+}
+
+/// The class with the largest sum, the first of equals; `None` when all are 0.
+fn likeliest(sums: &[u64]) -> Option<ClassIdx> {
+    let most = sums.iter().copied().max().filter(|most| *most > 0)?;
+    sums.iter().position(|sum| *sum == most).map(|class| ClassIdx(class as u8))
 }
 
 /// The key of classes `low` ≤ `high` and a distance bin.
@@ -246,6 +276,20 @@ mod tests {
         index.matches(ClassIdx(1), ClassIdx(0), bin, |a, b, weight| weights.push((a, b, weight)));
         assert_eq!((weights[0].0, weights[0].1), (1, 0));
         assert!((weights[0].2 - 0.2).abs() < 1e-4);
+    }
+
+    #[test]
+    fn patches_are_of_the_class_that_their_pairs_name_most() {
+        let patches = random_patches(40);
+        let index = indexed(&patches);
+        let heavier = |patch: &([f32; 3], Vec<Association>)| Some(patch.1[0].class);
+        let expected: Vec<_> = patches.iter().map(heavier).collect();
+        assert_eq!(index.likeliest_classes(0..40), expected);
+        assert_eq!(index.likeliest_classes(7..12), expected[7..12]);
+        // Farther from each other than any bin: nothing names them.
+        let class = || vec![Association { class: ClassIdx(2), weight: 1.0 }];
+        let apart = indexed(&[([0.0; 3], class()), ([1.0, 0.0, 0.0], class())]);
+        assert_eq!(apart.likeliest_classes(0..2), [None, None]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use glam::{DVec3, Vec3};
 
 use super::appearance::StoredFeature;
+use super::bend::{Bend, bends};
 use super::pair_table::PairTable;
 use super::solid::Solid;
 use super::voxels::Voxels;
@@ -66,6 +67,7 @@ impl Default for SurfaceLayout {
 pub struct SurfaceMap {
     origin_in_training: DVec3,
     patches: Vec<SurfacePatch>,
+    bends: Vec<Bend>,
     layout: SurfaceLayout,
     spacing: f32,
     voxels: Voxels,
@@ -107,10 +109,12 @@ impl SurfaceMap {
         let edge = layout.voxel.max(EDGE_SPACINGS * spacing);
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
+        let bends = bends(&patches, spacing);
         let solid = Solid::of_patches(&patches, spacing, reach);
         Self {
             origin_in_training,
             patches,
+            bends,
             layout,
             spacing,
             voxels,
@@ -143,6 +147,12 @@ impl SurfaceMap {
     #[must_use]
     pub fn patches(&self) -> &[SurfacePatch] {
         &self.patches
+    }
+
+    /// How the surface bends about each of them.
+    #[must_use]
+    pub fn bends(&self) -> &[Bend] {
+        &self.bends
     }
 
     /// How the map is laid out.
@@ -186,6 +196,7 @@ impl SurfaceMap {
     pub fn bytes(&self) -> usize {
         size_of::<Self>()
             + size_of_val(self.patches.as_slice())
+            + size_of_val(self.bends.as_slice())
             + size_of_val(self.symmetry.axes.as_slice())
             + self.voxels.bytes()
             + self.solid.bytes()
@@ -240,8 +251,9 @@ mod tests {
     fn bytes_count_what_the_map_holds() {
         let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
         let map = SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default());
-        // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch.
-        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 52;
+        // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch; how the surface
+        // bends there is four numbers more.
+        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 68;
         assert_eq!(map.bytes(), parts + size_of::<SurfaceMap>());
         assert!(map.pairs().bytes() >= 10 * 4, "ten pairs of two numbers");
     }

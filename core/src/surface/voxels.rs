@@ -45,7 +45,9 @@ impl Voxels {
         let min = low - Vec3::splat(reach);
         let extent = high - low + Vec3::splat(2.0 * reach);
         let n = (extent / edge).ceil().as_uvec3().max(UVec3::ONE);
-        let mut found = vec![Vec::<(f32, u16)>::new(); (n.x * n.y * n.z) as usize];
+        // One list, sorted by cube, then distance: a small list a cube would leave the memory in
+        // pieces that no other object fits into.
+        let mut found: Vec<(u32, f32, u16)> = Vec::new();
         for (index, position) in positions.iter().enumerate() {
             let first = ((*position - min - Vec3::splat(reach)) / edge).floor().max(Vec3::ZERO);
             let last = ((*position - min + Vec3::splat(reach)) / edge).floor();
@@ -57,26 +59,24 @@ impl Voxels {
                         let center = min + (cube.as_vec3() + Vec3::splat(0.5)) * edge;
                         let distance = center.distance_squared(*position);
                         if distance <= reach * reach {
-                            found[place(cube, n)].push((distance, index as u16));
+                            found.push((place(cube, n) as u32, distance, index as u16));
                         }
                     }
                 }
             }
         }
-        let mut near = Vec::new();
-        let lists = found.into_iter().map(|mut list| {
-            if list.is_empty() || near.len() >= usize::from(EMPTY) {
-                return EMPTY;
-            }
-            list.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        let mut lists = vec![EMPTY; (n.x * n.y * n.z) as usize];
+        let cubes = found.chunk_by(|a, b| a.0 == b.0).take(usize::from(EMPTY));
+        let mut near = Vec::with_capacity(cubes.clone().count());
+        for cube in cubes {
             let mut touches = [EMPTY; NEAR_MAX];
-            for (slot, (_, touch)) in touches.iter_mut().zip(&list) {
+            for (slot, (_, _, touch)) in touches.iter_mut().zip(cube) {
                 *slot = *touch;
             }
+            lists[cube[0].0 as usize] = near.len() as u16;
             near.push(touches);
-            (near.len() - 1) as u16
-        });
-        let lists = lists.collect();
+        }
         Self { min, inverse_edge: edge.recip(), n, lists, near }
     }
 

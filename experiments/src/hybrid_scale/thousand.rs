@@ -21,7 +21,7 @@ use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
 use palpate_sim::shapes::assembled;
 use serde_json::json;
 
-use super::{HybridScale, LETTER};
+use super::{HybridScale, LETTER, report_left_out};
 use crate::disturbance::Disturbance;
 use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions};
@@ -99,7 +99,7 @@ pub(super) fn run(
     progress("growing families", 0, 1);
     let largest = growth.largest();
     let objects = Families::new(with_assembled(parents, config, growth)?, config.seed)?;
-    let (model, test) = learn(config, growth, objects, progress)?;
+    let (model, test) = learn(config, growth, objects, report, progress)?;
     prepare(&model, &HybridOptions::default());
     if let Some(bytes) = resident_bytes() {
         report.summarise(&format!("rss_bytes_{largest}"), bytes);
@@ -137,27 +137,35 @@ fn with_assembled(
     Ok(parents)
 }
 
-/// The model of all objects, and their test readings.
+/// The model of all objects, and their test readings. Objects that cannot be touched often
+/// enough are left out and named in a row.
 fn learn(
     config: &HybridScale,
     growth: &Growth,
-    mut objects: Families,
+    objects: Families,
+    report: &mut Report,
     progress: Progress<'_>,
 ) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
     let (sensor, largest) = (&config.sensor, growth.largest());
     let mut test = Vec::with_capacity(largest);
-    // Objects that cannot be touched often enough are left out.
+    // There are always more members: whoever finds every other one untouchable is mistaken.
+    let mut objects = objects.take(2 * largest);
     let mut touched = || -> anyhow::Result<Vec<Reading>> {
         progress("touching objects", test.len(), largest);
         for object in objects.by_ref() {
             let object = object?;
             let touch = |n: usize, seed: u64| objects::touch(&object, sensor, n, seed);
-            let Ok(train) = touch(growth.train_readings, 2 * config.seed) else { continue };
-            let Ok(tested) = touch(growth.test_readings, 2 * config.seed + 1) else { continue };
-            test.push(tested);
-            return Ok(train);
+            let both = touch(growth.train_readings, 2 * config.seed)
+                .and_then(|train| Ok((train, touch(growth.test_readings, 2 * config.seed + 1)?)));
+            match both {
+                Ok((train, tested)) => {
+                    test.push(tested);
+                    return Ok(train);
+                }
+                Err(error) => report_left_out(report, &object, &error),
+            }
         }
-        anyhow::bail!("there are no objects to grow families of")
+        anyhow::bail!("{} of {} objects can be touched", test.len(), 2 * largest)
     };
     let n_first = growth.space_objects.min(largest);
     let first: Vec<Vec<Reading>> =

@@ -13,6 +13,7 @@ use super::memory::{Fold, Memory, Start};
 use super::order::Chronicle;
 use crate::belief::SessionBelief;
 use crate::catalogues::Model;
+use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::wire::reading::from_store;
@@ -28,14 +29,11 @@ pub(crate) struct Folding {
     pub(super) journal: Journal,
     pub(super) sensors: Arc<Sensors>,
     pub(super) options: Options,
+    pub(super) checkpoints: Arc<Checkpoints>,
 }
 
-impl Ready {
-    /// Whether the object may have moved before it.
-    pub(super) fn object_moved(&self) -> bool {
-        self.stored.object_moved.is_some()
-    }
-}
+/// So many readings are folded before their belief is stored, or stored again.
+const READINGS_PER_CHECKPOINT: usize = 16;
 
 /// A reading that is ready to be folded.
 pub(super) struct Ready {
@@ -44,6 +42,13 @@ pub(super) struct Ready {
     stored: StoredReading,
     reading: Reading,
     sensor: Arc<Sensor>,
+}
+
+impl Ready {
+    /// Whether the object may have moved before it.
+    pub(super) fn object_moved(&self) -> bool {
+        self.stored.object_moved.is_some()
+    }
 }
 
 impl Folding {
@@ -56,13 +61,58 @@ impl Folding {
         self.read(length, memory.chronicle.len(), |entry| {
             memory.take(entry);
         })?;
+        let order = memory.chronicle.order().to_vec();
         let mut fold = match memory.begin() {
             Some(fold) => fold,
-            None => self.nothing()?,
+            None => match self.resumed(&order)? {
+                Some(fold) => {
+                    memory.is_stored(fold.n);
+                    fold
+                }
+                None => self.nothing()?,
+            },
         };
-        let order = memory.chronicle.order().to_vec();
         self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.options.method))?;
-        Ok(memory.keep(fold))
+        memory.keep(fold);
+        self.store(memory, READINGS_PER_CHECKPOINT);
+        memory.newest().ok_or_else(|| self.gone())
+    }
+
+    /// Stores the newest belief if it rests on `more` readings more than the one that is stored.
+    pub(super) fn store(&self, memory: &mut Memory, more: usize) {
+        let order = memory.chronicle.order().to_vec();
+        let Some(fold) = memory.unstored(more) else { return };
+        let Some(conclusions) = fold.belief.conclusions() else { return };
+        let Session { id, catalogue, version, .. } = self.session;
+        let order = order[..fold.n].to_vec();
+        self.checkpoints.keep(id, &Checkpoint { catalogue, version, order, conclusions });
+    }
+
+    /// The belief that is stored, if it rests on what `order` begins with.
+    fn resumed(&self, order: &[u32]) -> Result<Option<Fold>, Refusal> {
+        let Some(checkpoint) = self.checkpoints.find(self.session.id) else { return Ok(None) };
+        let Checkpoint { catalogue, version, order: rests_on, conclusions } = checkpoint;
+        let is_ours = (catalogue, version) == (self.session.catalogue, self.session.version);
+        if !is_ours || !order.starts_with(&rests_on) {
+            return Ok(None);
+        }
+        let mut fold = self.nothing()?;
+        for numbers in rests_on.chunks(ENTRIES_PER_READ) {
+            let ready = self.ready(numbers)?;
+            for number in numbers {
+                let Ready { stored, reading, sensor, .. } =
+                    ready.get(number).ok_or_else(|| self.gone())?;
+                if !fold.belief.retrace(stored, reading, &sensor.description) {
+                    return Ok(None);
+                }
+                fold.n += 1;
+            }
+        }
+        if !fold.belief.resume(&conclusions) {
+            return Ok(None);
+        }
+        metrics::counter!("palpate_beliefs_resumed_total").increment(1);
+        Ok(Some(fold))
     }
 
     /// The belief after the journal's first `length` entries, folded anew; from `start`, when
@@ -115,6 +165,7 @@ impl Folding {
                 fold.n += 1;
                 each(fold);
             }
+            metrics::counter!("palpate_readings_folded_total").increment(next.len() as u64);
         }
         Ok(())
     }

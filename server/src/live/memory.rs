@@ -34,15 +34,24 @@ pub(super) struct Memory {
     newest: Option<Fold>,
     /// Ascending.
     checkpoints: Vec<Fold>,
+    /// How many readings of the order the checkpoint rests on that is stored.
+    stored: usize,
 }
 
 impl Memory {
+    /// Bytes of all that is kept.
+    pub(super) fn bytes(&self) -> usize {
+        let folds = self.checkpoints.iter().chain(&self.newest);
+        self.chronicle.bytes() + folds.map(|fold| fold.belief.bytes()).sum::<usize>()
+    }
+
     /// Takes the journal's next entry, and forgets what it makes wrong; gives how many readings
     /// of the order stay as they were.
     pub(super) fn take(&mut self, entry: &Entry) -> usize {
         let stays = self.chronicle.take(entry);
         self.newest = self.newest.take().filter(|fold| fold.n <= stays);
         self.checkpoints.retain(|fold| fold.n <= stays);
+        self.stored = self.stored.min(stays);
         stays
     }
 
@@ -52,8 +61,26 @@ impl Memory {
     }
 
     /// Keeps the newest belief.
-    pub(super) fn keep(&mut self, newest: Fold) -> &SessionBelief {
-        &self.newest.insert(newest).belief
+    pub(super) fn keep(&mut self, newest: Fold) {
+        self.newest = Some(newest);
+    }
+
+    /// The newest belief.
+    pub(super) fn newest(&self) -> Option<&SessionBelief> {
+        self.newest.as_ref().map(|fold| &fold.belief)
+    }
+
+    /// The newest belief, if it rests on `more` readings more than the one that is stored; it
+    /// counts as stored from now on.
+    pub(super) fn unstored(&mut self, more: usize) -> Option<&Fold> {
+        let newest = self.newest.as_ref().filter(|fold| fold.n >= self.stored + more)?;
+        self.stored = newest.n;
+        Some(newest)
+    }
+
+    /// Notes that a stored belief rests on the first `n` readings of the order.
+    pub(super) fn is_stored(&mut self, n: usize) {
+        self.stored = n;
     }
 
     /// Keeps a copy of a belief to go back to, now and then; one at most of every few.

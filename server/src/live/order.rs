@@ -9,6 +9,9 @@ use std::collections::BTreeSet;
 
 use palpate_store::journal::{Entry, Event};
 
+/// What a robot's name takes in memory, about.
+const ROBOT_BYTES: usize = 16;
+
 /// Where a reading stands. The order of the fields is the order of readings.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Place {
@@ -34,6 +37,12 @@ pub(crate) struct Chronicle {
 }
 
 impl Chronicle {
+    /// Bytes of what is known, about: names of robots are short.
+    pub(crate) fn bytes(&self) -> usize {
+        self.changes.capacity() * (size_of::<Change>() + ROBOT_BYTES)
+            + self.order.capacity() * size_of::<u32>()
+    }
+
     /// How many entries are known.
     pub(crate) fn len(&self) -> usize {
         self.changes.len()

@@ -28,7 +28,7 @@ impl Live {
         }
         let place = tools.pool.place()?;
         // Whoever is folding right now is not waited for.
-        let start = self.state.try_lock().ok().and_then(|state| start(&state.memory, at));
+        let start = self.turns.try_take().and_then(|state| start(&state.memory, at));
         Ok(Some(self.past(tools, place, at, poses, start).await?))
     }
 

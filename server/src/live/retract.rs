@@ -19,7 +19,7 @@ impl Live {
         number: u64,
         detail: BeliefDetail,
     ) -> Result<wire::ReadingRetracted, Refusal> {
-        let mut state = self.state.lock().await;
+        let mut state = self.turns.take().await?;
         let now = now_ms();
         let (session, journal) = (self.session.id, tools.store.journal());
         let status = self.status(tools.store, now)?;
@@ -28,8 +28,8 @@ impl Live {
             return Err(Refusal::NotFound { what: "reading", reference: number.to_string() });
         }
         let before = journal.retraction(session, number)?;
-        if before.is_none() && status.closed_at_ms.is_some() {
-            return Err(Refusal::SessionClosed { session });
+        if let Some(end) = status.end.filter(|_| before.is_none()) {
+            return Err(Refusal::SessionEnded { session, end });
         }
         let place = self.place(tools, detail)?;
         if before.is_none() {

@@ -1,12 +1,13 @@
 //! Streams of server-sent events: what is now, then what happens.
 //!
 //! Every event carries the whole state, so one that is missed does no harm. A stream ends
-//! when there is nothing more to come, and when the server stops.
+//! when there is nothing more to come, when the key that opened it is no longer let in, and when
+//! the server stops.
 
 use std::convert::Infallible;
 use std::time::Duration;
 
-use axum::extract::State;
+use axum::extract::{Extension, State};
 use axum::http::{HeaderMap, HeaderName};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -17,6 +18,7 @@ use tokio_stream::wrappers::{BroadcastStream, WatchStream};
 
 use crate::app::App;
 use crate::extract::{Params, Segment1, revision};
+use crate::guard::Caller;
 use crate::refusal::Refusal;
 use crate::sessions::is_last;
 use crate::wire::session::session_ids;
@@ -33,12 +35,13 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
         content_type = "text/event-stream")))]
 pub(crate) async fn job_events(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Segment1(job): Segment1,
 ) -> Result<Response, Refusal> {
     let jobs = WatchStream::new(app.jobs().follow(&job)?);
     let events = until(jobs.boxed(), |job: &Job| job.state.is_final());
     let events = events.map(|job| Event::default().event("job").json_data(&job));
-    sse(&app, events.filter_map(async |event| event.ok()).boxed())
+    sse(&app, caller, events.filter_map(async |event| event.ok()).boxed())
 }
 
 /// Follow a session
@@ -51,6 +54,7 @@ pub(crate) async fn job_events(
         content_type = "text/event-stream")))]
 pub(crate) async fn session_events(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Segment1(session): Segment1,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
@@ -58,7 +62,7 @@ pub(crate) async fn session_events(
     let id = app.sessions().parse(&session)?;
     let (now, events) = app.sessions().follow(id, known).await?;
     let events = until(session_stream(now, events), is_last);
-    sse(&app, events.filter_map(async |event| session_event(&event)).boxed())
+    sse(&app, caller, events.filter_map(async |event| session_event(&event)).boxed())
 }
 
 /// Follow several sessions in one stream
@@ -70,6 +74,7 @@ pub(crate) async fn session_events(
         content_type = "text/event-stream")))]
 pub(crate) async fn events(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Params(query): Params<EventsQuery>,
 ) -> Result<Response, Refusal> {
     let mut all = Vec::new();
@@ -77,7 +82,7 @@ pub(crate) async fn events(
         let (now, events) = app.sessions().follow(id, None).await?;
         all.push(session_stream(now, events));
     }
-    sse(&app, select_all(all).filter_map(async |event| session_event(&event)).boxed())
+    sse(&app, caller, select_all(all).filter_map(async |event| session_event(&event)).boxed())
 }
 
 /// What is now, then what happens. Who lags behind misses events that newer ones replace.
@@ -116,14 +121,24 @@ fn until<T: Send + 'static>(
 }
 
 /// The response of a stream. It counts against the bound on streams while it is open.
-fn sse(app: &App, events: BoxStream<'static, Event>) -> Result<Response, Refusal> {
+fn sse(app: &App, caller: Caller, events: BoxStream<'static, Event>) -> Result<Response, Refusal> {
     let permit = app.admission().stream()?;
     let mut stopping = app.stopping();
-    let stopped = async move {
-        // Without a sender the server is gone, which is a stop as well.
-        let _ = stopping.wait_for(|stopping| *stopping).await;
+    let app = app.clone();
+    let ended = async move {
+        let refused = async {
+            match caller.key {
+                Some(key) => app.keys().until_refused(key).await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            // Without a sender the server is gone, which is a stop as well.
+            _ = stopping.wait_for(|stopping| *stopping) => {}
+            () = refused => {}
+        }
     };
-    let events = events.take_until(Box::pin(stopped)).map(move |event| {
+    let events = events.take_until(Box::pin(ended)).map(move |event| {
         let _held_while_open = &permit;
         Ok::<Event, Infallible>(event)
     });

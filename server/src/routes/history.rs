@@ -9,7 +9,7 @@ use palpate_schemas::{
 
 use crate::app::App;
 use crate::extract::{Params, Segment1, Segment2, Segment3};
-use crate::openapi::Conflict;
+use crate::openapi::{Conflict, Ended};
 use crate::refusal::Refusal;
 
 /// List a session's readings
@@ -31,14 +31,14 @@ pub(crate) async fn list_session_readings(
 ///
 /// It stays listed and counts no more: the belief is as if it had never come, what it said of
 /// motions included. Sent again it stays withdrawn. Withdrawing it again changes nothing and
-/// answers as the first time. 409 when the session is closed.
+/// answers as the first time. 410 when the session has ended.
 #[utoipa::path(delete, path = "/v1/sessions/{session}/readings/{number}",
     operation_id = "retract_reading", tag = "sessions",
     params(("session" = String, Path, description = "The session's id"),
         ("number" = String, Path, description = "The reading's number within the session"),
         ReadingsQuery),
     responses((status = 200, description = "What became of the reading",
-        body = ReadingRetracted), Conflict))]
+        body = ReadingRetracted), Conflict, Ended))]
 pub(crate) async fn retract_reading(
     State(app): State<App>,
     Segment2(session, number): Segment2,
@@ -58,7 +58,7 @@ pub(crate) async fn retract_reading(
         ("seq" = String, Path, description = "The robot's number of it"),
         ReadingsQuery),
     responses((status = 200, description = "What became of the reading",
-        body = ReadingRetracted), Conflict))]
+        body = ReadingRetracted), Conflict, Ended))]
 pub(crate) async fn retract_robot_reading(
     State(app): State<App>,
     Segment3(session, robot, seq): Segment3,

@@ -56,8 +56,8 @@ pub(crate) async fn get_key(
 
 /// Revoke a key
 ///
-/// It is refused from now on; streams of events that it opened go on until they end. It stays
-/// in the list. The last admin's key cannot be revoked: 409.
+/// It is refused from now on, and streams of events that it opened end. It stays in the list.
+/// The last admin's key cannot be revoked: 409.
 #[utoipa::path(delete, path = "/v1/keys/{key}", operation_id = "revoke_key", tag = "keys",
     params(("key" = String, Path, description = "The key's id or name")),
     responses((status = 204, description = "It is refused from now on"), Conflict))]

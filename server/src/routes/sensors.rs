@@ -9,7 +9,6 @@ use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
 use crate::openapi::Conflict;
 use crate::refusal::Refusal;
-use crate::wire;
 
 /// List the sensors
 #[utoipa::path(get, path = "/v1/sensors", operation_id = "list_sensors", tag = "sensors",
@@ -34,7 +33,7 @@ pub(crate) async fn create_sensor(
     JsonBody(request): JsonBody<CreateSensor>,
 ) -> Result<Response, Refusal> {
     let sensor = app.sensors().create(&request).await?;
-    Ok(super::created(format!("/v1/sensors/{}", sensor.id), wire::sensor::sensor(&sensor)))
+    Ok(super::created(format!("/v1/sensors/{}", sensor.id), app.sensors().show(&sensor)?))
 }
 
 /// Get a sensor
@@ -46,7 +45,7 @@ pub(crate) async fn get_sensor(
     Segment1(sensor): Segment1,
 ) -> Result<Json<Sensor>, Refusal> {
     let sensor = app.sensors().get(&sensor)?;
-    Ok(Json(wire::sensor::sensor(&sensor)))
+    Ok(Json(app.sensors().show(&sensor)?))
 }
 
 /// Try a reading out

@@ -5,23 +5,24 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::{
-    AddReadings, AskNextTouches, Belief, BeliefQuery, CreateSession, Marginals, MarginalsQuery,
-    NextTouches, PageQuery, ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    AddReadings, AskNextTouches, Belief, BeliefQuery, CloseSession, CreateSession, ExtendSession,
+    Marginals, MarginalsQuery, NextTouches, ReadingsAdded, ReadingsQuery, Session, SessionPage,
+    SessionsQuery,
 };
 
 use crate::app::App;
-use crate::extract::{JsonBody, Params, ReadingsBody, Segment1, revision};
-use crate::openapi::Conflict;
+use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segment1, revision};
+use crate::openapi::{Conflict, Ended};
 use crate::refusal::Refusal;
 
 /// List the sessions
 #[utoipa::path(get, path = "/v1/sessions", operation_id = "list_sessions", tag = "sessions",
-    params(PageQuery),
+    params(SessionsQuery),
     responses((status = 200, description = "A page of sessions, oldest first",
         body = SessionPage)))]
 pub(crate) async fn list_sessions(
     State(app): State<App>,
-    Params(query): Params<PageQuery>,
+    Params(query): Params<SessionsQuery>,
 ) -> Result<Json<SessionPage>, Refusal> {
     Ok(Json(app.sessions().list(&query)?))
 }
@@ -29,7 +30,8 @@ pub(crate) async fn list_sessions(
 /// Begin a session
 ///
 /// One object that rests in one frame and is touched, by one robot or several. The session
-/// keeps the catalogue's version that it begins with. 409 when there is none yet.
+/// keeps the catalogue's version that it begins with. 409 when there is none yet, 429 when as
+/// many are open as may be.
 #[utoipa::path(post, path = "/v1/sessions", operation_id = "create_session", tag = "sessions",
     request_body = CreateSession,
     responses((status = 201, description = "The new session", body = Session), Conflict))]
@@ -66,15 +68,36 @@ pub(crate) async fn delete_session(
 
 /// Close a session
 ///
-/// It takes no more readings; its belief can still be read. Closing it again changes nothing.
+/// It takes no more readings; its belief can still be read. Who knows what the object was may
+/// say so, also later and of a session that has expired: `truth` then tells how right the belief
+/// was, and the metrics count it. Closing again changes nothing else; 409 with another truth.
 #[utoipa::path(post, path = "/v1/sessions/{session}/close", operation_id = "close_session",
     tag = "sessions", params(("session" = String, Path, description = "The session's id")),
-    responses((status = 200, description = "The closed session", body = Session)))]
+    request_body(content = CloseSession, description = "What the object was; may be left out"),
+    responses((status = 200, description = "The closed session", body = Session), Conflict))]
 pub(crate) async fn close_session(
     State(app): State<App>,
     Segment1(session): Segment1,
+    OptionalBody(request): OptionalBody<CloseSession>,
 ) -> Result<Json<Session>, Refusal> {
-    Ok(Json(app.sessions().close(&session).await?))
+    Ok(Json(app.sessions().close(&session, &request).await?))
+}
+
+/// Keep a session open
+///
+/// A lease: it does not expire for so long, though nothing comes. Asking again extends it;
+/// readings and closing need none. 410 when the session has ended.
+#[utoipa::path(post, path = "/v1/sessions/{session}/lease", operation_id = "extend_session",
+    tag = "sessions", request_body = ExtendSession,
+    params(("session" = String, Path, description = "The session's id")),
+    responses((status = 200, description = "The session, with its lease", body = Session),
+        Ended))]
+pub(crate) async fn extend_session(
+    State(app): State<App>,
+    Segment1(session): Segment1,
+    JsonBody(asked): JsonBody<ExtendSession>,
+) -> Result<Json<Session>, Refusal> {
+    Ok(Json(app.sessions().extend(&session, asked).await?))
 }
 
 /// Add readings
@@ -83,14 +106,15 @@ pub(crate) async fn close_session(
 /// when they are durable, with the belief after them. `robot` and `seq` together identify a
 /// reading: sent again with the same content it is not counted twice, and when all of a request
 /// are known it is answered with the belief of the first time, also after a restart and when the
-/// reading was withdrawn since. 409 with other content, or when the session is closed or full.
+/// reading was withdrawn since. 409 with other content, or when the session is full; 410 when it
+/// has ended.
 /// The belief is the same in whatever order readings with ids come: they are folded in the order
 /// of their stamps (those without first), then robots, then `seq`.
 #[utoipa::path(post, path = "/v1/sessions/{session}/readings", operation_id = "add_readings",
     tag = "sessions", request_body = AddReadings,
     params(("session" = String, Path, description = "The session's id"), ReadingsQuery),
     responses((status = 200, description = "What became of the readings", body = ReadingsAdded),
-        Conflict))]
+        Conflict, Ended))]
 pub(crate) async fn add_readings(
     State(app): State<App>,
     Segment1(session): Segment1,
@@ -159,12 +183,13 @@ pub(crate) async fn get_marginals(
 /// own, by what their outcomes are expected to say about which object it is, times the
 /// probability of a contact, and per `cost` when there is one. What was evaluated by
 /// `deadline_ms` is ranked; equal questions that are evaluated completely get equal answers.
-/// Nothing is stored. 409 with other methods, and before the first touch without a `workspace`.
+/// Nothing is stored. 409 with other methods, and before the first touch without a `workspace`;
+/// 410 when the session has ended.
 #[utoipa::path(post, path = "/v1/sessions/{session}/next-touches",
     operation_id = "ask_next_touches", tag = "sessions", request_body = AskNextTouches,
     params(("session" = String, Path, description = "The session's id")),
     responses((status = 200, description = "Approaches, best first", body = NextTouches),
-        Conflict))]
+        Conflict, Ended))]
 pub(crate) async fn ask_next_touches(
     State(app): State<App>,
     Segment1(session): Segment1,

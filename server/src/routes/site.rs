@@ -1,24 +1,21 @@
-//! What is not about robots: health, metrics, version, documentation, the first page.
+//! What is not about robots: health, metrics, version, documentation, the dashboard.
 
 use axum::extract::State;
-use axum::http::header;
-use axum::response::{Html, IntoResponse, Response};
+use axum::http::{HeaderMap, Uri, header};
+use axum::response::{IntoResponse, Response};
 use axum::{Json, Router};
 use palpate_schemas::{Liveness, Readiness, Version};
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
 use crate::refusal::Refusal;
-use crate::{openapi, telemetry};
+use crate::{dashboard, openapi, telemetry};
 
 /// Pages for people, and the API's description.
 pub(crate) fn pages() -> Router<App> {
     let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
-    Router::new()
-        .merge(docs)
-        .route("/", axum::routing::get(landing))
-        .route("/site.css", axum::routing::get(style))
-        .route("/openapi.json", axum::routing::get(description))
+    let pages = Router::new().merge(docs).route("/openapi.json", axum::routing::get(description));
+    dashboard::paths().fold(pages, |pages, path| pages.route(path, axum::routing::get(file)))
 }
 
 /// Whether the process answers
@@ -59,12 +56,8 @@ pub(crate) async fn version() -> Json<Version> {
     })
 }
 
-async fn landing() -> Html<&'static str> {
-    Html(include_str!("landing.html"))
-}
-
-async fn style() -> Response {
-    ([(header::CONTENT_TYPE, "text/css; charset=utf-8")], include_str!("site.css")).into_response()
+async fn file(uri: Uri, headers: HeaderMap) -> Response {
+    dashboard::answer(uri.path(), &headers)
 }
 
 async fn description() -> Response {

@@ -1,11 +1,14 @@
-//! What a session is doing, as its journal says.
+//! What a session is doing, as its journal says: open, closed, or expired.
+//!
+//! Expiry is no record but a sum: of when the last entry came, the time to live, and the lease.
 
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
 use palpate_store::journal::Event;
 
 use crate::refusal::Refusal;
-use crate::wire::session::Status;
+use crate::wire::life::{End, EndReason, Status};
+use crate::wire::session::options;
 
 /// What a session is doing, by its journal.
 pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<Status, Refusal> {
@@ -20,10 +23,18 @@ pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<St
     // A retraction is no reading, and takes one away.
     let n_others = 2 * n_retracted + u64::from(is_closed);
     let since = last.map_or(session.created_at_ms, |last| last.received_at_ms);
-    let expires = since.saturating_add(session.time_to_live_ms);
-    let is_expired = session.time_to_live_ms > 0 && now >= expires;
-    let closed_at_ms = if is_closed { Some(since) } else { is_expired.then_some(expires) };
-    Ok(Status { length, n_readings: length.saturating_sub(n_others), n_retracted, closed_at_ms })
+    let leased_until_ms = options(session).leased_until_ms;
+    let expires_at_ms = (session.time_to_live_ms > 0).then(|| {
+        since.saturating_add(session.time_to_live_ms).max(leased_until_ms.unwrap_or_default())
+    });
+    let expired = expires_at_ms.filter(|expires| now >= *expires);
+    let end = match expired {
+        _ if is_closed => Some(End { at_ms: since, reason: EndReason::Closed }),
+        Some(at_ms) => Some(End { at_ms, reason: EndReason::Expired }),
+        None => None,
+    };
+    let n_readings = length.saturating_sub(n_others);
+    Ok(Status { length, n_readings, n_retracted, end, expires_at_ms, leased_until_ms })
 }
 
 #[cfg(test)]
@@ -35,10 +46,9 @@ mod tests {
 
     use super::*;
 
-    #[tokio::test]
-    async fn a_session_closes_when_nothing_new_comes_for_its_time_to_live() {
-        let store = Database::in_memory();
-        let session = Session {
+    /// Created at 5 s, and lives for 1 s.
+    fn session(options: &str) -> Session {
+        Session {
             id: Uuid::from_u128(1),
             catalogue: Uuid::nil(),
             version: 1,
@@ -49,12 +59,21 @@ mod tests {
             object_may_move: false,
             seed: 0,
             time_to_live_ms: 1000,
-            options: String::new(),
+            options: options.to_owned(),
             created_at_ms: 5000,
             closed_at_ms: None,
-        };
-        let closed_at = |now| status(&store, &session, now).unwrap().closed_at_ms;
-        assert_eq!((closed_at(5999), closed_at(6000)), (None, Some(6000)));
+        }
+    }
+
+    fn end(store: &Database, session: &Session, now: u64) -> Option<(u64, EndReason)> {
+        status(store, session, now).unwrap().end.map(|end| (end.at_ms, end.reason))
+    }
+
+    #[tokio::test]
+    async fn a_session_expires_when_nothing_new_comes_for_its_time_to_live() {
+        let (store, session) = (Database::in_memory(), session(""));
+        assert_eq!(end(&store, &session, 5999), None);
+        assert_eq!(end(&store, &session, 6000), Some((6000, EndReason::Expired)));
         let reading = Event::Reading(StoredReading {
             sensor: Uuid::nil(),
             session_from_sensor: None,
@@ -67,6 +86,20 @@ mod tests {
         });
         let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
         store.journal().append(session.id, 0, &[entry]).await.unwrap();
-        assert_eq!((closed_at(6899), closed_at(9000)), (None, Some(6900)));
+        assert_eq!(end(&store, &session, 6899), None);
+        assert_eq!(end(&store, &session, 9000), Some((6900, EndReason::Expired)));
+        let entry = NewEntry { reading_id: None, received_at_ms: 6100, event: Event::Closed };
+        store.journal().append(session.id, 1, &[entry]).await.unwrap();
+        assert_eq!(end(&store, &session, 9000), Some((6100, EndReason::Closed)));
+    }
+
+    #[tokio::test]
+    async fn a_lease_keeps_a_session_open_and_never_shortens_its_life() {
+        let store = Database::in_memory();
+        let leased = session(r#"{"method": "sva", "leased_until_ms": 8000}"#);
+        assert_eq!(end(&store, &leased, 7999), None);
+        assert_eq!(end(&store, &leased, 8000), Some((8000, EndReason::Expired)));
+        let long_ago = session(r#"{"method": "sva", "leased_until_ms": 5100}"#);
+        assert_eq!(end(&store, &long_ago, 5999), None);
     }
 }

@@ -27,6 +27,9 @@ const PROBABILITY_MIN: f64 = 1e-12;
 /// Of fewer readings none can be said to be the wrong one.
 const READINGS_MIN: usize = 3;
 
+/// How many objects a step of a replay lists.
+const STEP_OBJECTS_MAX: usize = 10;
+
 /// What is believed without a reading.
 pub(crate) struct Without {
     pub(crate) answer: Answer,
@@ -46,17 +49,20 @@ pub(crate) fn step(entry: &Entry, late: bool, answer: &Answer, model: &Model) ->
         Event::Retraction { seq } => wire::SessionChange::Retraction { number: count(*seq) },
         Event::Closed => wire::SessionChange::Closed,
     };
-    let best = answer.best_object().map(|best| {
-        let object = &model.objects[best.0 as usize];
-        let probability = answer.probabilities[best.0 as usize];
+    let shown = |idx: usize| {
+        let object = &model.objects[idx];
+        let probability = answer.probabilities[idx];
         wire::BestObject { object: object.id, name: object.name.clone(), probability }
-    });
+    };
+    let mut order: Vec<usize> = (0..answer.probabilities.len()).collect();
+    order.sort_by(|a, b| answer.probabilities[*b].total_cmp(&answer.probabilities[*a]));
     wire::ReplayStep {
         revision: count(entry.seq + 1),
         change,
         at: time(entry.received_at_ms),
         n_readings: count(answer.n_readings),
-        best,
+        best: answer.best_object().map(|best| shown(best.0 as usize)),
+        objects: order.into_iter().take(STEP_OBJECTS_MAX).map(shown).collect(),
         unknown: answer.unknown,
         entropy_bits: answer.entropy_bits,
     }

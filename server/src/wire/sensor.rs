@@ -17,13 +17,14 @@ use crate::wire::time;
 /// How many deviations of the noise a pressure must exceed to be contact.
 const NOISE_DEVIATIONS: f64 = 3.0;
 
-/// A stored sensor for the wire.
-pub(crate) fn sensor(sensor: &Sensor) -> wire::Sensor {
+/// A stored sensor and the number of its newest calibration for the wire.
+pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor {
     wire::Sensor {
         id: sensor.id,
         name: sensor.name.clone(),
         preset: sensor.preset.clone(),
         description: description(&sensor.description),
+        calibration,
         created_at: time(sensor.created_at_ms),
     }
 }

@@ -1,8 +1,11 @@
-//! Sessions and beliefs for the wire.
+//! Sessions for the wire.
 
+use std::time::Duration;
+
+use palpate_core::hybrid::HybridOptions;
 use palpate_core::reading::{Base, Looseness};
 use palpate_schemas as wire;
-use palpate_schemas::{Method, SessionState};
+use palpate_schemas::{Method, SessionEnd, SessionState};
 use palpate_store::entity::{Method as StoredMethod, Session};
 use palpate_store::journal::ROBOT_BYTES_MAX;
 use palpate_store::model_codec::ModelPart;
@@ -11,13 +14,14 @@ use uuid::Uuid;
 
 use crate::catalogues::{Model, Pinned};
 use crate::refusal::Refusal;
+use crate::wire::life::{EndReason, Status};
 use crate::wire::reading::looseness;
 use crate::wire::{INTEGER_MAX, count, geometry, time};
 
 /// How far probabilities may miss the sum 1.
 const SUM_TOLERANCE: f64 = 1e-6;
 /// The longest time to live, in seconds.
-const TTL_MAX: u64 = 31_536_000;
+pub(super) const TTL_MAX: u64 = 31_536_000;
 
 /// Bins of an object along x, y and the turn when the request does not say: Table 3.1.
 const BINS: [u32; 3] = [25, 25, 16];
@@ -47,31 +51,30 @@ pub(crate) struct Options {
     pub(crate) object_moves: Option<wire::Looseness>,
     #[serde(default)]
     pub(crate) risk: Option<f64>,
+    /// Of a hybrid session that is older than the option: the recogniser's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) unknown_prior: Option<f64>,
+    /// Until when a lease keeps the session open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) leased_until_ms: Option<u64>,
+    /// What the object was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) truth: Option<wire::Truth>,
 }
 
-/// What a session is doing, beside what is stored under its id.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Status {
-    /// How many entries its journal has: its revision.
-    pub(crate) length: u64,
-    /// Readings that count.
-    pub(crate) n_readings: u64,
-    /// Readings that are withdrawn.
-    pub(crate) n_retracted: u64,
-    pub(crate) closed_at_ms: Option<u64>,
-}
-
-impl Status {
-    /// How many readings are stored, those that are withdrawn included.
-    pub(crate) fn n_stored(&self) -> u64 {
-        self.n_readings + self.n_retracted
-    }
+/// What the server sets when the request does not.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    pub(crate) time_to_live: Duration,
+    pub(crate) now_ms: u64,
 }
 
 /// A session for the wire.
 pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wire::Session {
-    let is_open = status.closed_at_ms.is_none();
+    let is_open = status.end.is_none();
     let options = options(session);
+    let is_hybrid = matches!(options.method, Method::Hybrid);
+    let unknown_prior = is_hybrid.then(|| hybrid_options(&options).unknown);
     wire::Session {
         id: session.id,
         catalogue: catalogue.to_owned(),
@@ -84,15 +87,27 @@ pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wir
         robots: options.robots,
         object_moves: options.object_moves,
         risk: options.risk,
+        unknown_prior,
         frame_id: frame_id(session).map(str::to_owned),
         state: if is_open { SessionState::Open } else { SessionState::Closed },
         n_readings: count(status.n_readings),
         n_retracted: count(status.n_retracted),
         revision: count(status.length),
         ttl_s: (session.time_to_live_ms > 0).then(|| count(session.time_to_live_ms / 1000)),
+        expires_at: status.expires_at_ms.filter(|_| is_open).map(time),
+        leased_until: status.leased_until_ms.map(time),
         created_at: time(session.created_at_ms),
-        closed_at: status.closed_at_ms.map(time),
+        closed_at: status.end.map(|end| time(end.at_ms)),
+        ended: status.end.map(|end| match end.reason {
+            EndReason::Closed => SessionEnd::Closed,
+            EndReason::Expired => SessionEnd::Expired,
+        }),
+        truth: options.truth,
     }
+}
+
+pub(super) fn written(options: &Options) -> String {
+    serde_json::to_string(options).expect("numbers and names can be written")
 }
 
 /// How a stored session recognises.
@@ -148,18 +163,20 @@ pub(crate) fn new_session(
     method: Method,
     model: &Model,
     id: Uuid,
-    created_at_ms: u64,
+    limits: Limits,
 ) -> Result<Session, Refusal> {
     let frame_id = request.frame_id.clone().unwrap_or_default();
     super::text("/frame_id", &frame_id, 256)?;
     if request.frame_id.is_some() && frame_id.is_empty() {
         return Err(Refusal::field("/frame_id", "came empty, expected a frame's name"));
     }
-    let ttl_s = request.ttl_s.map(|ttl| super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX));
+    let time_to_live = match request.ttl_s {
+        Some(ttl) => Duration::from_secs(super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX)?),
+        None => limits.time_to_live,
+    };
     let options = checked_options(request, method, model)?;
     let (method, is_geometric) = (options.method, is_geometric(options.method));
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
-    let options = serde_json::to_string(&options).expect("numbers and names can be written");
     Ok(Session {
         id,
         catalogue: model.catalogue,
@@ -170,9 +187,9 @@ pub(crate) fn new_session(
         prior: prior(request.prior.as_deref().unwrap_or_default(), model)?,
         object_may_move: is_appearance(method),
         seed: if is_geometric { seed } else { 0 },
-        time_to_live_ms: ttl_s.transpose()?.unwrap_or(0) * 1000,
-        options,
-        created_at_ms,
+        time_to_live_ms: time_to_live.as_millis() as u64,
+        options: written(&options),
+        created_at_ms: limits.now_ms,
         closed_at_ms: None,
     })
 }
@@ -223,6 +240,7 @@ fn checked_options(
         ("/robots", request.robots.is_some()),
         ("/object_moves", request.object_moves.is_some()),
         ("/risk", request.risk.is_some()),
+        ("/unknown_prior", request.unknown_prior.is_some()),
     ];
     if let Some((field, _)) = hybrid_only.iter().find(|(_, came)| *came)
         && method != Method::Hybrid
@@ -231,11 +249,15 @@ fn checked_options(
     }
     let robots = request.robots.as_deref().map(robots).transpose()?;
     let risk = request.risk.map(risk).transpose()?;
+    let unknown_prior = request.unknown_prior.map(unknown_prior).transpose()?;
     let object_moves = request.object_moves;
     object_moves.map(|moves| looseness("/object_moves", moves)).transpose()?;
     let mut options = Options { method, robots, object_moves, risk, ..Options::default() };
     match method {
-        Method::Hybrid => return model.surfaces().map(|_| options),
+        Method::Hybrid => {
+            options.unknown_prior = Some(unknown_prior.unwrap_or(HybridOptions::default().unknown));
+            return model.surfaces().map(|_| options);
+        }
         Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),
         Method::Appearance | Method::AppearanceLiteral => {
             return model.appearance().map(|_| options);
@@ -277,6 +299,25 @@ fn risk(given: f64) -> Result<f64, Refusal> {
     }
     let (low, high) = (RISKS.start(), RISKS.end());
     Err(Refusal::field("/risk", format!("came {given}, expected {low} to {high}")))
+}
+
+/// The probability of "none of these" before the first touch, checked.
+fn unknown_prior(given: f64) -> Result<f64, Refusal> {
+    if given > 0.0 && given < 1.0 {
+        return Ok(given);
+    }
+    let detail = format!("came {given}, expected more than 0 and less than 1");
+    Err(Refusal::field("/unknown_prior", detail))
+}
+
+/// How the hybrid recogniser works in a session.
+pub(crate) fn hybrid_options(options: &Options) -> HybridOptions {
+    let usual = HybridOptions::default();
+    let unknown = options.unknown_prior.unwrap_or(usual.unknown);
+    let rests = HybridOptions { unknown, ..usual };
+    options
+        .object_moves
+        .map_or(rests, |moves| rests.loosened(moves.position_m as f32, moves.angle_rad as f32))
 }
 
 /// The base of the robot that took a reading, when it is not exact.

@@ -4,6 +4,7 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::{MapPatch, ObjectMap};
 use palpate_core::patch_pair::DistanceBins;
 use palpate_core::train::{DistanceRange, TrainingConfig};
+use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;
 use palpate_schemas as wire;
 use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
@@ -95,6 +96,7 @@ pub(crate) fn object_map(
     let (patches, distances) = (map.patches(), map.index().distances());
     let from = from.min(patches.len());
     let end = from.saturating_add(limit).min(patches.len());
+    let classes = map.index().likeliest_classes(from..end);
     wire::ObjectMap {
         id: object.id,
         name: object.name.clone(),
@@ -107,16 +109,17 @@ pub(crate) fn object_map(
         n_postings: map.index().postings().len() as u64,
         index_bytes: map.index().bytes() as u64,
         n_patches: count(patches.len()),
-        patches: patches[from..end].iter().map(patch).collect(),
+        patches: patches[from..end].iter().zip(classes).map(patch).collect(),
         next_cursor: (end < patches.len()).then(|| end.to_string()),
     }
 }
 
-fn patch(patch: &MapPatch) -> wire::MapPatch {
+fn patch((patch, class): (&MapPatch, Option<ClassIdx>)) -> wire::MapPatch {
     wire::MapPatch {
         position: patch.position.map(f64::from),
         normal: patch.normal.map(f64::from),
         normal_confidence: f64::from(patch.normal_confidence),
+        class: class.map(|class| u32::from(class.0)),
     }
 }
 

@@ -42,9 +42,17 @@ async fn a_calibration_answers_its_fit_and_check_shows_what_it_does() {
     finger(&it).await;
     let path = "/v1/sensors/finger/calibration";
     it.get(path).await.problem(404, "not-found", None);
+    assert_eq!(it.get("/v1/sensors/finger").await.expect(200)["calibration"], Value::Null);
     let run = run();
     let fit = it.post(path, &indentations(&run)).await.expect(201);
     assert_eq!((&fit["number"], &fit["n_unusable"]), (&json!(1), &json!(2)));
+    assert_eq!(it.get("/v1/sensors/finger").await.expect(200)["calibration"], 1);
+    let sensors = it.get("/v1/sensors").await.expect(200);
+    let of = |name: &str| {
+        let mut sensors = sensors["items"].as_array().unwrap().iter();
+        sensors.find(|sensor| sensor["name"] == name).unwrap()["calibration"].clone()
+    };
+    assert_eq!((of("finger"), of("digitacts-6x6")), (json!(1), Value::Null));
     assert_eq!((&fit["n_presses"], &fit["spread"]["n_presses"]), (&json!(180), &json!(225)));
     let (dead, (wrong, answers)) = (run.dead, run.cross_wired);
     assert_eq!(fit["taxels"][dead]["state"], "dead");

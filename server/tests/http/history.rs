@@ -33,6 +33,7 @@ fn check(step: &Value, belief: &Value) {
     assert_eq!(step["n_readings"], belief["n_readings"]);
     assert_eq!(step["best"]["object"], belief["objects"][0]["object"]);
     assert_eq!(step["best"]["probability"], belief["objects"][0]["probability"]);
+    assert_eq!(step["objects"], belief["objects"], "a catalogue of less than ten objects");
     assert_eq!(step["unknown"], belief["unknown"]);
     assert_eq!(step["entropy_bits"], belief["entropy_bits"]);
 }

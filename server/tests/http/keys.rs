@@ -4,7 +4,7 @@ use palpate_server::{Access, Server, StartError};
 use reqwest::Method;
 use serde_json::{Value, json};
 
-use crate::harness::{Harness, config};
+use crate::harness::{Harness, config, quiet_reading};
 
 const UNAUTHENTICATED: &str = "unauthenticated";
 
@@ -38,7 +38,8 @@ async fn with_keys_nobody_gets_in_without_one() {
     // The right key's id with another secret, as long.
     let forged = format!("{}{}", &admin[..41], "0".repeat(64));
     it.send_as(Some(&forged), get(), "/v1/objects").await.problem(401, UNAUTHENTICATED, None);
-    for open in ["/livez", "/readyz", "/version", "/openapi.json", "/docs/", "/", "/site.css"] {
+    for open in ["/livez", "/readyz", "/version", "/openapi.json", "/docs/", "/", "/assets/app.css"]
+    {
         assert_eq!(it.send_as(None, get(), open).await.status, 200, "{open}");
     }
     it.send_as(None, get(), "/metrics").await.problem(401, UNAUTHENTICATED, None);
@@ -114,6 +115,34 @@ async fn a_rotated_key_is_let_in_with_the_secret_before_for_as_long_as_was_said(
     it.send(Method::DELETE, "/v1/keys/arm-3", None).await.expect(204);
     rotate(json!({})).await.problem(409, "wrong-state", None);
     it.post("/v1/keys/nobody/rotate", &json!({})).await.problem(404, "not-found", None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn streams_end_with_the_key_that_opened_them() {
+    let it = Harness::guarded().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    let created = it.post("/v1/keys", &json!({"name": "screen", "role": "viewer"})).await;
+    let other = it.post("/v1/keys", &json!({"name": "wall", "role": "viewer"})).await;
+    let open = async |key: &Value| {
+        let path = it.url(&format!("/v1/sessions/{session}/events"));
+        let stream = it.client.get(path).bearer_auth(key["secret"].as_str().unwrap());
+        stream.send().await.unwrap()
+    };
+    let (screen, rotated) = (created.expect(201), other.expect(201));
+    let (screen, mut wall) = (open(&screen).await, open(&rotated).await);
+    assert!(wall.chunk().await.unwrap().is_some(), "the belief as it is");
+    it.send(Method::DELETE, "/v1/keys/screen", None).await.expect(204);
+    let text = screen.text().await.unwrap();
+    assert!(text.contains("event: belief") && !text.contains("closed"), "{text}");
+
+    // The other one goes on until its secret is replaced.
+    it.post(&format!("/v1/sessions/{session}/readings"), &json!({"readings": [quiet_reading()]}))
+        .await
+        .expect(200);
+    assert!(wall.chunk().await.unwrap().is_some(), "the next belief");
+    it.post("/v1/keys/wall/rotate", &json!({})).await.expect(200);
+    while wall.chunk().await.unwrap().is_some() {}
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -175,7 +175,7 @@ async fn readings_without_ids_are_listed_and_withdrawn_by_number() {
     }
     it.post(&format!("{path}/close"), &json!({})).await.expect(200);
     let refused = it.send(Method::DELETE, &format!("{path}/readings/0"), None).await;
-    refused.problem(409, "wrong-state", None);
+    refused.problem(410, "session-ended", None);
     // What is withdrawn stays so, and is answered.
     retract(&it, &session, "1").await;
     let text = events.text().await.unwrap();

@@ -249,9 +249,11 @@ async fn sessions_are_closed_and_deleted() {
     for _ in 0..2 {
         let closed = it.post(&format!("{path}/close"), &json!({})).await.expect(200);
         assert_eq!((&closed["state"], &closed["n_readings"]), (&json!("closed"), &json!(1)));
+        assert_eq!((&closed["ended"], &closed["expires_at"]), (&json!("closed"), &Value::Null));
     }
     let refused = it.post(&format!("{path}/readings"), &body).await;
-    refused.problem(409, "wrong-state", None);
+    let refused = refused.problem(410, "session-ended", None);
+    assert!(refused["detail"].as_str().unwrap().contains("was closed at 20"), "{refused}");
     // A retry of what is stored is answered all the same.
     it.post(&format!("{path}/readings"), &repeatable).await.expect(200);
     assert_eq!(it.get(&format!("{path}/belief")).await.expect(200)["n_readings"], 1);
@@ -284,5 +286,57 @@ async fn more_sessions_than_fit_in_memory_are_rebuilt_from_their_journals() {
         let now = it.get(&format!("/v1/sessions/{session}/belief")).await.expect(200);
         assert_eq!(&now, belief);
         assert_eq!(now["n_readings"], 6);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_knows_the_truth_is_told_how_right_the_belief_was() {
+    let it = Harness::start().await;
+    it.train().await;
+    let mut closed = Vec::new();
+    for truth in
+        [json!({"object": "cube"}), json!({"object": "bar"}), json!({"none_of_these": true})]
+    {
+        let session = it.session(json!({})).await;
+        let path = format!("/v1/sessions/{session}");
+        let body = json!({"readings": touches(CUBE, 10, 4, resting_pose())});
+        it.post(&format!("{path}/readings"), &body).await.expect(200);
+        for (wrong, pointer) in [
+            (json!({"object": "teapot"}), "/object"),
+            (json!({"object": "cube", "none_of_these": true}), "/none_of_these"),
+            (json!({"objects": "cube"}), "/objects"),
+        ] {
+            let refused = it.post(&format!("{path}/close"), &wrong).await;
+            refused.problem(422, "invalid-value", Some(pointer));
+        }
+        // The truth may be known later than the end.
+        it.send(Method::POST, &format!("{path}/close"), None).await.expect(200);
+        assert_eq!(it.get(&path).await.expect(200)["truth"], Value::Null);
+        let told = it.post(&format!("{path}/close"), &truth).await.expect(200)["truth"].clone();
+        assert_eq!(it.post(&format!("{path}/close"), &truth).await.expect(200)["truth"], told);
+        assert_eq!(it.get(&path).await.expect(200)["truth"], told);
+        let other = json!({"object": if told["name"] == "cube" { "bar" } else { "cube" }});
+        it.post(&format!("{path}/close"), &other).await.problem(409, "conflict", None);
+        let belief = it.get(&format!("{path}/belief")).await.expect(200);
+        let given = match told["name"].as_str() {
+            None => belief["unknown"].clone(),
+            Some(name) => {
+                let objects = belief["objects"].as_array().unwrap();
+                objects.iter().find(|o| o["name"] == name).unwrap()["probability"].clone()
+            }
+        };
+        assert_eq!(told["probability"], given);
+        closed.push(told["was_right"].as_bool().unwrap());
+    }
+    assert_eq!(closed, [true, false, false]);
+    let figures = it.get("/metrics").await.text;
+    for line in [
+        "palpate_feedback_total{answer=\"right\",object=\"known\"}",
+        "palpate_feedback_total{answer=\"wrong\",object=\"unknown\"}",
+        "palpate_feedback_probability_bucket{le=\"0.05\"}",
+        "palpate_compute_wait_seconds_count",
+        "process_resident_memory_bytes",
+    ] {
+        assert!(figures.contains(line), "{line} is not in {figures}");
     }
 }

@@ -1,4 +1,5 @@
-//! Sessions that several robots share, objects that move, and the risk at which to stop.
+//! Sessions that several robots share, objects that move, the risk at which to stop, and how
+//! probable "none of these" is before the first touch.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -144,6 +145,28 @@ async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_session_says_how_probable_none_of_these_is_before_the_first_touch() {
+    let it = Harness::start().await;
+    it.train().await;
+    let mut odds = Vec::new();
+    for (begin, prior) in [(json!({}), 0.05), (json!({"unknown_prior": 0.5}), 0.5)] {
+        let session = it.session(begin).await;
+        let known = it.get(&format!("/v1/sessions/{session}")).await.expect(200);
+        assert_eq!(known["unknown_prior"], prior);
+        let before = it.get(&format!("/v1/sessions/{session}/belief")).await.expect(200);
+        assert!((before["unknown"].as_f64().unwrap() - prior).abs() < 1e-9, "{before}");
+        let after = post(&it, &session, "a", touches(BAR, 1, 77, resting_pose()), &json!({})).await;
+        let unknown = after["unknown"].as_f64().unwrap();
+        odds.push(unknown / (1.0 - unknown));
+    }
+    // The same evidence: odds stay apart by (0.5/0.5)/(0.05/0.95) = 19.
+    assert!((odds[1] / odds[0] - 19.0).abs() < 1e-6, "{odds:?}");
+    let other = it.session(json!({"method": "sva"})).await;
+    let other = it.get(&format!("/v1/sessions/{other}")).await.expect(200);
+    assert_eq!(other["unknown_prior"], Value::Null, "it knows no none of these");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_is_out_of_range_is_named() {
     let it = Harness::start().await;
     it.train().await;
@@ -158,6 +181,9 @@ async fn what_is_out_of_range_is_named() {
             "/robots/0/base/position_m",
         ),
         (json!({"method": "sva", "risk": 0.1}), "/risk"),
+        (json!({"unknown_prior": 0.0}), "/unknown_prior"),
+        (json!({"unknown_prior": 1}), "/unknown_prior"),
+        (json!({"method": "sva", "unknown_prior": 0.1}), "/unknown_prior"),
         (
             json!({"object_moves": {"position_m": 0.0, "angle_rad": 0.1}}),
             "/object_moves/position_m",

@@ -1,7 +1,8 @@
 //! Health, documentation, and errors that the framework would answer in plain text.
 
 use palpate_server::{Server, StartError};
-use reqwest::Method;
+use reqwest::header::HeaderValue;
+use reqwest::{Method, StatusCode};
 use serde_json::json;
 
 use crate::harness::{Harness, config};
@@ -22,7 +23,18 @@ async fn health_documentation_and_figures_are_there() {
         let text = it.get(&format!("/docs/{part}")).await.text;
         assert!(!text.is_empty() && !text.contains("//cdn") && !text.contains("unpkg"), "{part}");
     }
-    assert!(it.get("/").await.text.contains("/docs/"));
+    let page = it.get("/").await;
+    assert_eq!(page.headers["content-type"], "text/html; charset=utf-8");
+    for path in ["/assets/app.js", "/assets/app.css"] {
+        assert!(page.text.contains(path), "{}", page.text);
+        let file = it.get(path).await;
+        assert_eq!(
+            (file.status, &file.headers["cache-control"]),
+            (StatusCode::OK, &HeaderValue::from_static("no-cache"))
+        );
+        let known = it.client.get(it.url(path)).header("if-none-match", &file.headers["etag"]);
+        assert_eq!(known.send().await.unwrap().status(), 304, "{path}");
+    }
     let figures = it.get("/metrics").await.text;
     assert!(figures.contains("palpate_http_requests_total"), "{figures}");
 }

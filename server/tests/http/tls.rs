@@ -40,7 +40,8 @@ impl Files {
     }
 
     fn pair(&self, certificate: &str, key: &str) -> TlsFiles {
-        TlsFiles { certificate: self.path(certificate), key: self.path(key) }
+        let look_every = Duration::from_millis(20);
+        TlsFiles { certificate: self.path(certificate), key: self.path(key), look_every }
     }
 
     fn client(&self) -> reqwest::Client {
@@ -99,6 +100,31 @@ async fn a_server_with_a_certificate_speaks_tls_and_stops_gracefully() {
     stopping.await.unwrap();
     drop(silent);
     assert!(client.get(format!("{address}/livez")).send().await.is_err());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_new_certificate_is_shown_to_who_comes_next_and_a_broken_one_to_nobody() {
+    let (files, next, data) = (Files::make(), Files::make(), TempDir::new().unwrap());
+    let mut config = config(data.path());
+    config.tls = Some(files.pair("server.pem", "server.key"));
+    let server = Server::start(config).await.unwrap();
+    let alive = format!("{}/livez", server.address());
+    let open = files.client();
+    assert_eq!(open.get(&alive).send().await.unwrap().status(), 200);
+    assert!(next.client().get(&alive).send().await.is_err(), "it is not shown yet");
+
+    for name in ["server.key", "server.pem"] {
+        std::fs::copy(next.path(name), files.path(name)).unwrap();
+    }
+    // A new client each time, as a connection keeps what it was shown.
+    while next.client().get(&alive).send().await.is_err() {}
+    assert!(files.client().get(&alive).send().await.is_err(), "the old one is shown no more");
+    assert_eq!(open.get(&alive).send().await.unwrap().status(), 200, "who was there may stay");
+
+    files.write("server.pem", "nothing");
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    assert_eq!(next.client().get(&alive).send().await.unwrap().status(), 200);
+    server.shutdown().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -87,7 +87,11 @@ async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
         assert!(depth.abs() < 5e-3, "{depth} m from the surface: {patch}");
         let norm = numbers(&patch["normal"]).iter().map(|n| n * n).sum::<f64>().sqrt();
         assert!((norm - 1.0).abs() < 1e-5, "{patch}");
+        assert!(patch["class"].as_u64().unwrap() < 25, "{patch}");
     }
+    let classes: std::collections::BTreeSet<u64> =
+        patches.iter().filter_map(|patch| patch["class"].as_u64()).collect();
+    assert!(classes.len() > 1, "{classes:?}");
     let id = known["id"].as_str().unwrap();
     let by_id = format!("/v1/catalogues/default/versions/1/objects/{id}/map?limit=1000");
     let whole = it.get(&by_id).await.expect(200);

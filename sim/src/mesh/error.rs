@@ -76,9 +76,19 @@ pub enum MeshError {
         /// The format.
         format: MeshFormat,
     },
-    /// The OBJ reader refused the file.
-    #[error("not a readable OBJ file")]
-    Obj(#[source] tobj::LoadError),
+    /// A corner of an OBJ face names a vertex that does not exist.
+    #[error(
+        "OBJ file, line {line}: corner {corner} names a vertex that does not exist, expected one \
+         of {n_vertices}"
+    )]
+    Corner {
+        /// The line, counted from 1.
+        line: usize,
+        /// The corner of the face, counted from 0.
+        corner: usize,
+        /// How many vertices there are.
+        n_vertices: usize,
+    },
     /// The unit of length is not a number of metres.
     #[error("unit is {found} m, expected 1e-9 to 1e6 (0.001 for a file in millimetres)")]
     Unit {

@@ -18,7 +18,7 @@ use crate::mesh::Mesh;
 const CELL: f64 = 1.2;
 /// Longer than any part.
 const REACH: f64 = 100.0;
-/// Streams of one object: more draws than any needs until it hangs together.
+/// Draws of one object until it hangs together: more than any needs.
 const DRAWS_MAX: u64 = 64;
 
 /// A simple body about its own middle.

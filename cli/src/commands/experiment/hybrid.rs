@@ -77,14 +77,20 @@ pub(super) struct ScaleArgs {
     /// Sessions of the printed method with each catalogue, which are slow; 0 for none.
     #[arg(long, default_value_t = 20)]
     literal_sessions: usize,
-    /// Also grow families of these objects to a thousand; takes long.
+    /// Trials an object of the largest catalogue whose touches the recogniser chooses from the
+    /// third on; 0 for none.
+    #[arg(long, default_value_t = 2)]
+    chosen_trials: usize,
+    /// Also a thousand: these objects but the letters, procedural ones, and families of both;
+    /// takes long.
     #[arg(long)]
     thousand: bool,
 }
 
 impl ScaleArgs {
     fn config(self, seed: u64) -> HybridScale {
-        let Self { meshes, pool, letters, objects, trials, literal_sessions, thousand } = self;
+        let Self { meshes, pool, letters, objects, trials, .. } = self;
+        let Self { literal_sessions, chosen_trials, thousand, .. } = self;
         let counts = objects;
         HybridScale {
             meshes,
@@ -95,6 +101,7 @@ impl ScaleArgs {
             seed,
             trials,
             literal_sessions,
+            chosen_trials,
             ..HybridScale::default()
         }
     }
@@ -105,13 +112,14 @@ impl ScaleArgs {
         };
         let counts: Vec<String> = self.objects.iter().map(usize::to_string).collect();
         format!(
-            "hybrid-scale{}{}{} --objects {} --trials {} --literal-sessions {}{}",
+            "hybrid-scale{}{}{} --objects {} --trials {} --literal-sessions {} --chosen-trials {}{}",
             meshes_of(&self.meshes),
             folder("pool", &self.pool),
             folder("letters", &self.letters),
             counts.join(","),
             self.trials,
             self.literal_sessions,
+            self.chosen_trials,
             if self.thousand { " --thousand" } else { "" }
         )
     }

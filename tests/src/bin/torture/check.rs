@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use crate::Counts;
 use crate::http::{Outcome, send};
+use crate::keys;
 use crate::ledger::{Fate, Ledger, Session};
 use crate::robot::Robot;
 
@@ -23,11 +24,11 @@ pub(crate) enum Fault {
 pub(crate) struct Found(pub(crate) Vec<Fault>);
 
 impl Found {
-    fn lost(&mut self, what: String) {
+    pub(crate) fn lost(&mut self, what: String) {
         self.0.push(Fault::Lost(what));
     }
 
-    fn invented(&mut self, what: String) {
+    pub(crate) fn invented(&mut self, what: String) {
         self.0.push(Fault::Invented(what));
     }
 
@@ -59,14 +60,18 @@ pub(crate) async fn check(robot: &mut Robot, url: &str, all: bool) -> Found {
         check_session(&client, url, &name, session, &mut found).await;
         session.is_fresh = false;
     }
-    check_objects(&client, url, &mut robot.ledger, &mut found).await;
+    let teacher = robot.teacher.clone();
+    check_objects(&teacher, url, &mut robot.ledger, &mut found).await;
     let sensor = robot.sensor();
     check_calibrations(&client, url, &sensor, &mut robot.ledger, &mut found).await;
     for job in &robot.ledger.jobs {
-        let answer = send(&client, Method::GET, format!("{url}/v1/jobs/{job}"), None).await;
+        let answer = send(&teacher, Method::GET, format!("{url}/v1/jobs/{job}"), None).await;
         if answer.done().is_none() {
             found.lost(format!("job {job} of {name}"));
         }
+    }
+    if let Some(keeper) = &robot.keeper {
+        keys::check(keeper, url, all, &mut robot.ledger, &mut found).await;
     }
     for words in robot.ledger.unexpected.drain(..) {
         found.unexpected(words);
@@ -228,7 +233,8 @@ async fn check_calibrations(
 /// Checks that there are no other sessions and objects than were asked for.
 pub(crate) async fn check_strangers(robots: &[Robot], url: &str, trained: usize) -> Found {
     let mut found = Found::default();
-    let Some(client) = robots.first().map(|robot| robot.client.clone()) else { return found };
+    let Some(robot) = robots.first() else { return found };
+    let (client, teacher) = (robot.client.clone(), robot.teacher.clone());
     let living = |session: &&Session| session.deleted.is_none();
     let sessions: usize =
         robots.iter().map(|robot| robot.ledger.sessions.iter().filter(living).count()).sum();
@@ -241,9 +247,17 @@ pub(crate) async fn check_strangers(robots: &[Robot], url: &str, trained: usize)
         found.lost(format!("{there} sessions are listed, of {sessions}"));
     }
     let objects = trained + robots.iter().map(|robot| robot.ledger.objects.len()).sum::<usize>();
-    let there = count(&client, &format!("{url}/v1/objects")).await;
+    let there = count(&teacher, &format!("{url}/v1/objects")).await;
     if there != objects as u64 {
         found.invented(format!("{there} objects are listed, of {objects}"));
+    }
+    if let Some(keeper) = &robot.keeper {
+        let keys: usize = robots.iter().map(|robot| robot.ledger.keys.len()).sum();
+        let keys = (keys + keys::n_given(robots.len())) as u64;
+        let there = count(keeper, &format!("{url}/v1/keys")).await;
+        if there != keys {
+            found.invented(format!("{there} keys are listed, of {keys}"));
+        }
     }
     found
 }

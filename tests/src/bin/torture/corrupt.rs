@@ -14,7 +14,7 @@ use crate::kill::{copy, set_up};
 use crate::material::Material;
 use crate::robot::Robot;
 use crate::serving::Serving;
-use crate::{Args, Counts};
+use crate::{Access, Args, Counts};
 
 /// Sessions of the store that is damaged, and readings of each.
 const SESSIONS: usize = 12;
@@ -38,7 +38,7 @@ pub(crate) async fn run(
     let sound = {
         let untouched = folders.path().join("sound");
         copy(&whole, &untouched)?;
-        let serving = Serving::start(command, &untouched)?;
+        let serving = Serving::start(command, &untouched, Access::Open)?;
         let serving = serving.map_err(|refused| anyhow::anyhow!("{}", refused.0))?;
         ask(&http, &serving.url, &paths).await
     };
@@ -47,7 +47,7 @@ pub(crate) async fn run(
         copy(&whole, &data)?;
         let damage = damage(&data, &mut chance)?;
         counts.damages += 1;
-        let words = match Serving::start(command, &data)? {
+        let words = match Serving::start(command, &data, Access::Open)? {
             Err(refused) if refused.0.is_empty() => {
                 counts.unexpected_answers += 1;
                 "FAULT: refused without a word".to_owned()
@@ -77,9 +77,9 @@ async fn fill(
 ) -> anyhow::Result<Vec<String>> {
     let material = Material::new()?;
     let stream = Stream::new(seed, Purpose::ReadingChoice, 0);
-    let robot = Robot::new("robot-0".to_owned(), http.clone(), stream);
-    set_up(command, data, std::slice::from_ref(&robot), http).await?;
-    let serving = Serving::start(command, data)?;
+    let mut robot = Robot::new("robot-0".to_owned(), http.clone(), stream);
+    set_up(command, data, std::slice::from_mut(&mut robot), http, Access::Open).await?;
+    let serving = Serving::start(command, data, Access::Open)?;
     let serving = serving.map_err(|refused| anyhow::anyhow!("{}", refused.0))?;
     let url = &serving.url;
     let mut paths: Vec<String> = [

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Context;
+use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
 use reqwest::{Client, Method};
 use serde_json::Value;
 
@@ -41,6 +42,14 @@ impl Outcome {
 /// A client that never repeats a request by itself.
 pub(crate) fn client() -> anyhow::Result<Client> {
     Client::builder().timeout(PATIENCE).build().context("cannot set up the HTTP client")
+}
+
+/// The same with a key that is sent with every request.
+pub(crate) fn client_with(key: &str) -> anyhow::Result<Client> {
+    let bearer = HeaderValue::from_str(&format!("Bearer {key}")).context("a key is text")?;
+    let headers = HeaderMap::from_iter([(AUTHORIZATION, bearer)]);
+    let builder = Client::builder().timeout(PATIENCE).default_headers(headers);
+    builder.build().context("cannot set up the HTTP client")
 }
 
 /// Sends a request; `body` as JSON.

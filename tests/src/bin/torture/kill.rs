@@ -11,11 +11,12 @@ use serde_json::{Value, json};
 
 use crate::check::{check, check_strangers};
 use crate::http::{Outcome, answer, client, send};
+use crate::keys;
 use crate::ledger::Session;
 use crate::material::{Material, TRAINED, off_box};
 use crate::robot::Robot;
 use crate::serving::Serving;
-use crate::{Args, Counts};
+use crate::{Access, Args, Counts};
 
 /// How many beliefs of each round are compared with those of the server that runs on.
 const BELIEFS_PER_ROUND: usize = 6;
@@ -42,12 +43,12 @@ pub(crate) async fn run(
             Robot::new(format!("robot-{writer}"), http.clone(), stream)
         })
         .collect();
-    set_up(command, &data, &robots, &http).await?;
+    set_up(command, &data, &mut robots, &http, args.access).await?;
     copy(&data, &calm_data)?;
-    let calm = start(command, &calm_data)?;
+    let calm = start(command, &calm_data, args.access)?;
     let mut moments = Stream::new(args.seed, Purpose::ReadingChoice, u64::MAX);
     for round in 1..=args.rounds {
-        let serving = restart(command, &data, counts)?;
+        let serving = restart(command, &data, args.access, counts)?;
         let longest = if round % LONG_ROUND_EVERY == 0 { 4.0 } else { 0.8 };
         let moment = Duration::from_secs_f64(moments.uniform(0.02, longest));
         let url = serving.url.clone();
@@ -58,7 +59,7 @@ pub(crate) async fn run(
         });
         futures::future::join_all(writing).await;
         killing.await.context("the killer panicked")??;
-        let serving = restart(command, &data, counts)?;
+        let serving = restart(command, &data, args.access, counts)?;
         check_all(&mut robots, &serving.url, false, counts, say).await;
         compare_beliefs(&robots, &serving, &calm, &mut moments, counts, say).await;
         serving.kill()?;
@@ -71,36 +72,47 @@ pub(crate) async fn run(
             counts.unanswered
         ));
     }
-    let serving = restart(command, &data, counts)?;
+    let serving = restart(command, &data, args.access, counts)?;
     check_all(&mut robots, &serving.url, true, counts, say).await;
     check_models(&robots, &serving.url, counts, say).await;
     Ok(())
 }
 
-fn start(command: &Path, data: &Path) -> anyhow::Result<Serving> {
-    match Serving::start(command, data)? {
+fn start(command: &Path, data: &Path, access: Access) -> anyhow::Result<Serving> {
+    match Serving::start(command, data, access)? {
         Ok(serving) => Ok(serving),
         Err(refused) => bail!("the server does not start: {}", refused.0),
     }
 }
 
-fn restart(command: &Path, data: &Path, counts: &mut Counts) -> anyhow::Result<Serving> {
+fn restart(
+    command: &Path,
+    data: &Path,
+    access: Access,
+    counts: &mut Counts,
+) -> anyhow::Result<Serving> {
     let begun = Instant::now();
-    let serving = start(command, data)?;
+    let serving = start(command, data, access)?;
     counts.restarts += 1;
     counts.restart_seconds_max = counts.restart_seconds_max.max(begun.elapsed().as_secs_f64());
     Ok(serving)
 }
 
-/// Adds the objects, trains them, and gives every robot its sensor.
+/// Gives robots their keys if they need some, adds the objects, trains them, and gives every
+/// robot its sensor.
 pub(crate) async fn set_up(
     command: &Path,
     data: &Path,
-    robots: &[Robot],
+    robots: &mut [Robot],
     http: &Client,
+    access: Access,
 ) -> anyhow::Result<()> {
-    let serving = start(command, data)?;
+    let serving = start(command, data, access)?;
     let url = &serving.url;
+    if let Some(admin_key) = &serving.admin_key {
+        keys::give(robots, url, admin_key).await?;
+    }
+    let http = robots.first().map_or(http, |robot| &robot.teacher);
     let wanted = |outcome: Outcome| match outcome {
         Outcome::Done(body) => Ok(body),
         other => bail!("cannot set up: {other:?}"),
@@ -113,7 +125,7 @@ pub(crate) async fn set_up(
         let mesh = http.put(format!("{url}/v1/objects/{name}/mesh?unit=mm"));
         wanted(answer(mesh.header("content-type", "model/off").body(off_box(size, 0))).await)?;
     }
-    for robot in robots {
+    for robot in robots.iter() {
         let sensor = json!({"name": robot.sensor(), "preset": "digitacts-6x6"});
         post(format!("{url}/v1/sensors"), sensor).await?;
     }
@@ -214,7 +226,7 @@ async fn check_models(robots: &[Robot], url: &str, counts: &mut Counts, say: &dy
     for robot in robots {
         let mut n_succeeded = 0;
         for job in &robot.ledger.jobs {
-            match ended(&robot.client, url, job).await.as_str() {
+            match ended(&robot.teacher, url, job).await.as_str() {
                 "succeeded" => n_succeeded += 1,
                 "failed" => {}
                 state => {
@@ -251,6 +263,9 @@ async fn check_models(robots: &[Robot], url: &str, counts: &mut Counts, say: &dy
 fn note(robots: &[Robot], counts: &mut Counts) {
     counts.acknowledged = robots.iter().map(|robot| robot.ledger.acknowledged).sum();
     counts.unanswered = robots.iter().map(|robot| robot.ledger.unanswered).sum();
+    counts.keys_created = robots.iter().map(|robot| robot.ledger.keys_created).sum();
+    counts.keys_revoked = robots.iter().map(|robot| robot.ledger.keys_revoked).sum();
+    counts.keys_tried = robots.iter().map(|robot| robot.ledger.keys_tried).sum();
 }
 
 /// Copies a folder that no process has open.

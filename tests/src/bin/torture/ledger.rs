@@ -49,6 +49,18 @@ pub(crate) struct Object {
     pub(crate) n_readings_unknown: u64,
 }
 
+/// A key that was asked for.
+#[derive(Clone, Debug)]
+pub(crate) struct Key {
+    pub(crate) name: String,
+    /// What its holder sends; not known when nobody was told.
+    pub(crate) secret: Option<String>,
+    pub(crate) created: Fate,
+    pub(crate) revoked: Option<Fate>,
+    /// Whether anything was sent since it was last checked.
+    pub(crate) is_fresh: bool,
+}
+
 /// All that one client did.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ledger {
@@ -60,6 +72,11 @@ pub(crate) struct Ledger {
     pub(crate) calibrations_unknown: u64,
     pub(crate) jobs: Vec<String>,
     pub(crate) jobs_unknown: u64,
+    pub(crate) keys: Vec<Key>,
+    pub(crate) keys_created: u64,
+    pub(crate) keys_revoked: u64,
+    /// How often a key was tried after a restart.
+    pub(crate) keys_tried: u64,
     pub(crate) acknowledged: u64,
     pub(crate) unanswered: u64,
     /// Answers that no client should get, in words.

@@ -9,6 +9,7 @@
 mod check;
 mod corrupt;
 mod http;
+mod keys;
 mod kill;
 mod ledger;
 mod material;
@@ -37,12 +38,36 @@ struct Args {
     /// The seed of what is sent and of when and where it hits.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// With `kill`: whether the server asks for keys. Then robots have theirs, what is taught
+    /// is taught with a trainer's, and keys are made and revoked under fire too.
+    #[arg(long, value_enum, default_value = "open")]
+    access: Access,
     /// The command to torture; built by cargo when not given.
     #[arg(long, value_name = "FILE")]
     palpate: Option<PathBuf>,
     /// Print nothing but the JSON object.
     #[arg(long)]
     json: bool,
+}
+
+/// Whether the server asks for keys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+enum Access {
+    /// It does not.
+    Open,
+    /// It does.
+    Keys,
+}
+
+impl Access {
+    /// As `palpate serve --access` has it.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Keys => "keys",
+        }
+    }
 }
 
 /// What is done to the server.
@@ -78,6 +103,9 @@ struct Counts {
     beliefs_compared: u64,
     orders_compared: u64,
     versions_trained: u64,
+    keys_created: u64,
+    keys_revoked: u64,
+    keys_tried: u64,
     damages: u64,
     damages_refused: u64,
     damages_named: u64,

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use crate::http::{Outcome, client, send};
 use crate::material::{Material, TRAINED, off_box};
 use crate::serving::Serving;
-use crate::{Args, Counts};
+use crate::{Access, Args, Counts};
 
 /// How many robots share a session.
 const ROBOTS: usize = 8;
@@ -248,6 +248,6 @@ fn done(outcome: Outcome) -> anyhow::Result<Value> {
 }
 
 fn start(command: &Path, data: &Path) -> anyhow::Result<Serving> {
-    Serving::start(command, data)?
+    Serving::start(command, data, Access::Open)?
         .map_err(|refused| anyhow::anyhow!("the server does not start: {}", refused.0))
 }

@@ -5,6 +5,7 @@ use reqwest::{Client, Method};
 use serde_json::{Value, json};
 
 use crate::http::{Outcome, answer, send};
+use crate::keys;
 use crate::ledger::{Fate, Ledger, Object, Sent, Session};
 use crate::material::{Material, off_box};
 
@@ -14,6 +15,8 @@ const READINGS_MAX: usize = 40;
 const OPEN_MAX: usize = 4;
 /// Objects of one client that were not deleted.
 const OBJECTS_MAX: usize = 4;
+/// Where there are keys, one request of so many makes or revokes one.
+const KEYS_EVERY: usize = 12;
 /// How recognisers of sessions are chosen.
 const METHODS: [&str; 3] = ["hybrid", "sva", "appearance"];
 
@@ -21,6 +24,11 @@ const METHODS: [&str; 3] = ["hybrid", "sva", "appearance"];
 pub(crate) struct Robot {
     pub(crate) name: String,
     pub(crate) client: Client,
+    /// Whoever teaches for it: objects, calibrations, trainings. A client with another key where
+    /// keys are asked for.
+    pub(crate) teacher: Client,
+    /// Whoever makes and revokes keys, where they are asked for.
+    pub(crate) keeper: Option<Client>,
     pub(crate) ledger: Ledger,
     stream: Stream,
     n_named: u64,
@@ -28,7 +36,8 @@ pub(crate) struct Robot {
 
 impl Robot {
     pub(crate) fn new(name: String, client: Client, stream: Stream) -> Self {
-        Self { name, client, ledger: Ledger::default(), stream, n_named: 0 }
+        let (teacher, ledger) = (client.clone(), Ledger::default());
+        Self { name, client, teacher, keeper: None, ledger, stream, n_named: 0 }
     }
 
     /// The name of its sensor, of which nobody else makes calibrations.
@@ -44,6 +53,15 @@ impl Robot {
     /// Writes until a request is not answered.
     pub(crate) async fn write(&mut self, url: &str, material: &Material) {
         loop {
+            let keeper = self.keeper.clone();
+            if let Some(keeper) = keeper.filter(|_| self.stream.index(KEYS_EVERY) == 0) {
+                let fresh = self.fresh("key");
+                let outcome = keys::change(&keeper, url, &mut self.ledger, fresh).await;
+                if self.note(outcome) {
+                    return;
+                }
+                continue;
+            }
             let outcome = match self.stream.index(100) {
                 0..70 => self.touch(url, material).await,
                 70..76 => self.close_or_delete(url).await,
@@ -53,19 +71,24 @@ impl Robot {
                 97..99 => self.delete_object(url).await,
                 _ => self.train(url).await,
             };
-            match outcome {
-                Outcome::Done(_) => self.ledger.acknowledged += 1,
-                // An overloaded server says so; everything else is no answer to expect.
-                Outcome::Refused(503, _) => {}
-                Outcome::Refused(status, body) => {
-                    self.ledger.unexpected.push(format!("{}: {status} {body}", self.name));
-                }
-                Outcome::Unknown => {
-                    self.ledger.unanswered += 1;
-                    return;
-                }
+            if self.note(outcome) {
+                return;
             }
         }
+    }
+
+    /// Notes an outcome; true when the server is gone.
+    fn note(&mut self, outcome: Outcome) -> bool {
+        match outcome {
+            Outcome::Done(_) => self.ledger.acknowledged += 1,
+            // An overloaded server says so; everything else is no answer to expect.
+            Outcome::Refused(503, _) => {}
+            Outcome::Refused(status, ref body) => {
+                self.ledger.unexpected.push(format!("{}: {status} {body}", self.name));
+            }
+            Outcome::Unknown => self.ledger.unanswered += 1,
+        }
+        matches!(outcome, Outcome::Unknown)
     }
 
     fn fresh(&mut self, what: &str) -> String {
@@ -157,7 +180,7 @@ impl Robot {
             let name = self.fresh("object");
             let body = json!({ "name": name });
             let path = format!("{url}/v1/objects");
-            let outcome = send(&self.client, Method::POST, path, Some(&body)).await;
+            let outcome = send(&self.teacher, Method::POST, path, Some(&body)).await;
             if let Some(created) = fate(&outcome) {
                 let object = Object {
                     created,
@@ -172,7 +195,7 @@ impl Robot {
         }
         let name = known[self.stream.index(known.len())].clone();
         let file = off_box([30.0, 20.0, 10.0], 1 + self.stream.index(1500));
-        let request = self.client.put(format!("{url}/v1/objects/{name}/mesh?unit=mm"));
+        let request = self.teacher.put(format!("{url}/v1/objects/{name}/mesh?unit=mm"));
         let length = file.len();
         let outcome = answer(request.header("content-type", "model/off").body(file)).await;
         if let (Some(fate), Some(object)) = (fate(&outcome), self.ledger.objects.get_mut(&name)) {
@@ -200,7 +223,7 @@ impl Robot {
             .collect();
         let path = format!("{url}/v1/objects/{name}/readings");
         let body = json!({ "readings": readings });
-        let outcome = send(&self.client, Method::POST, path, Some(&body)).await;
+        let outcome = send(&self.teacher, Method::POST, path, Some(&body)).await;
         if let (Some(fate), Some(object)) = (fate(&outcome), self.ledger.objects.get_mut(name)) {
             match fate {
                 Fate::Acknowledged => object.n_readings += n_new as u64,
@@ -214,7 +237,7 @@ impl Robot {
         let known = self.living();
         let Some(name) = known.last() else { return self.object(url).await };
         let path = format!("{url}/v1/objects/{name}");
-        let outcome = send(&self.client, Method::DELETE, path, None).await;
+        let outcome = send(&self.teacher, Method::DELETE, path, None).await;
         if let (Some(fate), Some(object)) = (fate(&outcome), self.ledger.objects.get_mut(name)) {
             object.deleted = Some(fate);
         }
@@ -223,7 +246,7 @@ impl Robot {
 
     async fn calibrate(&mut self, url: &str, material: &Material) -> Outcome {
         let path = format!("{url}/v1/sensors/{}/calibration", self.sensor());
-        let outcome = send(&self.client, Method::POST, path, Some(&material.indentations)).await;
+        let outcome = send(&self.teacher, Method::POST, path, Some(&material.indentations)).await;
         match fate(&outcome) {
             Some(Fate::Acknowledged) => self.ledger.calibrations += 1,
             Some(Fate::Unknown) => self.ledger.calibrations_unknown += 1,
@@ -237,7 +260,7 @@ impl Robot {
         let training = json!({"objects": ["cube", "bar"], "readings_per_object": 40,
             "n_classes": 4, "seed": self.stream.index(1000)});
         let path = format!("{url}/v1/catalogues/{}/trainings", self.catalogue());
-        let outcome = send(&self.client, Method::POST, path, Some(&training)).await;
+        let outcome = send(&self.teacher, Method::POST, path, Some(&training)).await;
         match &outcome {
             Outcome::Done(job) => {
                 self.ledger.jobs.push(job["id"].as_str().unwrap_or_default().to_owned());

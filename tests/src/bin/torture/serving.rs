@@ -9,6 +9,8 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use serde_json::Value;
 
+use crate::Access;
+
 /// How long a server may take to listen; one that takes longer counts as hung.
 const START_PATIENCE: Duration = Duration::from_secs(60);
 
@@ -17,6 +19,8 @@ pub(crate) struct Serving {
     child: Child,
     /// Where it listens, such as `http://127.0.0.1:40123`.
     pub(crate) url: String,
+    /// The key of the first admin, if it made one at this start.
+    pub(crate) admin_key: Option<String>,
 }
 
 /// Why a server did not start: what it said on its standard error.
@@ -50,9 +54,15 @@ pub(crate) fn build() -> anyhow::Result<PathBuf> {
 
 impl Serving {
     /// Starts a server on a folder and returns when it listens.
-    pub(crate) fn start(command: &Path, data: &Path) -> anyhow::Result<Result<Self, Refused>> {
+    pub(crate) fn start(
+        command: &Path,
+        data: &Path,
+        access: Access,
+    ) -> anyhow::Result<Result<Self, Refused>> {
         let mut child = Command::new(command)
-            .args(["serve", "--listen", "127.0.0.1:0", "--json", "--data"])
+            .args(["serve", "--listen", "127.0.0.1:0", "--json", "--access"])
+            .arg(access.name())
+            .arg("--data")
             .arg(data)
             .env("RUST_LOG", "error")
             .stdin(Stdio::null())
@@ -78,7 +88,9 @@ impl Serving {
         let line = listening.recv_timeout(START_PATIENCE).unwrap_or_default();
         let answer: Option<Value> = serde_json::from_str(&line).ok();
         if let Some(url) = answer.as_ref().and_then(|answer| answer["server"].as_str()) {
-            return Ok(Ok(Self { url: url.to_owned(), child }));
+            let admin_key = answer.as_ref().and_then(|answer| answer["admin_key"].as_str());
+            let admin_key = admin_key.map(str::to_owned);
+            return Ok(Ok(Self { url: url.to_owned(), admin_key, child }));
         }
         let _ = child.kill();
         child.wait().context("cannot wait for the child")?;

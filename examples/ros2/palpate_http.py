@@ -1,0 +1,112 @@
+"""The few calls to Palpate that the node makes, with what Python brings along.
+
+A client that is generated (docs/clients.md) does the same with types; here nothing needs to be
+installed on a robot.
+"""
+
+import json
+import struct
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+
+ATTEMPTS = 3
+RETRY_AFTER_S = 1.0
+
+
+class Refused(Exception):
+    """What the server said no to: its problem (RFC 9457) as `problem`."""
+
+    def __init__(self, problem):
+        fields = "; ".join(f"{e['pointer']}: {e['detail']}" for e in problem.get("errors", []))
+        super().__init__(f"{problem['title']}: {fields or problem['detail']}")
+        self.problem = problem
+
+
+class Palpate:
+    """A server at a URL, and the key that it asks for, if it does."""
+
+    def __init__(self, url, key=None, timeout=10.0):
+        self.url, self.timeout = url.rstrip("/"), timeout
+        self.headers = {"authorization": f"Bearer {key}"} if key else {}
+
+    def open_session(self, frame_id, **options):
+        """The id of a new session whose sensor poses are given in `frame_id`."""
+        return self._json("POST", "/v1/sessions", {"frame_id": frame_id, **options})["id"]
+
+    def add_readings(self, session, readings):
+        """The belief after these readings. Sent again they count once, by robot and seq."""
+        path = f"/v1/sessions/{session}/readings"
+        return self._json("POST", path, {"readings": readings})["belief"]
+
+    def close_session(self, session):
+        """Ends a session; it keeps its belief and takes no more readings."""
+        return self._json("POST", f"/v1/sessions/{session}/close")
+
+    def boxes(self, session):
+        """Corners (low, high) in the object frame of each of the session's objects, in metres.
+
+        From the meshes that are binary STL; others are left out.
+        """
+        session = self._json("GET", f"/v1/sessions/{session}")
+        name = urllib.parse.quote(session["catalogue"])
+        report = self._json("GET", f"/v1/catalogues/{name}/versions/{session['version']}/report")
+        boxes = {}
+        for trained in report["objects"]:
+            box = self._mesh_box(trained["id"])
+            if box:
+                origin = trained["origin_in_mesh"]
+                boxes[trained["id"]] = [[c - o for c, o in zip(corner, origin)] for corner in box]
+        return boxes
+
+    def _mesh_box(self, object_id):
+        try:
+            mesh = self._json("GET", f"/v1/objects/{object_id}")["mesh"]
+            if not mesh or mesh["format"] != "stl":
+                return None
+            stl = self._request("GET", f"/v1/objects/{object_id}/mesh")
+        except Refused as refused:
+            if refused.problem["status"] == 404:  # it was deleted since
+                return None
+            raise
+        box = stl_box(stl)
+        scale = {"m": 1.0, "mm": 0.001}[mesh["unit"]]
+        return box and [[scale * c for c in corner] for corner in box]
+
+    def _json(self, method, path, body=None):
+        return json.loads(self._request(method, path, body))
+
+    def _request(self, method, path, body=None):
+        headers = dict(self.headers)
+        data = None
+        if body is not None:
+            data, headers["content-type"] = json.dumps(body).encode(), "application/json"
+        request = urllib.request.Request(self.url + path, data, headers, method=method)
+        for attempt in range(1, ATTEMPTS + 1):
+            try:
+                with urllib.request.urlopen(request, timeout=self.timeout) as answer:
+                    return answer.read()
+            except urllib.error.HTTPError as error:
+                problem, wait = json.loads(error.read()), error.headers.get("retry-after")
+                if wait is None or attempt == ATTEMPTS:
+                    raise Refused(problem) from None
+            except OSError:  # no answer: it may be stored, so the same again
+                if attempt == ATTEMPTS:
+                    raise
+                wait = RETRY_AFTER_S
+            time.sleep(float(wait))
+
+
+def stl_box(stl):
+    """The corners (low, high) of a binary STL file, in its unit; None of any other file."""
+    if len(stl) < 84 or len(stl) != 84 + 50 * struct.unpack_from("<I", stl, 80)[0]:
+        return None
+    corners = [
+        struct.unpack_from("<3f", stl, 84 + 50 * triangle + 12 * corner)
+        for triangle in range((len(stl) - 84) // 50)
+        for corner in (1, 2, 3)
+    ]
+    if not corners:
+        return None
+    return [list(map(min, zip(*corners))), list(map(max, zip(*corners)))]

@@ -1,0 +1,25 @@
+//! Readings of a simulated sensor as a robot sends them.
+
+use palpate_core::reading::Reading;
+use palpate_schemas as wire;
+
+/// A reading of the named sensor for the wire, with its pose, without a robot and its number.
+#[must_use]
+pub fn on_the_wire(reading: &Reading, sensor: &str) -> wire::Reading {
+    let pose = reading.session_from_sensor();
+    wire::Reading {
+        robot: None,
+        seq: None,
+        sensor: sensor.to_owned(),
+        frame_id: None,
+        stamp: None,
+        pose: Some(wire::Pose {
+            position: pose.translation.to_array(),
+            orientation: pose.rotation.to_array(),
+        }),
+        image: reading.image().pressures.iter().copied().map(Some).collect(),
+        feature: None,
+        approach_m: None,
+        object_moved: None,
+    }
+}

@@ -1,0 +1,205 @@
+//! Checkpoints of beliefs, in files: what a restart need not fold again.
+//!
+//! They are derived from the journal and may be missing, old or torn without harm. One is used
+//! only if the very same program made it, on a processor of the same abilities, for the same
+//! version of the catalogue, from the readings that the session's order begins with. So the
+//! belief is the same, bit for bit, with and without them.
+
+use std::fs;
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use uuid::Uuid;
+
+/// What the files begin with: Palpate's checkpoints, first format.
+const MAGIC: [u8; 8] = *b"PALPCHK1";
+/// No file of a checkpoint is longer, in bytes.
+const BYTES_MAX: u64 = 64 << 20;
+const HASH_BYTES: usize = 32;
+
+/// The folder of checkpoints.
+#[derive(Debug)]
+pub(crate) struct Checkpoints {
+    folder: PathBuf,
+}
+
+/// A belief's conclusions, and what they rest on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Checkpoint {
+    pub(crate) catalogue: Uuid,
+    pub(crate) version: u32,
+    /// Numbers of the readings, in the order in which they were folded.
+    pub(crate) order: Vec<u32>,
+    pub(crate) conclusions: Vec<u8>,
+}
+
+impl Checkpoints {
+    /// In a folder that is made when the first is kept.
+    pub(crate) fn new(folder: PathBuf) -> Self {
+        Self { folder }
+    }
+
+    /// Keeps a checkpoint in place of the session's last one. Blocks.
+    pub(crate) fn keep(&self, session: Uuid, checkpoint: &Checkpoint) {
+        let Some(program) = program() else { return };
+        let bytes = encode(program, checkpoint);
+        let (path, part) = (self.path(session), self.path(session).with_extension("part"));
+        // Not flushed: a torn file is told by its hash, and only costs time.
+        let kept = fs::create_dir_all(&self.folder)
+            .and_then(|()| fs::write(&part, bytes))
+            .and_then(|()| fs::rename(&part, &path));
+        if let Err(error) = kept {
+            tracing::warn!("Cannot keep a checkpoint in {}: {error}", path.display());
+        }
+    }
+
+    /// The session's checkpoint, if there is one of this program's. Blocks.
+    pub(crate) fn find(&self, session: Uuid) -> Option<Checkpoint> {
+        let mut bytes = Vec::new();
+        let file = fs::File::open(self.path(session)).ok()?;
+        file.take(BYTES_MAX).read_to_end(&mut bytes).ok()?;
+        decode(program()?, &bytes)
+    }
+
+    /// Removes a session's checkpoint. Blocks.
+    pub(crate) fn remove(&self, session: Uuid) {
+        remove(&self.path(session));
+    }
+
+    /// Removes every file that is not a checkpoint of a session that is to stay. Blocks.
+    pub(crate) fn tidy(&self, stays: impl Fn(Uuid) -> bool) {
+        let Ok(files) = fs::read_dir(&self.folder) else { return };
+        for file in files.flatten() {
+            let path = file.path();
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            if !Uuid::try_parse(name).is_ok_and(&stays) {
+                remove(&path);
+            }
+        }
+    }
+
+    fn path(&self, session: Uuid) -> PathBuf {
+        self.folder.join(session.simple().to_string())
+    }
+}
+
+fn remove(path: &Path) {
+    if let Err(error) = fs::remove_file(path)
+        && error.kind() != ErrorKind::NotFound
+    {
+        tracing::warn!("Cannot remove {}: {error}", path.display());
+    }
+}
+
+/// The hash of this program and of what its processor can do: numeric code may differ in last
+/// bits otherwise. `None` when the program cannot read itself.
+fn program() -> Option<[u8; HASH_BYTES]> {
+    static PROGRAM: OnceLock<Option<[u8; HASH_BYTES]>> = OnceLock::new();
+    *PROGRAM.get_or_init(|| {
+        let mut hasher = blake3::Hasher::new();
+        let read = std::env::current_exe().and_then(|path| {
+            hasher.update_reader(fs::File::open(path)?)?;
+            Ok(())
+        });
+        if let Err(error) = read {
+            tracing::warn!("No checkpoints of beliefs: the program cannot be read: {error}");
+            return None;
+        }
+        hasher.update(&[processor()]);
+        Some(*hasher.finalize().as_bytes())
+    })
+}
+
+/// What numeric libraries choose their code by.
+#[cfg(target_arch = "x86_64")]
+fn processor() -> u8 {
+    u8::from(std::arch::is_x86_feature_detected!("avx"))
+        | u8::from(std::arch::is_x86_feature_detected!("avx2")) << 1
+        | u8::from(std::arch::is_x86_feature_detected!("fma")) << 2
+        | u8::from(std::arch::is_x86_feature_detected!("avx512f")) << 3
+}
+
+/// What numeric libraries choose their code by.
+#[cfg(not(target_arch = "x86_64"))]
+fn processor() -> u8 {
+    0
+}
+
+/// Magic, hash of the rest, program, catalogue, version, order with its length, conclusions.
+fn encode(program: [u8; HASH_BYTES], checkpoint: &Checkpoint) -> Vec<u8> {
+    let Checkpoint { catalogue, version, order, conclusions } = checkpoint;
+    let mut rest = Vec::with_capacity(64 + 4 * order.len() + conclusions.len());
+    rest.extend_from_slice(&program);
+    rest.extend_from_slice(catalogue.as_bytes());
+    rest.extend_from_slice(&version.to_le_bytes());
+    rest.extend_from_slice(&(order.len() as u32).to_le_bytes());
+    order.iter().for_each(|number| rest.extend_from_slice(&number.to_le_bytes()));
+    rest.extend_from_slice(conclusions);
+    [&MAGIC[..], blake3::hash(&rest).as_bytes(), &rest].concat()
+}
+
+fn decode(program: [u8; HASH_BYTES], bytes: &[u8]) -> Option<Checkpoint> {
+    let rest = bytes.strip_prefix(&MAGIC)?;
+    let (hash, rest) = rest.split_first_chunk::<HASH_BYTES>()?;
+    let (made_by, after) = rest.split_first_chunk::<HASH_BYTES>()?;
+    if *hash != *blake3::hash(rest).as_bytes() || *made_by != program {
+        return None;
+    }
+    let (catalogue, after) = after.split_first_chunk()?;
+    let (version, after) = after.split_first_chunk()?;
+    let (n, after) = after.split_first_chunk()?;
+    let (order, conclusions) =
+        after.split_at_checked((u32::from_le_bytes(*n) as usize).checked_mul(4)?)?;
+    let (numbers, _) = order.as_chunks::<4>();
+    Some(Checkpoint {
+        catalogue: Uuid::from_bytes(*catalogue),
+        version: u32::from_le_bytes(*version),
+        order: numbers.iter().map(|number| u32::from_le_bytes(*number)).collect(),
+        conclusions: conclusions.to_vec(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checkpoint() -> Checkpoint {
+        let (catalogue, order) = (Uuid::from_u128(7), vec![2, 0, 1]);
+        Checkpoint { catalogue, version: 3, order, conclusions: b"sure".to_vec() }
+    }
+
+    #[test]
+    fn what_is_kept_is_found_until_it_is_removed_or_not_to_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let checkpoints = Checkpoints::new(folder.path().join("checkpoints"));
+        let [a, b] = [1, 2].map(Uuid::from_u128);
+        assert_eq!(checkpoints.find(a), None);
+        checkpoints.remove(a);
+        for session in [a, b] {
+            checkpoints.keep(session, &checkpoint());
+        }
+        assert_eq!(checkpoints.find(a), Some(checkpoint()));
+        checkpoints.remove(a);
+        assert_eq!(checkpoints.find(a), None);
+        checkpoints.tidy(|session| session == b);
+        assert_eq!(checkpoints.find(b), Some(checkpoint()));
+        checkpoints.tidy(|_| false);
+        assert_eq!(checkpoints.find(b), None);
+    }
+
+    #[test]
+    fn what_is_damaged_or_made_by_another_program_is_not_used() {
+        let bytes = encode([1; HASH_BYTES], &checkpoint());
+        assert_eq!(decode([1; HASH_BYTES], &bytes), Some(checkpoint()));
+        assert_eq!(decode([2; HASH_BYTES], &bytes), None);
+        for cut in 0..bytes.len() {
+            assert_eq!(decode([1; HASH_BYTES], &bytes[..cut]), None, "{cut} bytes");
+        }
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 1;
+            assert_eq!(decode([1; HASH_BYTES], &flipped), None, "at {at}");
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! The dashboard's files, built from `web/` and embedded: nothing is read from disk or loaded
+//! from elsewhere. `web/build` makes them anew.
+
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+/// A file of the dashboard.
+struct Asset {
+    path: &'static str,
+    content_type: &'static str,
+    bytes: &'static [u8],
+}
+
+const HTML: &str = "text/html; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+const STYLE: &str = "text/css; charset=utf-8";
+const TEXT: &str = "text/plain; charset=utf-8";
+
+/// Every file; the names stay, since a browser asks each time whether a file is new.
+const ASSETS: &[Asset] = &[
+    asset("/", HTML, include_bytes!("../dashboard/index.html")),
+    asset("/assets/app.js", SCRIPT, include_bytes!("../dashboard/assets/app.js")),
+    asset("/assets/scene.js", SCRIPT, include_bytes!("../dashboard/assets/scene.js")),
+    asset("/assets/app.css", STYLE, include_bytes!("../dashboard/assets/app.css")),
+    asset("/assets/licences.txt", TEXT, include_bytes!("../dashboard/assets/licences.txt")),
+    asset("/assets/icon.svg", "image/svg+xml", include_bytes!("../dashboard/assets/icon.svg")),
+];
+
+const fn asset(path: &'static str, content_type: &'static str, bytes: &'static [u8]) -> Asset {
+    Asset { path, content_type, bytes }
+}
+
+/// The paths of all files.
+pub(crate) fn paths() -> impl Iterator<Item = &'static str> {
+    ASSETS.iter().map(|asset| asset.path)
+}
+
+/// Whether a path is a file of the dashboard.
+pub(crate) fn has(path: &str) -> bool {
+    paths().any(|known| known == path)
+}
+
+/// The answer with a file; 304 when `If-None-Match` names what it is.
+pub(crate) fn answer(path: &str, headers: &HeaderMap) -> Response {
+    let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) else {
+        return StatusCode::NOT_FOUND.into_response();
+    };
+    let tag = format!("\"{}\"", &blake3::hash(asset.bytes).to_hex()[..32]);
+    let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
+    let is_known = known.is_some_and(|known| known.split(',').any(|one| one.trim() == tag));
+    let mut response = if is_known {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response()
+    };
+    let headers = response.headers_mut();
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    if let Ok(tag) = HeaderValue::from_str(&tag) {
+        headers.insert(header::ETAG, tag);
+    }
+    response
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn every_built_file_is_served_and_nothing_else() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("dashboard");
+        let mut built = BTreeSet::from(["/".to_owned()]);
+        for entry in std::fs::read_dir(folder.join("assets")).unwrap() {
+            built.insert(format!("/assets/{}", entry.unwrap().file_name().to_string_lossy()));
+        }
+        assert_eq!(built, paths().map(str::to_owned).collect());
+    }
+
+    #[test]
+    fn the_page_has_nothing_inline_and_nothing_from_elsewhere() {
+        let page = std::str::from_utf8(ASSETS[0].bytes).unwrap();
+        for forbidden in ["<style", " style=", "<script>", "http://", "https://", " on"] {
+            let found = page.find(forbidden).map(|at| &page[at..page.len().min(at + 40)]);
+            assert!(found.is_none(), "{forbidden}: {found:?}");
+        }
+    }
+}

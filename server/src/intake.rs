@@ -1,0 +1,82 @@
+//! Bodies of readings from their bytes to what is stored and folded, without a server: for
+//! those who try hostile bytes on it.
+//!
+//! The steps are those of the handlers: parse, check against the sensor, make the entry of the
+//! journal and the reading that is folded.
+
+use axum::response::IntoResponse;
+use palpate_schemas::AddReadings;
+use palpate_store::database::Database;
+
+use crate::clock::now_ms;
+use crate::extract::{parse, parse_msgpack};
+use crate::sensors::Sensors;
+use crate::wire::reading::{from_store, readings};
+
+/// How a body is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// JSON.
+    Json,
+    /// MessagePack.
+    MessagePack,
+}
+
+/// Why a body was refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// The status of the answer.
+    pub status: u16,
+    /// Its words.
+    pub words: String,
+}
+
+/// Takes bodies of readings of the sensors that every server knows; nothing is stored.
+pub struct Intake {
+    sensors: Sensors,
+}
+
+impl Intake {
+    /// An intake of its own.
+    ///
+    /// # Panics
+    /// Never: a database in memory takes the presets.
+    #[must_use]
+    pub fn new() -> Self {
+        let sensors = Sensors::new(Database::in_memory());
+        let adding = sensors.add_presets();
+        futures::executor::block_on(adding).expect("a database in memory takes the presets");
+        Self { sensors }
+    }
+
+    /// Reads a body and gives how many readings it holds.
+    ///
+    /// # Errors
+    /// [`Refused`], as a robot would read it.
+    ///
+    /// # Panics
+    /// When what was accepted cannot be folded again from what would be stored.
+    pub fn read(&self, form: Form, body: &[u8]) -> Result<usize, Refused> {
+        let parsed: Result<AddReadings, _> = match form {
+            Form::Json => parse(body),
+            Form::MessagePack => parse_msgpack(body),
+        };
+        let taken = parsed.and_then(|body| readings(&body.readings, &self.sensors, None));
+        let taken = taken.map_err(|refusal| {
+            let words = refusal.to_string();
+            Refused { status: refusal.into_response().status().as_u16(), words }
+        })?;
+        for incoming in &taken {
+            drop(incoming.entry(now_ms()));
+            let again = from_store(&incoming.stored, &incoming.sensor, None);
+            assert!(again.is_ok(), "what was accepted is refused after a restart: {again:?}");
+        }
+        Ok(taken.len())
+    }
+}
+
+impl Default for Intake {
+    fn default() -> Self {
+        Self::new()
+    }
+}

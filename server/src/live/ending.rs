@@ -1,0 +1,66 @@
+//! How a session ends: it is closed or deleted, and its belief held against the truth.
+
+use palpate_schemas as wire;
+use palpate_store::database::Database;
+use palpate_store::journal::{Event, NewEntry};
+
+use super::{Live, answer};
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::sessions::Tools;
+
+impl Live {
+    /// Closes the session: nothing follows in its journal. Closing it again changes nothing.
+    pub(crate) async fn close(&self, store: &Database) -> Result<(), Refusal> {
+        let _turn = self.turns.insist().await;
+        let now = now_ms();
+        let status = self.status(store, now)?;
+        if status.end.is_some() {
+            return Ok(());
+        }
+        let closed = NewEntry { reading_id: None, received_at_ms: now, event: Event::Closed };
+        store.journal().append(self.session.id, status.length, &[closed]).await?;
+        let table = store.sessions();
+        let noted = table.update(self.session.id, |session| {
+            session.closed_at_ms = Some(now);
+            Ok::<(), Refusal>(())
+        });
+        noted.await??;
+        Ok(())
+    }
+
+    /// Deletes the session while nobody else works on it.
+    pub(crate) async fn delete(&self, store: &Database) -> Result<(), Refusal> {
+        let _turn = self.turns.insist().await;
+        store.remove_session(self.session.id).await?;
+        Ok(())
+    }
+
+    /// What the session is doing; it may have been deleted while its entry was in use.
+    /// What the belief says of what the object was; `None` is none of the catalogue's.
+    pub(crate) async fn judge(
+        &self,
+        tools: &Tools<'_>,
+        truth: Option<usize>,
+    ) -> Result<wire::Truth, Refusal> {
+        let mut state = self.turns.insist().await;
+        let length = tools.store.journal().len(self.session.id)?;
+        let place = tools.pool.place()?;
+        let answer = self.ask(&mut state, tools, place, length, answer(0)).await?;
+        let probability = match truth {
+            Some(object) => answer.probabilities[object],
+            None => answer.unknown,
+        };
+        let others = answer.probabilities.iter().enumerate();
+        let others = others.filter(|(object, _)| Some(*object) != truth).map(|(_, p)| *p);
+        let unknown = truth.map(|_| answer.unknown);
+        let was_right = others.chain(unknown).all(|other| probability > other);
+        let object = truth.map(|object| &self.model.objects[object]);
+        Ok(wire::Truth {
+            object: object.map(|object| object.id),
+            name: object.map(|object| object.name.clone()),
+            probability,
+            was_right,
+        })
+    }
+}

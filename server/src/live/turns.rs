@@ -1,0 +1,71 @@
+//! Turns at a session: its requests are worked one after the other, and few may wait.
+//!
+//! Without the bound, robots that all touch in one session could take every place that the
+//! server has for requests, and those of other sessions would be refused for it.
+
+use tokio::sync::{Mutex, MutexGuard, Semaphore};
+
+use crate::refusal::Refusal;
+
+/// How many requests may wait for their turn at one session.
+const WAITING_MAX: usize = 32;
+
+/// What one request at a time works on.
+pub(super) struct Turns<T> {
+    state: Mutex<T>,
+    places: Semaphore,
+}
+
+impl<T: Default> Default for Turns<T> {
+    fn default() -> Self {
+        Self { state: Mutex::default(), places: Semaphore::new(WAITING_MAX) }
+    }
+}
+
+impl<T> Turns<T> {
+    /// Waits for a turn, if there is a place to wait at.
+    pub(super) async fn take(&self) -> Result<MutexGuard<'_, T>, Refusal> {
+        let _place =
+            self.places.try_acquire().map_err(|_| Refusal::SessionBusy { waiting: WAITING_MAX })?;
+        Ok(self.state.lock().await)
+    }
+
+    /// Waits for a turn, whoever else does: for what must be done, such as ending the session.
+    pub(super) async fn insist(&self) -> MutexGuard<'_, T> {
+        self.state.lock().await
+    }
+
+    /// A turn if nobody else has it.
+    pub(super) fn try_take(&self) -> Option<MutexGuard<'_, T>> {
+        self.state.try_lock().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn few_wait_and_all_of_them_get_their_turn() {
+        let turns = Arc::new(Turns::<u32>::default());
+        let first = turns.take().await.unwrap();
+        let waiting: Vec<_> = (0..WAITING_MAX)
+            .map(|_| {
+                let turns = Arc::clone(&turns);
+                tokio::spawn(async move { *turns.take().await.unwrap() += 1 })
+            })
+            .collect();
+        while turns.places.available_permits() > 0 {
+            tokio::task::yield_now().await;
+        }
+        let refused = turns.take().await.map(|_| ());
+        assert!(matches!(refused, Err(Refusal::SessionBusy { waiting: WAITING_MAX })));
+        drop(first);
+        for one in waiting {
+            one.await.unwrap();
+        }
+        assert_eq!(*turns.take().await.unwrap(), WAITING_MAX as u32);
+    }
+}

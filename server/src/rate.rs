@@ -1,0 +1,142 @@
+//! How often each client may ask: its key's share where keys are asked for, else its address's.
+//!
+//! Bounds on the whole server (`admission`, `compute`) protect it from all clients together;
+//! this one protects clients from each other. It is off unless the operator sets it.
+
+use std::net::{IpAddr, Ipv6Addr};
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+use axum::extract::{ConnectInfo, Request, State};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use governor::clock::{Clock, DefaultClock};
+use governor::middleware::StateInformationMiddleware;
+use governor::state::keyed::DashMapStateStore;
+use governor::{Quota, RateLimiter};
+use uuid::Uuid;
+
+use crate::admission::is_watched;
+use crate::app::App;
+use crate::guard::Caller;
+use crate::limits::Bound;
+use crate::listener::Peer;
+use crate::refusal::Refusal;
+
+/// A network of this length is one client: a host may choose any address in it.
+const IPV6_PREFIX_BITS: u32 = 64;
+/// So many clients are remembered before those are forgotten that have been quiet.
+const CLIENTS_REMEMBERED: usize = 10_000;
+
+/// Who has a share of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Client {
+    /// The holder of a key.
+    Key(Uuid),
+    /// Whoever asks from an address.
+    Address(IpAddr),
+}
+
+/// The shares of all clients.
+pub(crate) struct Rates {
+    limiter: Limiter,
+    per_second: NonZeroU32,
+    clock: DefaultClock,
+}
+
+type Limiter =
+    RateLimiter<Client, DashMapStateStore<Client>, DefaultClock, StateInformationMiddleware>;
+
+impl Rates {
+    /// `per_second` requests a second each; a client that was quiet may ask for as many at once.
+    pub(crate) fn new(per_second: NonZeroU32) -> Self {
+        let limiter = RateLimiter::dashmap(Quota::per_second(per_second)).with_middleware();
+        Self { limiter, per_second, clock: DefaultClock::default() }
+    }
+
+    /// Takes one request of a client's share: how many are left, or how long to wait.
+    fn take(&self, client: Client) -> Result<u32, Duration> {
+        if self.limiter.len() > CLIENTS_REMEMBERED {
+            self.limiter.retain_recent();
+        }
+        match self.limiter.check_key(&client) {
+            Ok(state) => Ok(state.remaining_burst_capacity()),
+            Err(early) => Err(early.wait_time_from(self.clock.now())),
+        }
+    }
+
+    fn bound(&self, left: u32, reset: Duration) -> Bound {
+        Bound {
+            name: "requests",
+            unit: "requests",
+            limit: u64::from(self.per_second.get()),
+            window: Some(Duration::from_secs(1)),
+            left: u64::from(left),
+            reset,
+        }
+    }
+}
+
+/// Lets a request pass if its client has some of its share left, and says how much.
+pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) -> Response {
+    let Some(rates) = app.rates().filter(|_| !is_watched(request.uri().path())) else {
+        return next.run(request).await;
+    };
+    let Some(client) = client(&request) else { return next.run(request).await };
+    match rates.take(client) {
+        Ok(left) => {
+            let mut response = next.run(request).await;
+            if !response.headers().contains_key("ratelimit") {
+                let bound = rates.bound(left, Duration::from_secs(1));
+                response.headers_mut().extend(bound.headers());
+            }
+            response
+        }
+        Err(wait) => Refusal::RateExceeded { bound: rates.bound(0, wait), wait }.into_response(),
+    }
+}
+
+/// Whose share a request counts to.
+fn client(request: &Request) -> Option<Client> {
+    let caller = request.extensions().get::<Caller>();
+    if let Some(key) = caller.and_then(|caller| caller.key.as_ref()) {
+        return Some(Client::Key(key.id));
+    }
+    let ConnectInfo(peer) = request.extensions().get::<ConnectInfo<Peer>>()?;
+    Some(Client::Address(network(peer.0.ip())))
+}
+
+/// The address that stands for all that one client may have.
+fn network(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(address) => {
+            let host_bits = 128 - IPV6_PREFIX_BITS;
+            IpAddr::V6(Ipv6Addr::from_bits(address.to_bits() >> host_bits << host_bits))
+        }
+        v4 => v4,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_client_has_a_share_of_its_own() {
+        let rates = Rates::new(NonZeroU32::new(3).unwrap());
+        let [a, b] = [1, 2].map(|n| Client::Key(Uuid::from_u128(n)));
+        assert_eq!([rates.take(a), rates.take(a), rates.take(a)], [Ok(2), Ok(1), Ok(0)]);
+        let wait = rates.take(a).unwrap_err();
+        assert!(wait > Duration::ZERO && wait <= Duration::from_millis(334), "{wait:?}");
+        assert_eq!(rates.take(b), Ok(2));
+    }
+
+    #[test]
+    fn a_host_is_one_client_whatever_address_of_its_network_it_takes() {
+        let of = |text: &str| network(text.parse().unwrap());
+        assert_eq!(of("2001:db8:1:2:3::4"), of("2001:db8:1:2:ffff::1"));
+        assert_ne!(of("2001:db8:1:2::4"), of("2001:db8:1:3::4"));
+        assert_eq!(of("::ffff:10.0.0.1"), of("10.0.0.1"));
+        assert_ne!(of("10.0.0.1"), of("10.0.0.2"));
+    }
+}

@@ -1,0 +1,86 @@
+//! The open sessions, those first in which something happened last.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use palpate_schemas as wire;
+use palpate_store::entity::Session;
+use palpate_store::journal::{Entry, Event};
+
+use super::{Sessions, status};
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::wire::life::Status;
+use crate::wire::{self as convert, count, time, within};
+
+/// The most sessions of one answer: as many as one stream of events follows.
+const SESSIONS_MAX: u64 = 100;
+/// Of so many newest readings the robots are named.
+const READINGS: u64 = 64;
+
+/// An open session and what it is doing.
+struct OpenSession {
+    session: Session,
+    status: Status,
+    changed_at_ms: u64,
+}
+
+impl Sessions {
+    /// The open sessions.
+    pub(crate) async fn fleet(
+        self: &Arc<Self>,
+        query: wire::FleetQuery,
+    ) -> Result<wire::Fleet, Refusal> {
+        let asked = query.limit.map_or(SESSIONS_MAX, u64::from);
+        let limit = within("?limit", asked, 1, SESSIONS_MAX)? as usize;
+        let sessions = Arc::clone(self);
+        self.pool.place()?.run(move || sessions.fleet_now(limit)).await?
+    }
+
+    fn fleet_now(&self, limit: usize) -> Result<wire::Fleet, Refusal> {
+        let now = now_ms();
+        let mut open = self.open_now(now)?;
+        let n_open = count(open.len());
+        open.sort_by_key(|one| std::cmp::Reverse((one.changed_at_ms, one.session.id)));
+        let sessions: Result<_, _> =
+            open.into_iter().take(limit).map(|one| self.fleet_session(one)).collect();
+        Ok(wire::Fleet { at: time(now), n_open, sessions: sessions? })
+    }
+
+    fn open_now(&self, now: u64) -> Result<Vec<OpenSession>, Refusal> {
+        let mut open = Vec::new();
+        for id in self.open.page(None, usize::MAX).0 {
+            // What was deleted or is damaged meanwhile is not open any more.
+            let Ok(Some(session)) = self.store.sessions().find(id) else { continue };
+            let status = status(&self.store, &session, now)?;
+            if status.end.is_none() {
+                let changed_at_ms = self.changed_at(&session, status.length)?;
+                open.push(OpenSession { session, status, changed_at_ms });
+            }
+        }
+        Ok(open)
+    }
+
+    /// When its newest entry came, or when it began.
+    fn changed_at(&self, session: &Session, length: u64) -> Result<u64, Refusal> {
+        let Some(last) = length.checked_sub(1) else { return Ok(session.created_at_ms) };
+        let entry = self.store.journal().entry(session.id, last)?;
+        Ok(entry.map_or(session.created_at_ms, |entry| entry.received_at_ms))
+    }
+
+    fn fleet_session(&self, one: OpenSession) -> Result<wire::FleetSession, Refusal> {
+        let OpenSession { session, status, .. } = one;
+        let from = status.length.saturating_sub(READINGS);
+        let entries = self.store.journal().entries(session.id, from, READINGS as usize)?;
+        let is_reading = |entry: &&Entry| matches!(entry.event, Event::Reading(_));
+        let newest = entries.iter().rev().find(is_reading);
+        let ids = entries.iter().filter_map(|entry| entry.reading_id.as_ref());
+        let robots: BTreeSet<&str> = ids.map(|id| id.robot.as_str()).collect();
+        let catalogue = self.catalogues.name(session.catalogue)?;
+        Ok(wire::FleetSession {
+            robots: robots.into_iter().map(str::to_owned).collect(),
+            last_reading_at: newest.map(|entry| time(entry.received_at_ms)),
+            session: convert::session::session(&session, &catalogue, status),
+        })
+    }
+}

@@ -1,0 +1,266 @@
+//! The life of sessions: they begin, are kept open by leases, are listed, closed, and deleted,
+//! and expire when nothing comes.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use palpate_schemas as wire;
+use palpate_schemas::{SessionEvent, SessionState};
+use palpate_store::entity::Session;
+use tokio::sync::watch;
+use uuid::Uuid;
+
+use super::open::Full;
+use super::{Sessions, status};
+use crate::belief::SessionBelief;
+use crate::catalogues::{DEFAULT, Model};
+use crate::clock::now_ms;
+use crate::live::Live;
+use crate::refusal::Refusal;
+use crate::wire::life::{set_lease, set_truth};
+use crate::wire::session::Limits;
+use crate::wire::{self as convert, cursor, page_id, page_length};
+
+/// How often sessions are looked for that have expired.
+const SWEEP_EVERY: Duration = Duration::from_secs(1);
+/// How many sessions are read at once at the start.
+const SESSIONS_PER_READ: usize = 1000;
+
+impl Sessions {
+    /// Notes which sessions are open, and removes the checkpoints of others. Blocks.
+    pub(crate) fn take_stock(&self) -> Result<(), Refusal> {
+        let (mut after, now) = (None, now_ms());
+        loop {
+            let page = self.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
+            for session in page.items.iter().filter(|session| session.closed_at_ms.is_none()) {
+                let status = status(&self.store, session, now)?;
+                if status.end.is_none() {
+                    self.open.note(session.id, status.expires_at_ms);
+                }
+            }
+            after = page.next;
+            if after.is_none() {
+                break;
+            }
+        }
+        self.checkpoints.tidy(|id| self.open.contains(id));
+        Ok(())
+    }
+
+    pub(crate) async fn create(
+        &self,
+        request: &wire::CreateSession,
+    ) -> Result<wire::Session, Refusal> {
+        let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
+        let pinned = self.catalogues.pin(name, request.version)?;
+        let method = convert::session::method(request, &pinned);
+        let model = self.model(pinned.catalogue, pinned.version, method).await?;
+        let limits = Limits { time_to_live: self.time_to_live, now_ms: now_ms() };
+        let session =
+            convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
+        self.try_out(&session, &model).await?;
+        let status = status(&self.store, &session, limits.now_ms)?;
+        self.enter(session.id, status.expires_at_ms)?;
+        if let Err(error) = self.store.sessions().create(&session).await {
+            self.open.leave(session.id);
+            return Err(error.into());
+        }
+        tracing::debug!(session.id = %session.id, "Created session {}", session.id);
+        let shown = convert::session::session(&session, &model.name, status);
+        self.keep(session.id, Arc::new(Live::new(session, model, &self.beliefs)));
+        Ok(shown)
+    }
+
+    pub(crate) fn get(&self, id: &str) -> Result<wire::Session, Refusal> {
+        let session = self.find(id)?;
+        self.show(&session)
+    }
+
+    pub(crate) fn list(&self, query: &wire::SessionsQuery) -> Result<wire::SessionPage, Refusal> {
+        let page = wire::PageQuery { limit: query.limit, cursor: query.cursor.clone() };
+        let (mut after, limit) = (page_id(&page)?, page_length(&page)?);
+        if query.state == Some(SessionState::Open) {
+            return self.list_open(after, limit);
+        }
+        let mut items = Vec::new();
+        loop {
+            let page = self.store.sessions().list_whole(after, limit - items.len())?;
+            for session in &page.items {
+                let shown = self.show(session)?;
+                if query.state.is_none_or(|state| shown.state == state) {
+                    items.push(shown);
+                }
+            }
+            after = page.next;
+            if items.len() == limit || after.is_none() {
+                return Ok(wire::SessionPage { items, next_cursor: cursor(after) });
+            }
+        }
+    }
+
+    fn list_open(&self, after: Option<Uuid>, limit: usize) -> Result<wire::SessionPage, Refusal> {
+        let (ids, more) = self.open.page(after, limit);
+        let next_cursor = cursor(ids.last().copied().filter(|_| more));
+        let mut items = Vec::with_capacity(ids.len());
+        for id in ids {
+            let Some(session) = self.store.sessions().find(id)? else { continue };
+            items.push(self.show(&session)?);
+        }
+        items.retain(|session| session.state == SessionState::Open);
+        Ok(wire::SessionPage { items, next_cursor })
+    }
+
+    /// Keeps a session open for so long, though nothing comes.
+    pub(crate) async fn extend(
+        &self,
+        id: &str,
+        asked: wire::ExtendSession,
+    ) -> Result<wire::Session, Refusal> {
+        let id = self.find(id)?.id;
+        let lease = convert::life::lease(asked)?;
+        let (store, now) = (self.store.clone(), now_ms());
+        let until = now.saturating_add(lease.as_millis() as u64);
+        let table = self.store.sessions();
+        let extended = table.update(id, move |session| {
+            if let Some(end) = status(&store, session, now)?.end {
+                return Err(Refusal::SessionEnded { session: id, end });
+            }
+            set_lease(session, until);
+            Ok(())
+        });
+        let session = extended.await??;
+        self.show(&session)
+    }
+
+    /// Closes a session, and notes what its object was if that is told; closing it again
+    /// changes nothing else.
+    pub(crate) async fn close(
+        self: &Arc<Self>,
+        id: &str,
+        asked: &wire::CloseSession,
+    ) -> Result<wire::Session, Refusal> {
+        let id = self.find(id)?.id;
+        let live = self.live(id).await?;
+        let told = convert::life::told_truth(asked, live.model())?;
+        let sessions = Arc::clone(self);
+        let closing = tokio::spawn(async move {
+            if let Some(truth) = told {
+                let truth = live.judge(&sessions.tools(), truth).await?;
+                sessions.note_truth(id, truth).await?;
+            }
+            live.close(&sessions.store).await?;
+            sessions.leave(id);
+            let session = sessions.show(&sessions.store.sessions().get(id)?)?;
+            live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
+            Ok(session)
+        });
+        closing.await.unwrap_or(Err(Refusal::Panicked))
+    }
+
+    /// Notes what a session's object was, and counts how right its belief is.
+    async fn note_truth(&self, id: Uuid, truth: wire::Truth) -> Result<(), Refusal> {
+        let is_new = Arc::new(AtomicBool::new(false));
+        let (noted, told) = (Arc::clone(&is_new), truth.clone());
+        let table = self.store.sessions();
+        let changed = table.update(id, move |session| {
+            noted.store(set_truth(session, &told)?, Ordering::Relaxed);
+            Ok::<(), Refusal>(())
+        });
+        changed.await??;
+        if is_new.load(Ordering::Relaxed) {
+            let answer = if truth.was_right { "right" } else { "wrong" };
+            let object = if truth.object.is_some() { "known" } else { "unknown" };
+            let labels = [("answer", answer), ("object", object)];
+            metrics::counter!("palpate_feedback_total", &labels).increment(1);
+            metrics::histogram!("palpate_feedback_probability").record(truth.probability);
+        }
+        Ok(())
+    }
+
+    /// Deletes a session with its readings.
+    pub(crate) async fn delete(&self, id: &str) -> Result<(), Refusal> {
+        let id = self.find(id)?.id;
+        match self.live.get(&id).map(|live| Arc::clone(&live)) {
+            Some(live) => {
+                live.delete(&self.store).await?;
+                self.live.remove(&id);
+                live.publish(SessionEvent::Deleted { session: id });
+            }
+            None => {
+                self.store.remove_session(id).await?;
+            }
+        }
+        self.leave(id);
+        tracing::info!(session.id = %id, "Deleted session {id}");
+        Ok(())
+    }
+
+    /// Lets sessions go that have expired, until the server stops.
+    pub(crate) async fn watch(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
+        loop {
+            tokio::select! {
+                () = tokio::time::sleep(SWEEP_EVERY) => {}
+                _ = stopping.wait_for(|stopping| *stopping) => return,
+            }
+            if let Err(refusal) = self.sweep() {
+                tracing::error!("Cannot look for sessions that have expired: {refusal}");
+            }
+        }
+    }
+
+    /// Lets the sessions go that have expired; who follows one is told.
+    fn sweep(&self) -> Result<(), Refusal> {
+        let now = now_ms();
+        for id in self.open.due(now) {
+            let Some(session) = self.store.sessions().find(id)? else {
+                self.open.leave(id);
+                continue;
+            };
+            let status = status(&self.store, &session, now)?;
+            if status.end.is_none() {
+                self.open.note(id, status.expires_at_ms);
+                continue;
+            }
+            self.leave(id);
+            tracing::info!(session.id = %id, "Session {id} expired");
+            if let Some(live) = self.live.get(&id).map(|live| Arc::clone(&live)) {
+                let session = Box::new(self.show(&session)?);
+                live.publish(SessionEvent::Closed { session });
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes that a session has ended.
+    fn leave(&self, id: Uuid) {
+        self.open.leave(id);
+        self.checkpoints.remove(id);
+    }
+
+    /// Takes a place for a new session, that of an expired one if need be.
+    fn enter(&self, id: Uuid, expires: Option<u64>) -> Result<(), Refusal> {
+        if self.open.enter(id, expires).is_ok() {
+            return Ok(());
+        }
+        self.sweep()?;
+        self.open.enter(id, expires).map_err(|Full { max, soonest_ms }| {
+            let wait = soonest_ms.map(|soonest| {
+                Duration::from_millis(soonest.saturating_sub(now_ms())).max(SWEEP_EVERY)
+            });
+            Refusal::SessionsFull { max, wait }
+        })
+    }
+
+    /// Makes the belief of a geometric session once: a version that it cannot be had of is
+    /// refused now, not when readings are stored.
+    async fn try_out(&self, session: &Session, model: &Arc<Model>) -> Result<(), Refusal> {
+        if !convert::session::is_geometric(convert::session::options(session).method) {
+            return Ok(());
+        }
+        let (session, model) = (session.clone(), Arc::clone(model));
+        let begin = move || SessionBelief::new(&session, &model).map(drop);
+        let begun = self.pool.place()?.run(begin).await?;
+        begun.map_err(|error| Refusal::field("/method", error))
+    }
+}

@@ -1,0 +1,80 @@
+//! The real command: where it is, and a server of it in a process of its own.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
+use std::thread::JoinHandle;
+
+use serde_json::Value;
+
+/// The command: what `PALPATE_COMMAND` names, or else built by cargo as `torture` builds it.
+pub(crate) fn palpate() -> &'static Path {
+    static PATH: OnceLock<PathBuf> = OnceLock::new();
+    PATH.get_or_init(|| {
+        if let Some(built) = std::env::var_os("PALPATE_COMMAND") {
+            return built.into();
+        }
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let built = Command::new(env!("CARGO"))
+            .args(["build", "--quiet", "-p", "palpate"])
+            .args(if cfg!(debug_assertions) { &[][..] } else { &["--release"] })
+            .current_dir(root)
+            .status()
+            .unwrap();
+        assert!(built.success());
+        let torture = Path::new(env!("CARGO_BIN_EXE_torture"));
+        torture.with_file_name(format!("palpate{}", std::env::consts::EXE_SUFFIX))
+    })
+}
+
+/// A server in a process of its own. Dropped, it is killed.
+pub(crate) struct Serving {
+    child: Child,
+    log: Option<JoinHandle<String>>,
+    /// Where it listens, such as `http://127.0.0.1:40123`.
+    pub(crate) url: String,
+}
+
+impl Serving {
+    /// Starts a server on a folder, and returns when it listens.
+    pub(crate) fn start(data: &Path, arguments: &[&str]) -> Self {
+        let mut child = Command::new(palpate())
+            .args(["serve", "--listen", "127.0.0.1:0", "--json", "--data"])
+            .arg(data)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stderr = child.stderr.take().unwrap();
+        let log = std::thread::spawn(move || {
+            let mut said = String::new();
+            let _ = stderr.read_to_string(&mut said);
+            said
+        });
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let started: Value = serde_json::from_str(&line).unwrap_or_default();
+        let url = started["server"].as_str().unwrap_or_default().to_owned();
+        let mut serving = Self { child, log: Some(log), url };
+        assert!(!serving.url.is_empty(), "{}", serving.stop().1);
+        serving
+    }
+
+    /// Asks it to stop, as a supervisor does; how it ended, and what it logged.
+    pub(crate) fn stop(&mut self) -> (ExitStatus, String) {
+        let asked = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
+        assert!(asked.unwrap().success());
+        let ended = self.child.wait().unwrap();
+        (ended, self.log.take().unwrap().join().unwrap())
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

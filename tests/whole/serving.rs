@@ -1,0 +1,239 @@
+//! The real server as supervisors and operators have it: stopped under load, set by a file, and
+//! telling a collector what it does.
+
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use palpate_client::{Client, ClientOptions, RetryPolicy};
+use palpate_core::reading::SensorId;
+use palpate_core::sensor::SensorDescription;
+use palpate_schemas::{
+    AddReadings, BeliefDetail, CreateObject, CreateSession, JobState, MeshFormat, MeshUnit,
+    ReadingsQuery, SessionsQuery, StartTraining,
+};
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::{SamplerConfig, sample};
+use palpate_sim::shapes;
+use serde_json::Value;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpListener;
+use uuid::Uuid;
+
+use crate::command::{Serving, palpate};
+
+/// A supervisor's patience: longer ones kill.
+const PATIENCE: Duration = Duration::from_secs(30);
+const ROBOTS: usize = 24;
+
+fn client(url: &str) -> Client {
+    let options = ClientOptions { retry: RetryPolicy::never(), ..ClientOptions::default() };
+    Client::with_options(url, options).unwrap()
+}
+
+async fn train(client: &Client) {
+    for name in ["hammer", "mug"] {
+        let object = CreateObject { name: name.to_owned(), description: String::new() };
+        client.create_object(&object).await.unwrap();
+        let mesh = shapes::example(name).unwrap().to_stl_bytes().into();
+        client.put_mesh(name, MeshFormat::Stl, MeshUnit::M, mesh).await.unwrap();
+    }
+    let training =
+        StartTraining { readings_per_object: Some(200), seed: Some(1), ..StartTraining::default() };
+    let job = client.start_training("default", &training).await.unwrap();
+    let job = client.follow_job(job.id, |_| ()).await.unwrap();
+    assert_eq!(job.state, JobState::Succeeded, "{job:?}");
+}
+
+/// Readings as robots send them.
+fn readings() -> Vec<palpate_schemas::Reading> {
+    let mesh = shapes::example("mug").unwrap();
+    let sensor = SensorDescription::digitacts_6x6();
+    let simulator = PressSimulator::new(mesh, sensor);
+    let config = SamplerConfig::for_simulator(&simulator);
+    let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
+    let touches = sample(&simulator, SensorId(0), 40, 7, &config, &mut go_on).unwrap();
+    let as_sent = |touch: &palpate_core::reading::Reading| {
+        let pose = touch.session_from_sensor();
+        palpate_schemas::Reading {
+            robot: None,
+            seq: None,
+            sensor: "digitacts-6x6".to_owned(),
+            frame_id: None,
+            stamp: None,
+            pose: Some(palpate_schemas::Pose {
+                position: pose.translation.to_array(),
+                orientation: pose.rotation.to_array(),
+            }),
+            image: touch.image().pressures.iter().copied().map(Some).collect(),
+            feature: None,
+            approach_m: None,
+            object_moved: None,
+        }
+    };
+    touches.iter().map(as_sent).collect()
+}
+
+/// A robot that sends one reading after the other until it is refused; counts what was
+/// acknowledged.
+async fn touch(client: Client, session: Uuid, robot: usize, acknowledged: Arc<AtomicU32>) {
+    for (seq, mut reading) in readings().into_iter().cycle().enumerate() {
+        reading.robot = Some(format!("arm-{robot}"));
+        reading.seq = Some(seq as u64);
+        let query = ReadingsQuery { belief: Some(BeliefDetail::Top) };
+        let readings = AddReadings { readings: vec![reading] };
+        match client.add_readings(session, &readings, query).await {
+            Ok(_) => acknowledged.fetch_add(1, Ordering::SeqCst),
+            Err(error) if error.status() == Some(503) => continue,
+            Err(_) => return,
+        };
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_under_load_stops_within_its_bound_and_keeps_what_it_acknowledged() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut serving = Serving::start(folder.path(), &[]);
+    let url = serving.url.clone();
+    train(&client(&url)).await;
+    let mut robots = Vec::new();
+    for robot in 0..ROBOTS {
+        let session = client(&url).create_session(&CreateSession::default()).await.unwrap().id;
+        let acknowledged = Arc::new(AtomicU32::new(0));
+        let touching = touch(client(&url), session, robot, Arc::clone(&acknowledged));
+        robots.push((session, acknowledged, tokio::spawn(touching)));
+    }
+    // A training is under way as well, far from its end.
+    let long = StartTraining { readings_per_object: Some(5000), ..StartTraining::default() };
+    client(&url).start_training("default", &long).await.unwrap();
+    let all = || robots.iter().all(|(_, n, _)| n.load(Ordering::SeqCst) >= 3);
+    while !all() {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let asked = Instant::now();
+    let (ended, log) = tokio::task::spawn_blocking(move || serving.stop()).await.unwrap();
+    assert!(ended.success(), "exit code 0, {ended}: {log}");
+    assert!(asked.elapsed() < PATIENCE, "took {:?}", asked.elapsed());
+    assert!(log.contains("Suspended job"), "{log}");
+
+    let serving = Serving::start(folder.path(), &[]);
+    for (session, acknowledged, touching) in robots {
+        touching.await.unwrap();
+        let known = client(&serving.url).session(session).await.unwrap();
+        let acknowledged = acknowledged.load(Ordering::SeqCst);
+        // The last may have been stored although its answer did not arrive.
+        let stored = known.n_readings;
+        assert!(stored >= acknowledged && stored <= acknowledged + 1, "{stored}, {acknowledged}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_states_a_prior_and_an_operator_how_long_its_session_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let serving = Serving::start(folder.path(), &["--keep-sessions-s", "1"]);
+    let client = client(&serving.url);
+    train(&client).await;
+    let mesh = folder.path().join("mug.stl");
+    std::fs::write(&mesh, shapes::example("mug").unwrap().to_stl_bytes()).unwrap();
+    let mut touching = Command::new(palpate());
+    touching.args(["--server", &serving.url, "touch", "--object", "mug", "--mesh"]).arg(&mesh);
+    touching.args(["--unit", "m", "--readings", "2", "--seed", "7", "--unknown-prior", "0.25"]);
+    let touched = tokio::task::spawn_blocking(move || touching.output().unwrap()).await.unwrap();
+    assert!(touched.status.success(), "{}", String::from_utf8_lossy(&touched.stderr));
+
+    let session = client.sessions(&SessionsQuery::default()).await.unwrap().items.remove(0);
+    assert_eq!((session.unknown_prior, session.n_readings), (Some(0.25), 2));
+    client.close_session(session.id).await.unwrap();
+    while client.session(session.id).await.is_ok() {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    assert_eq!(client.session(session.id).await.unwrap_err().status(), Some(404));
+}
+
+#[test]
+fn a_file_sets_what_flags_do_not_and_config_says_which() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("palpate.toml");
+    std::fs::write(&file, "[serve]\nrequests = 77\nsession_ttl_s = 60\n").unwrap();
+    let config = |arguments: &[&str]| {
+        let mut command = Command::new(palpate());
+        command.arg("config").args(arguments).arg("--config").arg(&file).stdin(Stdio::null());
+        command.env("PALPATE_SESSIONS_OPEN", "5").output().unwrap()
+    };
+    let shown = config(&["--json", "--session-ttl-s", "90"]);
+    let settings: Vec<Value> = serde_json::from_slice(&shown.stdout).unwrap();
+    let is = |name: &str| {
+        let found = settings.iter().find(|one| one["name"] == name).unwrap();
+        ["value", "source", "from"].map(|field| found[field].as_str().unwrap_or("-").to_owned())
+    };
+    let path = file.to_str().unwrap();
+    assert_eq!(is("serve.requests"), ["77", "file", path]);
+    assert_eq!(is("serve.session_ttl_s"), ["90", "flag", "--session-ttl-s"]);
+    assert_eq!(is("serve.sessions_open"), ["5", "environment", "PALPATE_SESSIONS_OPEN"]);
+    assert_eq!(is("serve.listen"), ["127.0.0.1:7411", "default", "-"]);
+
+    std::fs::write(&file, "[serve]\nrequest = 77\n").unwrap();
+    let refused = config(&[]);
+    assert_eq!(refused.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains(path) && said.contains("serve.request is no setting"), "{said}");
+}
+
+/// A collector that takes one batch of spans, and gives the bytes of it.
+async fn collect(listener: TcpListener) -> Vec<u8> {
+    let (mut stream, _) = listener.accept().await.unwrap();
+    let mut bytes = Vec::new();
+    loop {
+        let mut chunk = vec![0; 65_536];
+        let n = stream.read(&mut chunk).await.unwrap();
+        bytes.extend_from_slice(&chunk[..n]);
+        let end = bytes.windows(4).position(|four| four == b"\r\n\r\n");
+        let Some(end) = end.map(|at| at + 4) else { continue };
+        let head = String::from_utf8_lossy(&bytes[..end]).to_ascii_lowercase();
+        let length = head.lines().find_map(|line| line.strip_prefix("content-length: "));
+        if bytes.len() >= end + length.unwrap().trim().parse::<usize>().unwrap() {
+            break;
+        }
+    }
+    stream.write_all(b"HTTP/1.1 200 OK\r\ncontent-length: 0\r\n\r\n").await.unwrap();
+    bytes
+}
+
+fn holds(bytes: &[u8], part: &[u8]) -> bool {
+    bytes.windows(part.len()).any(|window| window == part)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn spans_of_requests_reach_a_collector_as_parts_of_the_callers_trace() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let collector = format!("http://{}", listener.local_addr().unwrap());
+    let collected = tokio::spawn(collect(listener));
+    let folder = tempfile::tempdir().unwrap();
+    let options = ["--otlp-endpoint", &collector, "--log-format", "json"];
+    let mut serving = Serving::start(folder.path(), &options);
+    let trace = "0af7651916cd43dd8448eb211c80319c";
+    let asked = reqwest::Client::new()
+        .get(format!("{}/v1/objects", serving.url))
+        .header("x-request-id", "seen-by-the-collector")
+        .header("traceparent", format!("00-{trace}-b7ad6b7169203331-01"))
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(asked.headers()["x-request-id"], "seen-by-the-collector");
+    let (ended, log) = tokio::task::spawn_blocking(move || serving.stop()).await.unwrap();
+    assert!(ended.success(), "{log}");
+    for line in log.lines() {
+        let entry: Value = serde_json::from_str(line).unwrap_or_else(|_| panic!("no JSON: {line}"));
+        assert!(entry["message"].is_string() && entry["level"].is_string(), "{line}");
+    }
+    let spans = collected.await.unwrap();
+    assert!(spans.starts_with(b"POST /v1/traces"));
+    let id: Vec<u8> = (0..16)
+        .map(|byte| u8::from_str_radix(&trace[2 * byte..2 * byte + 2], 16).unwrap())
+        .collect();
+    assert!(holds(&spans, &id), "the caller's trace");
+    for part in ["GET /v1/objects", "seen-by-the-collector", "palpate"] {
+        assert!(holds(&spans, part.as_bytes()), "{part}");
+    }
+}

@@ -1,0 +1,108 @@
+// Asking the server: the key goes into a header and never into a URL, problems become errors.
+import { signal } from "@preact/signals";
+import type { Page, Problem } from "./types";
+
+const STORED_KEY = "palpate.key";
+
+/** The key that requests carry, kept for this tab only; empty when there is none. */
+export const apiKey = signal(sessionStorage.getItem(STORED_KEY) ?? "");
+/** Whether the server has refused a request for want of a key. */
+export const keyWanted = signal(false);
+
+/** Remembers a key for this tab; an empty one forgets it. */
+export function keepKey(key: string): void {
+  if (key === "") sessionStorage.removeItem(STORED_KEY);
+  else sessionStorage.setItem(STORED_KEY, key);
+  apiKey.value = key;
+  keyWanted.value = false;
+}
+
+/** What the server said instead of an answer. */
+export class ProblemError extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail ?? problem.title);
+  }
+
+  get status(): number {
+    return this.problem.status;
+  }
+}
+
+/** Headers of every request. */
+export function authorization(key = apiKey.value): Record<string, string> {
+  return key === "" ? {} : { authorization: `Bearer ${key}` };
+}
+
+/** Asks; anything but a success is a `ProblemError`. */
+export async function ask(path: string, init: RequestInit = {}): Promise<Response> {
+  const sent = apiKey.value;
+  let response: Response;
+  try {
+    response = await fetch(path, {
+      ...init,
+      headers: { ...authorization(sent), ...(init.headers as Record<string, string>) },
+    });
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    throw new ProblemError(unreachable(path));
+  }
+  if (response.ok) return response;
+  if (response.status === 401 && sent === apiKey.value) keyWanted.value = true;
+  throw new ProblemError(await problemOf(response, path));
+}
+
+export async function getJson<T>(path: string, signal?: AbortSignal): Promise<T> {
+  const response = await ask(path, signal === undefined ? {} : { signal });
+  return (await response.json()) as T;
+}
+
+/** Sends JSON; the answer is undefined when it has no body. */
+export async function sendJson<T>(
+  method: "POST" | "PUT" | "PATCH" | "DELETE",
+  path: string,
+  body?: unknown,
+  headers: Record<string, string> = {},
+): Promise<T> {
+  const json: Record<string, string> = body === undefined ? {} : { "content-type": "application/json" };
+  const response = await ask(path, {
+    method,
+    headers: { ...json, ...headers },
+    body: body === undefined ? null : JSON.stringify(body),
+  });
+  return (response.status === 204 ? undefined : await response.json()) as T;
+}
+
+/** Every item of a list, page by page, up to `max`. */
+export async function getAll<T>(path: string, max = 5000, signal?: AbortSignal): Promise<T[]> {
+  const items: T[] = [];
+  let cursor: string | null = null;
+  do {
+    const join = path.includes("?") ? "&" : "?";
+    const behind: string = cursor === null ? "" : `&cursor=${encodeURIComponent(cursor)}`;
+    const page: Page<T> = await getJson(`${path}${join}limit=500${behind}`, signal);
+    items.push(...page.items);
+    cursor = page.next_cursor ?? null;
+  } while (cursor !== null && items.length < max);
+  return items;
+}
+
+async function problemOf(response: Response, path: string): Promise<Problem> {
+  try {
+    const body = (await response.json()) as Problem;
+    if (typeof body.title === "string") return body;
+  } catch {
+    // What is no JSON is no problem document; the status has to do.
+  }
+  return { ...unreachable(path), status: response.status, title: `The server answered ${response.status}` };
+}
+
+function unreachable(path: string): Problem {
+  return {
+    type: "urn:palpate:problem:unavailable",
+    title: "The server cannot be reached",
+    status: 503,
+    detail: "no answer came; it may be restarting, or the network may be down",
+    instance: path,
+    request_id: "",
+  } as Problem;
+}

@@ -1,0 +1,45 @@
+// Short names for the wire types that views use; the types themselves are generated.
+import type { components } from "./schema";
+
+type Schemas = components["schemas"];
+export type ApiKey = Schemas["ApiKey"];
+export type AppearanceReport = Schemas["AppearanceReport"];
+export type Belief = Schemas["Belief"];
+export type BestObject = Schemas["BestObject"];
+export type Catalogue = Schemas["Catalogue"];
+export type CatalogueVersion = Schemas["CatalogueVersion"];
+export type Explanation = Schemas["Explanation"];
+export type Fleet = Schemas["Fleet"];
+export type FleetSession = Schemas["FleetSession"];
+export type Job = Schemas["Job"];
+export type MapPatch = Schemas["MapPatch"];
+export type MeshReport = Schemas["MeshReport"];
+export type NewApiKey = Schemas["NewApiKey"];
+export type NextTouch = Schemas["NextTouch"];
+export type NextTouches = Schemas["NextTouches"];
+export type ObjectInfo = Schemas["ObjectInfo"];
+export type ObjectMap = Schemas["ObjectMap"];
+export type OccupancyMap = Schemas["OccupancyMap"];
+export type Pose = Schemas["Pose"];
+export type PoseHypothesis = Schemas["PoseHypothesis"];
+export type Problem = Schemas["Problem"];
+export type Readiness = Schemas["Readiness"];
+export type ReadingContribution = Schemas["ReadingContribution"];
+export type Replay = Schemas["Replay"];
+export type ReplayStep = Schemas["ReplayStep"];
+export type Role = Schemas["Role"];
+export type Sensor = Schemas["Sensor"];
+export type SensorCalibration = Schemas["SensorCalibration"];
+export type Session = Schemas["Session"];
+export type SessionEvent = Schemas["SessionEvent"];
+export type SessionReading = Schemas["SessionReading"];
+export type StartTraining = Schemas["StartTraining"];
+export type StoredReading = Schemas["StoredReading"];
+export type Version = Schemas["Version"];
+export type Whoami = Schemas["Whoami"];
+
+/** A page of a list. */
+export interface Page<T> {
+  items: T[];
+  next_cursor?: string | null;
+}

@@ -1,0 +1,121 @@
+// The frame of every view: skip link, navigation, the main landmark, and the sign-in gate.
+import { useEffect, useRef } from "preact/hooks";
+import { announcement } from "./announce";
+import { keyWanted } from "./api/http";
+import { FleetView } from "./fleet/FleetView";
+import { HealthView } from "./health/HealthView";
+import { JobsView } from "./jobs/JobsView";
+import { KeysView } from "./keys/KeysView";
+import { ModelsView } from "./models/ModelsView";
+import { VersionView } from "./models/VersionView";
+import { ObjectsView } from "./objects/ObjectsView";
+import { ObjectView } from "./objects/ObjectView";
+import { Empty } from "./parts/Notes";
+import { link, route } from "./router";
+import { SensorsView } from "./sensors/SensorsView";
+import { SensorView } from "./sensors/SensorView";
+import { SessionView } from "./session/SessionView";
+import { SignIn, Who } from "./signin";
+
+const VIEWS: [path: string, name: string][] = [
+  ["fleet", "Fleet"],
+  ["objects", "Objects"],
+  ["models", "Models"],
+  ["jobs", "Jobs"],
+  ["sensors", "Sensors"],
+  ["keys", "Keys"],
+  ["health", "Health"],
+];
+
+export function App() {
+  const [view = "fleet"] = route.value;
+  return (
+    <>
+      <a class="skip" href="#main" onClick={toMain}>
+        Skip to the content
+      </a>
+      <header class="top">
+        <a class="brand" href={link("fleet")} aria-label="Palpate, fleet">
+          <img src="/assets/icon.svg" width="26" height="26" alt="" />
+          <span>Palpate</span>
+        </a>
+        <nav aria-label="Views">
+          <ul>
+            {VIEWS.map(([path, name]) => (
+              <li key={path}>
+                <a href={link(path)} {...(isAt(view, path) ? { "aria-current": "page" } : {})}>
+                  {name}
+                </a>
+              </li>
+            ))}
+          </ul>
+        </nav>
+        <div class="top-end">
+          <a href="/docs/" class="faint">API</a>
+          <Who />
+        </div>
+      </header>
+      <Main />
+      <p class="visually-hidden" aria-live="polite" aria-atomic="true">
+        {announcement.value}
+      </p>
+    </>
+  );
+}
+
+function Main() {
+  const main = useRef<HTMLElement>(null);
+  const path = route.value.join("/");
+  const before = useRef(path);
+  useEffect(() => {
+    const title = main.current?.querySelector("h1")?.textContent;
+    document.title = title ? `${title} · Palpate` : "Palpate";
+    if (before.current === path) return;
+    before.current = path;
+    scrollTo(0, 0);
+    // A reader of screens is taken to what is new.
+    main.current?.querySelector<HTMLElement>("h1")?.focus({ preventScroll: true });
+  }, [path]);
+  return (
+    <main ref={main} id="main" tabIndex={-1}>
+      {keyWanted.value ? <SignIn /> : <View key={path} />}
+    </main>
+  );
+}
+
+function View() {
+  const [view = "fleet", id, part] = route.value;
+  switch (view) {
+    case "fleet":
+      return <FleetView />;
+    case "sessions":
+      return id === undefined ? <FleetView /> : <SessionView id={id} />;
+    case "objects":
+      return id === undefined ? <ObjectsView /> : <ObjectView id={id} />;
+    case "models":
+      return id !== undefined && part !== undefined ? <VersionView catalogue={id} version={part} /> : <ModelsView />;
+    case "jobs":
+      return <JobsView />;
+    case "sensors":
+      return id === undefined ? <SensorsView /> : <SensorView id={id} />;
+    case "keys":
+      return <KeysView />;
+    case "health":
+      return <HealthView />;
+    default:
+      return (
+        <Empty title="There is no such page">
+          <a href={link("fleet")}>To the fleet</a>
+        </Empty>
+      );
+  }
+}
+
+function isAt(view: string, path: string): boolean {
+  return view === path || (view === "sessions" && path === "fleet");
+}
+
+function toMain(event: Event): void {
+  event.preventDefault();
+  document.getElementById("main")?.focus();
+}

@@ -1,0 +1,51 @@
+// One open session: who touches, what it probably is, and whether somebody should look.
+import { age, bits, now, plural, shortId } from "../format";
+import { Badge } from "../parts/Panel";
+import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
+import { Sparkline } from "../parts/Sparkline";
+import { link } from "../router";
+import { attention } from "./attention";
+import type { Watched } from "./watch";
+
+export function FleetRow({ watched }: { watched: Watched }) {
+  const { info, belief, trace } = watched;
+  const { session } = info;
+  const { level, why } = attention(watched, now.value);
+  const robots = info.robots.length > 0 ? info.robots.join(", ") : "no robot yet";
+  const entropy = trace.at(-1)?.entropyBits;
+  const first = trace[0]?.entropyBits;
+  const nReadings = belief?.n_readings ?? session.n_readings;
+  return (
+    <li class={`fleet-row level-${level}`}>
+      <div class="fleet-who">
+        <a href={link("sessions", session.id)} class="fleet-link">
+          {robots}
+        </a>
+        <span class="faint">
+          {session.method.replaceAll("_", " ")} · <code>{shortId(session.id)}</code> · {plural(nReadings, "reading")}
+        </span>
+      </div>
+      <div class="fleet-bars">
+        {belief ? (
+          <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 3)} label={`Likeliest objects of ${robots}`} />
+        ) : (
+          <span class="faint">belief is being read …</span>
+        )}
+      </div>
+      <div class="fleet-entropy">
+        <Sparkline
+          points={trace.map((point) => ({ n: point.nReadings, value: point.entropyBits }))}
+          label={`Uncertainty over readings, from ${bits(first)} to ${bits(entropy)}`}
+        />
+        <span class="num">{bits(entropy)}</span>
+      </div>
+      <div class="fleet-age num">
+        {watched.lastReadingAt === undefined ? "–" : `${age(now.value - watched.lastReadingAt)} ago`}
+      </div>
+      <div class="fleet-state">
+        <Badge kind={level}>{level}</Badge>
+        <span class="faint">{why}</span>
+      </div>
+    </li>
+  );
+}

@@ -1,0 +1,183 @@
+// The open sessions as they are now: listed every few seconds, followed by one stream between.
+import { signal } from "@preact/signals";
+import { follow } from "../api/events";
+import { getJson } from "../api/http";
+import { problemFrom } from "../api/resource";
+import type { Belief, Fleet, FleetSession, Problem, Replay, SessionEvent } from "../api/types";
+
+/** What is known of an open session. */
+export interface Watched {
+  info: FleetSession;
+  belief: Belief | undefined;
+  /** Beliefs over the readings, oldest first. */
+  trace: TracePoint[];
+  /** When its newest reading came, by this browser's clock. */
+  lastReadingAt: number | undefined;
+}
+
+export interface TracePoint {
+  revision: number;
+  nReadings: number;
+  entropyBits: number;
+  best: string | undefined;
+  probability: number;
+  unknown: number;
+}
+
+export interface FleetState {
+  sessions: Watched[];
+  nOpen: number;
+  loaded: boolean;
+  connected: boolean;
+  problem: Problem | undefined;
+}
+
+const LIST_EVERY_MS = 3000;
+/** So long the first list waits for histories at most. */
+const SETTLE_MS = 1500;
+/** Older sessions with more revisions get their line from now on only. */
+const REPLAY_MAX = 120;
+
+export const fleet = signal<FleetState>({
+  sessions: [],
+  nOpen: 0,
+  loaded: false,
+  connected: false,
+  problem: undefined,
+});
+
+/** Watches until the function that it returns is called. */
+export function watchFleet(): () => void {
+  const whole = new AbortController();
+  let stream = new AbortController();
+  let followed = "";
+  /** This browser's clock less the server's. */
+  let clockAhead = 0;
+  const asked = new Set<string>();
+
+  const list = async () => {
+    try {
+      const found = await getJson<Fleet>("/v1/fleet", whole.signal);
+      clockAhead = Date.now() - Date.parse(found.at);
+      merge(found, clockAhead);
+      const ids = found.sessions.map((one) => one.session.id).sort();
+      const isNew = ids.join() !== followed;
+      if (isNew) restart(ids);
+      if (fleet.value.loaded) return void (isNew && history(ids));
+      // The first list is shown in the order that its histories ask for, so that rows rest.
+      await Promise.race([history(ids), new Promise((resolve) => setTimeout(resolve, SETTLE_MS))]);
+      fleet.value = { ...fleet.value, loaded: true };
+    } catch (error) {
+      if (!whole.signal.aborted) fleet.value = { ...fleet.value, loaded: true, problem: problemFrom(error) };
+    }
+  };
+
+  const restart = (ids: string[]) => {
+    stream.abort();
+    stream = new AbortController();
+    followed = ids.join();
+    if (ids.length === 0) return;
+    const path = `/v1/events?sessions=${ids.map(encodeURIComponent).join(",")}`;
+    follow(path, stream.signal, (event) => take(JSON.parse(event.data) as SessionEvent), (connected) => {
+      fleet.value = { ...fleet.value, connected };
+    }).catch(() => {
+      // A session that is gone by now: the next list says which are left.
+      followed = "";
+    });
+  };
+
+  const history = async (ids: string[]) => {
+    for (const id of ids.filter((one) => !asked.has(one))) {
+      asked.add(id);
+      const revision = find(id)?.info.session.revision ?? 0;
+      if (revision === 0 || revision > REPLAY_MAX || whole.signal.aborted) continue;
+      try {
+        const path = `/v1/sessions/${id}/replay?limit=${REPLAY_MAX}&poses=0`;
+        remember(id, await getJson<Replay>(path, whole.signal));
+      } catch {
+        // Without its history a session is still shown; it is asked again when it is opened.
+      }
+    }
+  };
+
+  fleet.value = { ...fleet.value, loaded: false };
+  void list();
+  const timer = setInterval(() => {
+    if (!document.hidden) void list();
+  }, LIST_EVERY_MS);
+  return () => {
+    clearInterval(timer);
+    whole.abort();
+    stream.abort();
+  };
+}
+
+function find(id: string): Watched | undefined {
+  return fleet.value.sessions.find((one) => one.info.session.id === id);
+}
+
+function merge(found: Fleet, clockAhead: number): void {
+  const sessions = found.sessions.map((info): Watched => {
+    const known = find(info.session.id);
+    const last = info.last_reading_at;
+    const lastReadingAt = last ? Date.parse(last) + clockAhead : undefined;
+    return { belief: known?.belief, trace: known?.trace ?? [], info, lastReadingAt };
+  });
+  fleet.value = { ...fleet.value, sessions, nOpen: found.n_open, problem: undefined };
+}
+
+function change(id: string, how: (watched: Watched) => Watched | undefined): void {
+  const sessions = fleet.value.sessions.flatMap((one) => {
+    const changed = one.info.session.id === id ? how(one) : one;
+    return changed === undefined ? [] : [changed];
+  });
+  fleet.value = { ...fleet.value, sessions };
+}
+
+function take(event: SessionEvent): void {
+  if (event.kind === "belief") {
+    const { belief } = event;
+    change(belief.session, (one) => {
+      const grew = one.belief !== undefined && belief.n_readings > one.belief.n_readings;
+      return {
+        ...one,
+        belief,
+        trace: joined(one.trace, [pointOf(belief)]),
+        lastReadingAt: grew ? Date.now() : one.lastReadingAt,
+      };
+    });
+  } else {
+    const id = event.kind === "closed" ? event.session.id : event.session;
+    change(id, () => undefined);
+  }
+}
+
+function remember(id: string, replay: Replay): void {
+  const points = replay.steps.map((step): TracePoint => ({
+    revision: step.revision,
+    nReadings: step.n_readings,
+    entropyBits: step.entropy_bits,
+    best: step.best?.name,
+    probability: step.best?.probability ?? 0,
+    unknown: step.unknown,
+  }));
+  change(id, (one) => ({ ...one, trace: joined(points, one.trace) }));
+}
+
+function pointOf(belief: Belief): TracePoint {
+  const best = belief.objects[0];
+  return {
+    revision: belief.revision,
+    nReadings: belief.n_readings,
+    entropyBits: belief.entropy_bits,
+    best: best?.name,
+    probability: best?.probability ?? 0,
+    unknown: belief.unknown ?? 0,
+  };
+}
+
+/** Two traces as one, a point a revision. */
+function joined(a: TracePoint[], b: TracePoint[]): TracePoint[] {
+  const all = new Map([...a, ...b].map((point) => [point.revision, point]));
+  return [...all.values()].sort((x, y) => x.revision - y.revision).slice(-200);
+}

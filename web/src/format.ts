@@ -1,0 +1,157 @@
+// Numbers, times and colours as people read them: the one place that knows units and palettes.
+import { signal } from "@preact/signals";
+
+/** The time now, renewed each second, for ages that grow. */
+export const now = signal(Date.now());
+setInterval(() => {
+  now.value = Date.now();
+}, 1000);
+
+/** Whether the page is dark; charts and scenes are drawn anew when it changes. */
+const darkQuery = matchMedia("(prefers-color-scheme: dark)");
+export const dark = signal(darkQuery.matches);
+darkQuery.addEventListener("change", (event) => {
+  dark.value = event.matches;
+});
+
+export function percent(p: number): string {
+  if (p > 0.9995 && p < 1) return ">99.9 %";
+  if (p > 0 && p < 0.0005) return "<0.1 %";
+  return `${(p * 100).toFixed(p >= 0.9995 || p === 0 ? 0 : 1)} %`;
+}
+
+export function bits(value: number | null | undefined): string {
+  return value === null || value === undefined ? "–" : `${trim(value, 2)} bit`;
+}
+
+/** Bits with their sign, for contributions. */
+export function signedBits(value: number | null | undefined): string {
+  if (value === null || value === undefined) return "–";
+  const shown = Math.abs(value).toFixed(2);
+  if (Number(shown) === 0) return "0.00";
+  return value < 0 ? `−${shown}` : `+${shown}`;
+}
+
+export function mm(metres: number): string {
+  const value = metres * 1000;
+  return `${trim(value, Math.abs(value) >= 100 ? 0 : 1)} mm`;
+}
+
+export function kPa(pascal: number): string {
+  if (Math.abs(pascal) < 1000) return `${trim(pascal, 0)} Pa`;
+  return `${trim(pascal / 1000, 1)} kPa`;
+}
+
+/** The turns that leave an object as it is: `16-fold, 16 × 2-fold`. */
+export function symmetryWords(axes: { order?: number | null }[] | null | undefined): string {
+  if (!axes) return "not sought";
+  const counts = new Map<string, number>();
+  for (const { order } of axes) {
+    const word = typeof order === "number" ? `${order}-fold` : "round";
+    counts.set(word, (counts.get(word) ?? 0) + 1);
+  }
+  return [...counts].map(([word, n]) => (n === 1 ? word : `${n} × ${word}`)).join(", ") || "none";
+}
+
+export function bytes(n: number): string {
+  const units = ["B", "kB", "MB", "GB", "TB"];
+  let value = n;
+  let unit = 0;
+  while (value >= 1000 && unit < units.length - 1) {
+    value /= 1000;
+    unit += 1;
+  }
+  return `${trim(value, value < 10 && unit > 0 ? 1 : 0)} ${units[unit]}`;
+}
+
+export function count(n: number): string {
+  return n.toLocaleString("en-US");
+}
+
+/** A word with its number: `3 readings`. */
+export function plural(n: number, one: string, many = `${one}s`): string {
+  return `${count(n)} ${n === 1 ? one : many}`;
+}
+
+export function age(milliseconds: number): string {
+  const seconds = Math.max(0, Math.round(milliseconds / 1000));
+  if (seconds < 60) return `${seconds} s`;
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min`;
+  if (seconds < 86_400) return `${Math.floor(seconds / 3600)} h`;
+  return `${Math.floor(seconds / 86_400)} d`;
+}
+
+export function duration(seconds: number): string {
+  if (seconds < 10) return `${seconds.toFixed(1)} s`;
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+}
+
+/** A server's time in the reader's own, to the second. */
+export function when(time: string | null | undefined): string {
+  if (time === null || time === undefined) return "–";
+  const date = new Date(time);
+  const pad = (n: number) => String(n).padStart(2, "0");
+  const day = `${date.getFullYear()}-${pad(date.getMonth() + 1)}-${pad(date.getDate())}`;
+  return `${day} ${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}`;
+}
+
+/** The end of an id, which differs first between ids of the same hour. */
+export function shortId(id: string): string {
+  return id.slice(-8);
+}
+
+function trim(value: number, digits: number): string {
+  return value.toFixed(digits).replace(/^-/, "−");
+}
+
+/** Colours of series, told apart by those who see few colours (Okabe and Ito, adapted). */
+const SERIES_LIGHT = ["#0b6e8a", "#b4520f", "#5b3fa3", "#1c7a3e", "#a8326e", "#6b6300", "#3a5bbf", "#8a4b2a", "#4d6a7a", "#7a7a7a"];
+const SERIES_DARK = ["#53c1de", "#f0995a", "#b39df2", "#6fce8f", "#f08abb", "#d6cb4d", "#8fabff", "#d99a76", "#9dbccb", "#b5b5b5"];
+export function seriesColor(index: number): string {
+  const palette = dark.value ? SERIES_DARK : SERIES_LIGHT;
+  return palette[index % palette.length] ?? "#888";
+}
+
+/** Classes of appearance around the colour circle, at even lightness. */
+export function classColor(index: number | null | undefined): string {
+  if (index === null || index === undefined) return "#8a949e";
+  const hue = (index * 137.508) % 360;
+  return hslHex(hue, index % 2 === 0 ? 0.62 : 0.45, dark.value ? 0.62 : 0.46);
+}
+
+/** From against (orange) over nothing (grey) to for (blue); ±4 bits are full. */
+export function bitsColor(value: number | null | undefined): string {
+  const grey: Rgb = dark.value ? [214, 220, 226] : [64, 74, 84];
+  if (value === null || value === undefined) return rgbHex(grey);
+  const share = Math.max(-1, Math.min(1, value / 4));
+  const end: Rgb = share < 0 ? [232, 92, 10] : dark.value ? [70, 160, 255] : [16, 110, 224];
+  return rgbHex(mix(grey, end, Math.abs(share) ** 0.6));
+}
+
+/** Pressures from nothing to the largest: dark blue over teal to pale yellow. */
+const HEAT: Rgb[] = [[30, 34, 62], [36, 80, 122], [32, 137, 141], [122, 191, 118], [246, 230, 130]];
+export function heat(share: number): Rgb {
+  const place = Math.max(0, Math.min(1, share)) * (HEAT.length - 1);
+  const low = Math.min(HEAT.length - 2, Math.floor(place));
+  return mix(HEAT[low]!, HEAT[low + 1]!, place - low);
+}
+
+export type Rgb = [number, number, number];
+
+export function rgbHex(rgb: Rgb): string {
+  return `#${rgb.map((part) => Math.round(part).toString(16).padStart(2, "0")).join("")}`;
+}
+
+export function mix(a: Rgb, b: Rgb, share: number): Rgb {
+  return [0, 1, 2].map((i) => a[i]! + (b[i]! - a[i]!) * share) as Rgb;
+}
+
+function hslHex(hue: number, saturation: number, lightness: number): string {
+  const a = saturation * Math.min(lightness, 1 - lightness);
+  const part = (n: number) => {
+    const k = (n + hue / 30) % 12;
+    return 255 * (lightness - a * Math.max(-1, Math.min(k - 3, 9 - k, 1)));
+  };
+  return rgbHex([part(0), part(8), part(4)]);
+}

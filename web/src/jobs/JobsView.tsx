@@ -1,0 +1,92 @@
+// Trainings: under way with their progress, and what became of earlier ones.
+import { getAll, sendJson } from "../api/http";
+import { useResource } from "../api/resource";
+import type { Job } from "../api/types";
+import { duration, plural, when } from "../format";
+import { isFinal, useJob } from "../objects/TrainingNow";
+import { Empty, ProblemNote, Show } from "../parts/Notes";
+import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { Progress } from "../parts/Progress";
+import { useAction } from "../parts/useAction";
+import { link } from "../router";
+import { may } from "../signin";
+
+export function JobsView() {
+  const jobs = useResource("jobs", (signal) => getAll<Job>("/v1/jobs", 5000, signal), 5000);
+  const under = jobs.data?.filter((job) => !isFinal(job)) ?? [];
+  const ended = jobs.data?.filter(isFinal).reverse() ?? [];
+  return (
+    <>
+      <ViewHead title="Jobs" sub={jobs.data ? `${under.length} under way, ${ended.length} ended` : "Trainings, one at a time"} />
+      <Show of={jobs} what="the jobs" lines={5}>
+        {(found) =>
+          found.length === 0 ? (
+            <Empty title="No training was asked for yet">
+              <a href={link("objects")}>Train from the objects’ page</a>
+            </Empty>
+          ) : (
+            <>
+              {under.map((job) => (
+                <Running key={job.id} job={job} onEnd={jobs.reload} />
+              ))}
+              {ended.length > 0 && <Ended jobs={ended} />}
+            </>
+          )
+        }
+      </Show>
+    </>
+  );
+}
+
+function Running({ job: started, onEnd }: { job: Job; onEnd: () => void }) {
+  const job = useJob(started, onEnd);
+  const action = useAction();
+  return (
+    <Panel
+      title={`Training ${job.catalogue}`}
+      aside={
+        may("trainer", "admin") && (
+          <button type="button" class="small" disabled={action.busy} onClick={() => action.run(async () => void (await sendJson("POST", `/v1/jobs/${job.id}/cancel`)))}>
+            Cancel
+          </button>
+        )
+      }
+    >
+      <Progress job={job} />
+      {action.problem && <ProblemNote problem={action.problem} />}
+    </Panel>
+  );
+}
+
+function Ended({ jobs }: { jobs: Job[] }) {
+  return (
+    <Panel title="Ended" aside={plural(jobs.length, "job")}>
+      <div class="scroll" tabIndex={0} role="region" aria-label="Ended jobs">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">Asked for</th>
+              <th scope="col">Catalogue</th>
+              <th scope="col">Outcome</th>
+              <th scope="col" class="num">Took</th>
+              <th scope="col">Why</th>
+            </tr>
+          </thead>
+          <tbody>
+            {jobs.map((job) => (
+              <tr key={job.id}>
+                <th scope="row">{when(job.created_at)}</th>
+                <td>
+                  {typeof job.version === "number" ? <a href={link("models", job.catalogue, job.version)}>{job.catalogue} version {job.version}</a> : job.catalogue}
+                </td>
+                <td><Badge kind={job.state}>{job.state}</Badge></td>
+                <td class="num">{job.started_at && job.finished_at ? duration((Date.parse(job.finished_at) - Date.parse(job.started_at)) / 1000) : "–"}</td>
+                <td>{job.reason ?? ""}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </Panel>
+  );
+}

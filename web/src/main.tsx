@@ -1,0 +1,10 @@
+// Where the page begins.
+import { render } from "preact";
+import { App } from "./app";
+import "./style/tokens.css";
+import "./style/layout.css";
+import "./style/parts.css";
+import "./style/views.css";
+
+const root = document.getElementById("app");
+if (root !== null) render(<App />, root);

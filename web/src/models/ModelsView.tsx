@@ -1,0 +1,116 @@
+// Catalogues and their versions: which one new sessions use, and the way back to an older one.
+import { getAll, getJson, sendJson } from "../api/http";
+import { useResource } from "../api/resource";
+import type { Catalogue, CatalogueVersion } from "../api/types";
+import { count, plural, when } from "../format";
+import { Empty, ProblemNote, Show } from "../parts/Notes";
+import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { useAction } from "../parts/useAction";
+import { link } from "../router";
+import { may } from "../signin";
+
+export function ModelsView() {
+  const catalogues = useResource("catalogues", (signal) => getAll<Catalogue>("/v1/catalogues", 1000, signal));
+  return (
+    <>
+      <ViewHead title="Models" sub="Catalogues of trained versions; a session keeps the version it began with" />
+      <Show of={catalogues} what="the catalogues">
+        {(found) =>
+          found.length === 0 ? (
+            <Empty title="Nothing is trained yet">
+              <a href={link("objects")}>Add objects and train them</a>
+            </Empty>
+          ) : (
+            <>
+              {found.map((catalogue) => (
+                <Versions key={catalogue.name} catalogue={catalogue} reload={catalogues.reload} />
+              ))}
+            </>
+          )
+        }
+      </Show>
+    </>
+  );
+}
+
+function Versions({ catalogue, reload }: { catalogue: Catalogue; reload: () => void }) {
+  const path = `/v1/catalogues/${encodeURIComponent(catalogue.name)}`;
+  const versions = useResource(`${path} ${catalogue.latest_version}`, (signal) => getAll<CatalogueVersion>(`${path}/versions`, 1000, signal));
+  const action = useAction();
+  const use = (version: number) =>
+    action.run(async () => {
+      const etag = catalogue.current ? `"${catalogue.current.revision}"` : await currentTag(path);
+      await sendJson("PUT", `${path}/current`, { version }, { "if-match": etag });
+      reload();
+      versions.reload();
+    });
+  return (
+    <Panel
+      title={catalogue.name}
+      aside={catalogue.current ? `new sessions use version ${catalogue.current.version} since ${when(catalogue.current.changed_at)}` : "no current version"}
+    >
+      {action.problem && <ProblemNote problem={action.problem} retry={reload} />}
+      <Show of={versions} what={`versions of ${catalogue.name}`}>
+        {(found) =>
+          found.length === 0 ? (
+            <p class="faint">No version yet.</p>
+          ) : (
+            <div class="scroll" tabIndex={0} role="region" aria-label={`Versions of ${catalogue.name}`}>
+              <table>
+                <thead>
+                  <tr>
+                    <th scope="col">Version</th>
+                    <th scope="col">Trained</th>
+                    <th scope="col">Objects</th>
+                    <th scope="col">Learnt</th>
+                    <th scope="col"><span class="visually-hidden">Actions</span></th>
+                  </tr>
+                </thead>
+                <tbody>
+                  {[...found].reverse().map((version) => (
+                    <Row key={version.version} version={version} isCurrent={catalogue.current?.version === version.version} busy={action.busy} use={use} />
+                  ))}
+                </tbody>
+              </table>
+            </div>
+          )
+        }
+      </Show>
+    </Panel>
+  );
+}
+
+function Row(props: { version: CatalogueVersion; isCurrent: boolean; busy: boolean; use: (version: number) => void }) {
+  const { version, isCurrent, busy, use } = props;
+  const { report } = version;
+  const names = report.objects.map((object) => object.name);
+  const learnt = [
+    (report.surface_bytes ?? 0) > 0 && "surfaces",
+    report.n_classes > 0 && `pair maps (${report.n_classes} classes)`,
+    report.appearance && `appearance (${report.appearance.n_classes} classes)`,
+    report.objects.some((object) => object.geometry) && "maps of contact",
+  ].filter(Boolean);
+  return (
+    <tr>
+      <th scope="row">
+        <a href={link("models", version.catalogue, version.version)}>Version {version.version}</a>
+      </th>
+      <td class="num-left">{when(version.created_at)}</td>
+      <td>{plural(names.length, "object")} <span class="faint wide-only">{names.slice(0, 6).join(", ")}{names.length > 6 ? " …" : ""}</span></td>
+      <td>{learnt.join(", ")}{version.merged_from.length > 0 && " · merged"}</td>
+      <td class="row-end">
+        {version.damage ? <Badge kind="bad">damaged</Badge> : isCurrent ? <Badge kind="current">current</Badge> : (
+          may("trainer", "admin") && (
+            <button type="button" class="small" disabled={busy} onClick={() => use(version.version)} aria-label={`Use version ${count(version.version)}`}>
+              Use
+            </button>
+          )
+        )}
+      </td>
+    </tr>
+  );
+}
+
+async function currentTag(path: string): Promise<string> {
+  return `"${(await getJson<{ revision: number }>(`${path}/current`)).revision}"`;
+}

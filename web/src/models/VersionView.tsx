@@ -1,0 +1,129 @@
+// One version's report: what was learnt of each object, and which objects touch confuses.
+import { getJson } from "../api/http";
+import { useResource } from "../api/resource";
+import type { AppearanceReport, CatalogueVersion } from "../api/types";
+import { bytes, count, duration, percent, plural, symmetryWords, when } from "../format";
+import { Matrix } from "../parts/Matrix";
+import { Show } from "../parts/Notes";
+import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
+import { link } from "../router";
+
+export function VersionView({ catalogue, version }: { catalogue: string; version: string }) {
+  const path = `/v1/catalogues/${encodeURIComponent(catalogue)}/versions/${encodeURIComponent(version)}`;
+  const found = useResource(path, (signal) => getJson<CatalogueVersion>(path, signal));
+  return (
+    <>
+      <ViewHead title={`${catalogue} version ${version}`} sub={found.data ? `Trained ${when(found.data.created_at)}` : "Trained version"}>
+        {found.data?.is_current && <Badge kind="current">current</Badge>}
+        {found.data?.damage && <Badge kind="bad">damaged</Badge>}
+      </ViewHead>
+      <Show of={found} what="the version" lines={8}>
+        {(data) => (
+          <>
+            {data.damage && <p class="note note-bad">{data.damage}</p>}
+            <Summary version={data} />
+            <Objects version={data} />
+            <Appearance version={data} path={path} />
+          </>
+        )}
+      </Show>
+    </>
+  );
+}
+
+function Summary({ version }: { version: CatalogueVersion }) {
+  const { report, training } = version;
+  return (
+    <Panel title="Training">
+      <Facts
+        of={[
+          ["Took", duration(report.seconds)],
+          ["Objects", count(report.objects.length)],
+          ["Touches each", training.readings_per_object ? count(training.readings_per_object) : "–"],
+          ["Descriptor", training.descriptor ?? "–"],
+          ["Classes", report.n_classes > 0 ? count(report.n_classes) : "none"],
+          ["Pair index", bytes(report.index_bytes)],
+          ["Surfaces", bytes(report.surface_bytes ?? 0)],
+          ["Seed", String(report.seed)],
+        ]}
+      />
+    </Panel>
+  );
+}
+
+function Objects({ version }: { version: CatalogueVersion }) {
+  return (
+    <Panel title="Objects">
+      <div class="scroll" tabIndex={0} role="region" aria-label="Objects of the version">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">Object</th>
+              <th scope="col" class="num">Touches</th>
+              <th scope="col" class="num">Patches</th>
+              <th scope="col" class="num">Pairs that propose</th>
+              <th scope="col">Symmetry</th>
+              <th scope="col">Map of contact</th>
+            </tr>
+          </thead>
+          <tbody>
+            {version.report.objects.map((object) => (
+              <tr key={object.id}>
+                <th scope="row"><a href={link("objects", object.id)}>{object.name}</a></th>
+                <td class="num">{count(object.n_readings)}</td>
+                <td class="num">{count(object.n_patches)}</td>
+                <td class="num">{object.surface ? count(object.surface.n_pairs) : "–"}</td>
+                <td>{symmetryWords(object.symmetry)}</td>
+                <td class="tight">{object.geometry ? `${object.geometry.kind}, ${object.geometry.n_cells.join(" × ")}` : "none"}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </Panel>
+  );
+}
+
+function Appearance({ version, path }: { version: CatalogueVersion; path: string }) {
+  const has = Boolean(version.report.appearance);
+  const report = useResource(has ? `${path}/report/appearance` : null, (signal) => getJson<AppearanceReport>(`${path}/report/appearance`, signal));
+  if (!has) {
+    return (
+      <Panel title="Which objects touch confuses">
+        <p class="faint">Not known: this version was trained without appearance. Train with it to see confusion, affinity and near-duplicates.</p>
+      </Panel>
+    );
+  }
+  return (
+    <Panel title="Which objects touch confuses" aside={report.data && `by appearance alone, after ${plural(report.data.n_readings, "reading")} each`}>
+      <Show of={report} what="the report" lines={6}>
+        {(found) => <Report report={found} />}
+      </Show>
+    </Panel>
+  );
+}
+
+function Report({ report }: { report: AppearanceReport }) {
+  const names = report.objects.map((object) => object.name);
+  return (
+    <div class="stack">
+      {report.warnings.map((warning) => (
+        <p key={warning} class="note note-warn">{warning}</p>
+      ))}
+      {report.near_duplicates.length === 0 && report.warnings.length === 0 && (
+        <p class="note note-good">No two objects are nearly the same to the touch.</p>
+      )}
+      <Facts
+        of={[
+          ["Recognised", percent(report.accuracy)],
+          ["Classes", count(report.n_classes)],
+          ["Values a feature", `${report.feature_length}, reduced to ${report.n_components}`],
+        ]}
+      />
+      <div class="grid grid-2 matrices">
+        <Matrix caption="Confusion: mean probability of each object (column) when the row’s was touched" names={names} rows={report.confusion} rowWord="touched" diagonalIsGood />
+        <Matrix caption="Affinity: how alike the objects’ histograms of appearance are" names={names} rows={report.affinity} rowWord="object" diagonalIsGood />
+      </div>
+    </div>
+  );
+}

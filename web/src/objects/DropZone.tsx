@@ -1,0 +1,159 @@
+// A mesh dropped or chosen becomes an object; its unit must be said, no file format says it.
+import { useRef, useState } from "preact/hooks";
+import { ask, sendJson } from "../api/http";
+import type { MeshReport, ObjectInfo } from "../api/types";
+import { count, mm } from "../format";
+import { Dialog } from "../parts/Dialog";
+import { ProblemNote } from "../parts/Notes";
+import { useAction } from "../parts/useAction";
+
+const FORMATS = ["stl", "obj", "ply", "off"];
+
+interface Props {
+  onAdded: () => void;
+  /** An object whose mesh is to be replaced; otherwise a new one is made. */
+  into?: ObjectInfo;
+}
+
+export function DropZone({ onAdded, into }: Props) {
+  const [over, setOver] = useState(false);
+  const [file, setFile] = useState<File>();
+  const chooser = useRef<HTMLInputElement>(null);
+  const take = (files: FileList | null | undefined) => {
+    const first = files?.[0];
+    if (first) setFile(first);
+  };
+  return (
+    <>
+      <div
+        class={over ? "drop drop-over" : "drop"}
+        onDragOver={(event) => (event.preventDefault(), setOver(true))}
+        onDragLeave={() => setOver(false)}
+        onDrop={(event) => {
+          event.preventDefault();
+          setOver(false);
+          take(event.dataTransfer?.files);
+        }}
+      >
+        <span>
+          <b>{into ? "Replace the mesh" : "Add an object"}</b>
+          <span class="faint"> · drop a mesh here (STL, OBJ, PLY or OFF)</span>
+        </span>
+        <button type="button" onClick={() => chooser.current?.click()}>
+          Choose a file …
+        </button>
+        <input
+          ref={chooser}
+          type="file"
+          hidden
+          aria-label="Mesh file"
+          accept={FORMATS.map((format) => `.${format}`).join()}
+          onChange={(event) => {
+            take(event.currentTarget.files);
+            event.currentTarget.value = "";
+          }}
+        />
+      </div>
+      {file && <MeshDialog key={file.name} file={file} {...(into ? { into } : {})} onClose={() => setFile(undefined)} onAdded={onAdded} />}
+    </>
+  );
+}
+
+function MeshDialog({ file, into, onClose, onAdded }: Props & { file: File; onClose: () => void }) {
+  const format = file.name.split(".").pop()?.toLowerCase() ?? "";
+  const [name, setName] = useState(into?.name ?? nameOf(file.name));
+  const [unit, setUnit] = useState<"m" | "mm">();
+  const [report, setReport] = useState<MeshReport>();
+  const action = useAction();
+  const submit = (event: Event) => {
+    event.preventDefault();
+    if (unit === undefined) return;
+    action.run(async () => {
+      const id = into?.id ?? (await made(name)).id;
+      const query = `unit=${unit}&format=${FORMATS.includes(format) ? format : "stl"}`;
+      const answer = await ask(`/v1/objects/${id}/mesh?${query}`, {
+        method: "PUT",
+        headers: { "content-type": "application/octet-stream" },
+        body: file,
+      });
+      setReport((await answer.json()) as MeshReport);
+      onAdded();
+    });
+  };
+  return (
+    <Dialog title={into ? `New mesh of ${into.name}` : "Add an object"} onClose={onClose}>
+      {report ? (
+        <Understood report={report} name={name} onClose={onClose} />
+      ) : (
+        <form onSubmit={submit}>
+          <p class="faint">{file.name}, {count(file.size)} bytes</p>
+          {!FORMATS.includes(format) && (
+            <p class="note note-warn">The name does not end in .stl, .obj, .ply or .off; it will be read as STL.</p>
+          )}
+          {!into && (
+            <div class="field">
+              <label for="object-name">Name</label>
+              <input id="object-name" type="text" required maxlength={64} pattern="[A-Za-z0-9][A-Za-z0-9._\-]*" value={name}
+                onInput={(event) => setName(event.currentTarget.value)} />
+              <span class="hint">Letters, digits, “.”, “_” and “-”.</span>
+            </div>
+          )}
+          <fieldset>
+            <legend>One unit of the file is</legend>
+            {(["mm", "m"] as const).map((one) => (
+              <label key={one}>
+                <input type="radio" name="unit" value={one} required checked={unit === one} onChange={() => setUnit(one)} />
+                {one === "mm" ? "a millimetre (CAD)" : "a metre (robotics)"}
+              </label>
+            ))}
+          </fieldset>
+          {action.problem && <ProblemNote problem={action.problem} />}
+          <div class="form-end">
+            <button type="submit" class="primary" disabled={action.busy || unit === undefined}>
+              {action.busy ? "Sending …" : into ? "Replace" : "Add"}
+            </button>
+          </div>
+        </form>
+      )}
+    </Dialog>
+  );
+}
+
+function Understood({ report, name, onClose }: { report: MeshReport; name: string; onClose: () => void }) {
+  return (
+    <div class="stack">
+      <div class="note note-good" role="status">
+        <p class="note-title">{name} has its mesh</p>
+        <p>
+          {count(report.n_triangles)} triangles, {report.size.map((side) => mm(side).replace(" mm", "")).join(" × ")} mm.
+        </p>
+      </div>
+      {report.warnings.map((warning) => (
+        <p key={warning} class="note note-warn">{warning}</p>
+      ))}
+      <div class="form-end">
+        <button type="button" class="primary" onClick={onClose}>
+          Done
+        </button>
+      </div>
+    </div>
+  );
+}
+
+/** Makes an object, or finds the one that a broken upload left without a mesh. */
+async function made(name: string): Promise<ObjectInfo> {
+  try {
+    return await sendJson<ObjectInfo>("POST", "/v1/objects", { name });
+  } catch (error) {
+    const found = await ask(`/v1/objects/${encodeURIComponent(name)}`).catch(() => undefined);
+    const object = found && ((await found.json()) as ObjectInfo);
+    if (object && !object.mesh && object.n_readings === 0) return object;
+    throw error;
+  }
+}
+
+/** A file's name as an object's: what is not allowed becomes a dash. */
+function nameOf(file: string): string {
+  const bare = file.replace(/\.[^.]*$/, "").replace(/[^A-Za-z0-9._-]+/g, "-");
+  return bare.replace(/^[^A-Za-z0-9]+/, "").slice(0, 64);
+}

@@ -1,0 +1,54 @@
+// One object of the gallery: its mesh as a picture, drawn when it comes into sight.
+import { useEffect, useRef, useState } from "preact/hooks";
+import type { ObjectInfo } from "../api/types";
+import { bytes, dark, plural } from "../format";
+import { link } from "../router";
+import { meshOf } from "../session/shapes";
+
+/** Larger meshes are drawn only where they are asked for. */
+const PICTURE_BYTES_MAX = 12e6;
+
+export function ObjectCard({ object }: { object: ObjectInfo }) {
+  const { mesh } = object;
+  return (
+    <li class="card">
+      {mesh && mesh.bytes <= PICTURE_BYTES_MAX ? <Picture object={object} /> : <div class="no-picture">{mesh ? "large mesh" : "no mesh"}</div>}
+      <div class="card-text">
+        <a href={link("objects", object.name)}>{object.name}</a>
+        <span class="faint">
+          {mesh ? `${mesh.format.toUpperCase()} in ${mesh.unit}, ${bytes(mesh.bytes)}` : "taught by touch"}
+        </span>
+        <span class="faint">{object.n_readings > 0 ? plural(object.n_readings, "training touch", "training touches") : "touched in simulation"}</span>
+      </div>
+    </li>
+  );
+}
+
+function Picture({ object }: { object: ObjectInfo }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const [seen, setSeen] = useState(false);
+  const isDark = dark.value;
+  useEffect(() => {
+    const watch = new IntersectionObserver((entries) => {
+      if (entries.some((entry) => entry.isIntersecting)) setSeen(true);
+    });
+    if (canvas.current) watch.observe(canvas.current);
+    return () => watch.disconnect();
+  }, []);
+  useEffect(() => {
+    if (!seen) return;
+    let gone = false;
+    const draw = async () => {
+      const shape = await meshOf(object, [0, 0, 0], `picture/${object.mesh!.hash}/${object.mesh!.unit}`);
+      const { picture } = await import("../scene/scene");
+      if (!gone && canvas.current) picture(shape, canvas.current);
+    };
+    draw().catch(() => {
+      // A card without its picture still leads to the object.
+    });
+    return () => {
+      gone = true;
+    };
+  }, [seen, isDark, object.mesh?.hash]);
+  return <canvas ref={canvas} width="480" height="360" aria-hidden="true" />;
+}

@@ -1,0 +1,197 @@
+// One object: its mesh, where it was touched in training, and what was learnt of its surface.
+import { useMemo, useState } from "preact/hooks";
+import { getAll, getJson, sendJson } from "../api/http";
+import { useResource } from "../api/resource";
+import type { Catalogue, CatalogueVersion, MapPatch, ObjectInfo } from "../api/types";
+import { bytes, classColor, count, dark, plural, symmetryWords, when } from "../format";
+import { ProblemNote, Show } from "../parts/Notes";
+import { Facts, Panel, ViewHead } from "../parts/Panel";
+import { useAction } from "../parts/useAction";
+import { go, link } from "../router";
+import { IDENTITY, type Content, type Shape, type SurfacePoint } from "../scene/content";
+import { Stage3D } from "../scene/Stage3D";
+import type { Vector } from "../scene/vectors";
+import { mapOf, meshOf, touchesOf } from "../session/shapes";
+import { may } from "../signin";
+import { DropZone } from "./DropZone";
+import { OccupancyPanel } from "./OccupancyPanel";
+
+/** What lies on the surface. */
+type Layer = "nothing" | "touches" | "classes";
+
+export function ObjectView({ id }: { id: string }) {
+  const object = useResource(`object ${id}`, (signal) => getJson<ObjectInfo>(`/v1/objects/${encodeURIComponent(id)}`, signal));
+  return (
+    <>
+      {!object.data && <ViewHead title={id} />}
+      <Show of={object} what="the object" lines={8}>
+        {(found) => <Found object={found} reload={object.reload} />}
+      </Show>
+    </>
+  );
+}
+
+function Found({ object, reload }: { object: ObjectInfo; reload: () => void }) {
+  const versions = useResource(`versions of ${object.id}`, (signal) => knowing(object.id, signal));
+  const [chosen, choose] = useState<string>();
+  const version = versions.data?.find((one) => key(one) === chosen) ?? versions.data?.[0];
+  const action = useAction();
+  return (
+    <>
+      <ViewHead title={object.name} sub={object.description || (object.n_readings > 0 ? "Taught by a robot’s touches" : "Taught by its mesh")}>
+        {versions.data && versions.data.length > 1 && (
+          <select aria-label="Version" value={version ? key(version) : ""} onChange={(event) => choose(event.currentTarget.value)}>
+            {versions.data.map((one) => (
+              <option key={key(one)} value={key(one)}>{key(one)}</option>
+            ))}
+          </select>
+        )}
+        {may("trainer", "admin") && (
+          <button
+            type="button"
+            class="danger"
+            disabled={action.busy}
+            onClick={() => {
+              if (confirm(`Delete ${object.name}, its mesh and its touches? Trained versions go on knowing it.`)) {
+                action.run(async () => {
+                  await sendJson("DELETE", `/v1/objects/${object.id}`);
+                  go("objects");
+                });
+              }
+            }}
+          >
+            Delete
+          </button>
+        )}
+      </ViewHead>
+      {action.problem && <ProblemNote problem={action.problem} />}
+      <div class="session">
+        <SurfacePanel object={object} version={version} />
+        <div class="stack">
+          <AboutPanel object={object} version={version} />
+          {version && <OccupancyPanel key={`${key(version)} ${object.id}`} version={version} object={object.id} />}
+          {may("trainer", "admin") && <DropZone into={object} onAdded={reload} />}
+        </div>
+      </div>
+    </>
+  );
+}
+
+function SurfacePanel({ object, version }: { object: ObjectInfo; version: CatalogueVersion | undefined }) {
+  const [layer, setLayer] = useState<Layer>("touches");
+  const [mesh, setMesh] = useState(true);
+  const surface = useResource(`surface of ${object.id} ${object.mesh?.hash} ${version ? key(version) : ""}`, () => surfaceOf(object, version));
+  const data = surface.data;
+  const isDark = dark.value;
+  const content = useMemo((): Content => {
+    const bodies = data ? [{ shape: data.shape, pose: IDENTITY, hideMesh: !mesh }] : [];
+    return { bodies, touches: [], approaches: [], patches: data ? patches(data, layer) : [] };
+  }, [data, layer, mesh, isDark]);
+  const nClasses = new Set(data?.map.map((patch) => patch.class)).size;
+  return (
+    <Panel title="Surface" aside={data && <span>{plural(data.map.length || data.touches.length, "touch", "touches")}</span>}>
+      {surface.problem && <ProblemNote problem={surface.problem} retry={surface.reload} />}
+      <Stage3D content={content} label={`${object.name}, ${layer === "classes" ? "classes of appearance" : "training touches"} over its surface`}
+        note="object frame, origin at the centroid · drag or arrow keys turn" />
+      <div class="layers" role="group" aria-label="What is shown">
+        <button type="button" aria-pressed={mesh} disabled={!object.mesh} onClick={() => setMesh(!mesh)}>Mesh</button>
+        <button type="button" aria-pressed={layer === "touches"} onClick={() => setLayer(layer === "touches" ? "nothing" : "touches")}>
+          Training touches
+        </button>
+        <button type="button" aria-pressed={layer === "classes"} disabled={!data || data.map.length === 0}
+          onClick={() => setLayer(layer === "classes" ? "nothing" : "classes")}>
+          Appearance classes
+        </button>
+        {layer === "classes" && <span class="key">{plural(nClasses, "class", "classes")} of {version?.report.n_classes} here, each a colour</span>}
+      </div>
+      {data && data.map.length > 0 && <ClassTable patches={data.map} />}
+    </Panel>
+  );
+}
+
+function ClassTable({ patches }: { patches: MapPatch[] }) {
+  const counts = new Map<number | null, number>();
+  for (const patch of patches) counts.set(patch.class ?? null, (counts.get(patch.class ?? null) ?? 0) + 1);
+  const rows = [...counts].sort((a, b) => b[1] - a[1]);
+  return (
+    <details class="behind">
+      <summary>Classes as a table</summary>
+      <div class="scroll" tabIndex={0} role="region" aria-label="Appearance classes">
+        <table>
+          <thead><tr><th scope="col">Class</th><th scope="col" class="num">Touches</th></tr></thead>
+          <tbody>
+            {rows.map(([one, n]) => (
+              <tr key={String(one)}>
+                <th scope="row"><span class="key"><span class="dot" style={{ background: classColor(one) }} />{one === null ? "in no pair" : one}</span></th>
+                <td class="num">{n}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </details>
+  );
+}
+
+function AboutPanel({ object, version }: { object: ObjectInfo; version: CatalogueVersion | undefined }) {
+  const trained = version?.report.objects.find((one) => one.id === object.id);
+  return (
+    <Panel title="About">
+      <Facts
+        of={[
+          ["Mesh", object.mesh ? `${object.mesh.format.toUpperCase()} in ${object.mesh.unit}, ${bytes(object.mesh.bytes)}` : "none"],
+          ["Robot’s touches", count(object.n_readings)],
+          ["Added", when(object.created_at)],
+          ["Trained in", version ? <a href={link("models", version.catalogue, version.version)}>{key(version)}</a> : "no current version"],
+          ...(trained
+            ? ([
+                ["Touches learnt", count(trained.n_readings)],
+                ["Symmetry", symmetryWords(trained.symmetry)],
+              ] as [string, string][])
+            : []),
+        ]}
+      />
+    </Panel>
+  );
+}
+
+interface Surface {
+  shape: Shape;
+  map: MapPatch[];
+  touches: SurfacePoint[];
+}
+
+async function surfaceOf(object: ObjectInfo, version: CatalogueVersion | undefined): Promise<Surface> {
+  const trained = version?.report.objects.find((one) => one.id === object.id);
+  const origin = (trained?.origin_in_mesh ?? [0, 0, 0]) as Vector;
+  const map = version && trained && trained.n_patches > 0 ? (await mapOf(version, object.id)).all : [];
+  const touches = map.length === 0 && object.n_readings > 0 ? await touchesOf(object, origin) : [];
+  const id = `object/${object.id}/${object.mesh?.hash ?? ""}/${object.mesh?.unit ?? ""}/${origin.join()}`;
+  const shape = object.mesh ? await meshOf(object, origin, id) : { id, points: [] };
+  return { shape, map, touches };
+}
+
+function patches({ map, touches }: Surface, layer: Layer): SurfacePoint[] {
+  if (layer === "nothing") return [];
+  const plain = dark.value ? "#53c1de" : "#0b6e8a";
+  if (map.length === 0) return touches.map((touch) => ({ ...touch, color: plain }));
+  return map.map((patch) => ({
+    position: patch.position as Vector,
+    normal: patch.normal as Vector,
+    color: layer === "classes" ? classColor(patch.class) : plain,
+  }));
+}
+
+const key = (version: CatalogueVersion) => `${version.catalogue} version ${version.version}`;
+
+/** The current versions that know an object. */
+async function knowing(object: string, signal: AbortSignal): Promise<CatalogueVersion[]> {
+  const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
+  const current = catalogues.filter((catalogue) => catalogue.current);
+  const versions = await Promise.all(
+    current.map((catalogue) =>
+      getJson<CatalogueVersion>(`/v1/catalogues/${encodeURIComponent(catalogue.name)}/versions/${catalogue.current!.version}`, signal),
+    ),
+  );
+  return versions.filter((version) => version.report.objects.some((one) => one.id === object));
+}

@@ -1,0 +1,88 @@
+// The gallery: every object with its picture, a place to drop meshes, and the way to train.
+import { useState } from "preact/hooks";
+import { getAll, getJson, ProblemError } from "../api/http";
+import { useResource } from "../api/resource";
+import type { AppearanceReport, Catalogue, ObjectInfo } from "../api/types";
+import { percent, plural } from "../format";
+import { Empty, Show } from "../parts/Notes";
+import { ViewHead } from "../parts/Panel";
+import { link } from "../router";
+import { may } from "../signin";
+import { DropZone } from "./DropZone";
+import { ObjectCard } from "./ObjectCard";
+import { TrainDialog } from "./TrainDialog";
+import { TrainingNow } from "./TrainingNow";
+
+export function ObjectsView() {
+  const objects = useResource("objects", (signal) => getAll<ObjectInfo>("/v1/objects", 5000, signal));
+  const twins = useResource("twins", nearDuplicates);
+  const [training, setTraining] = useState(false);
+  const trainable = objects.data?.filter((object) => object.mesh || object.n_readings > 0) ?? [];
+  return (
+    <>
+      <ViewHead title="Objects" sub={objects.data ? `${plural(objects.data.length, "object")}, ${trainable.length} with a mesh or touches to train from` : "What robots are to recognise"}>
+        {may("trainer", "admin") && (
+          <button type="button" class="primary" disabled={trainable.length === 0} onClick={() => setTraining(true)}>
+            Train …
+          </button>
+        )}
+      </ViewHead>
+      <TrainingNow onDone={() => (objects.reload(), twins.reload())} />
+      {may("trainer", "admin") && <DropZone onAdded={objects.reload} />}
+      {(twins.data ?? []).map((twin) => (
+        <div key={`${twin.catalogue} ${twin.first} ${twin.second}`} class="note note-warn" role="note">
+          <p class="note-title">{twin.first} and {twin.second} are nearly the same to the touch</p>
+          <p>
+            Their appearance agrees to {percent(twin.affinity)} in {twin.catalogue} version {twin.version}: is one of them there twice?{" "}
+            <a href={link("models", twin.catalogue, twin.version)}>See the report</a>
+          </p>
+        </div>
+      ))}
+      <Show of={objects} what="objects" lines={6}>
+        {(found) =>
+          found.length === 0 ? (
+            <Empty title="There is no object yet">
+              <p>Drop a mesh above, or let a robot teach one by its touches.</p>
+              <pre>palpate objects add mug --mesh mug.stl</pre>
+            </Empty>
+          ) : (
+            <ul class="gallery">
+              {found.map((object) => (
+                <ObjectCard key={object.id} object={object} />
+              ))}
+            </ul>
+          )
+        }
+      </Show>
+      {training && <TrainDialog objects={trainable} onClose={() => setTraining(false)} />}
+    </>
+  );
+}
+
+interface Twins {
+  catalogue: string;
+  version: number;
+  first: string;
+  second: string;
+  affinity: number;
+}
+
+/** Pairs that the current versions' reports call nearly the same. */
+async function nearDuplicates(signal: AbortSignal): Promise<Twins[]> {
+  const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
+  const found: Twins[] = [];
+  for (const { name: catalogue, current } of catalogues) {
+    if (!current) continue;
+    try {
+      const path = `/v1/catalogues/${encodeURIComponent(catalogue)}/versions/${current.version}`;
+      const version = await getJson<{ report: { appearance?: unknown } }>(path, signal);
+      if (!version.report.appearance) continue;
+      const report = await getJson<AppearanceReport>(`${path}/report/appearance`, signal);
+      found.push(...report.near_duplicates.map((twin) => ({ ...twin, catalogue, version: current.version })));
+    } catch (error) {
+      // A version without such a report warns of nothing.
+      if (!(error instanceof ProblemError) || ![404, 409].includes(error.status)) throw error;
+    }
+  }
+  return found;
+}

@@ -1,0 +1,95 @@
+// Starting a training: what to learn, of which objects; its progress is then on the page.
+import { useState } from "preact/hooks";
+import { sendJson } from "../api/http";
+import type { Job, ObjectInfo, StartTraining } from "../api/types";
+import { plural } from "../format";
+import { Dialog } from "../parts/Dialog";
+import { ProblemNote } from "../parts/Notes";
+import { useAction } from "../parts/useAction";
+import { startedJobs } from "./TrainingNow";
+
+export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClose: () => void }) {
+  const [catalogue, setCatalogue] = useState("default");
+  const [chosen, setChosen] = useState(new Set(objects.map((object) => object.id)));
+  const [readings, setReadings] = useState(1000);
+  const [seed, setSeed] = useState(1);
+  const [appearance, setAppearance] = useState(true);
+  const [geometry, setGeometry] = useState<"none" | "planar" | "solid">("none");
+  const [activate, setActivate] = useState(true);
+  const action = useAction();
+  const toggle = (id: string) => {
+    const next = new Set(chosen);
+    if (!next.delete(id)) next.add(id);
+    setChosen(next);
+  };
+  const submit = (event: Event) => {
+    event.preventDefault();
+    action.run(async () => {
+      const asked: Partial<StartTraining> = {
+        ...(chosen.size < objects.length ? { objects: [...chosen] } : {}),
+        readings_per_object: readings,
+        seed,
+        activate,
+        ...(appearance ? { appearance: {} } : {}),
+        ...(geometry === "none" ? {} : { geometry: { kind: geometry } }),
+      };
+      const path = `/v1/catalogues/${encodeURIComponent(catalogue)}/trainings`;
+      startedJobs.value = [...startedJobs.value, await sendJson<Job>("POST", path, asked)];
+      onClose();
+    });
+  };
+  return (
+    <Dialog title="Train" onClose={onClose}>
+      <form onSubmit={submit}>
+        <div class="form-row">
+          <div class="field">
+            <label for="train-catalogue">Catalogue</label>
+            <input id="train-catalogue" type="text" required value={catalogue} onInput={(event) => setCatalogue(event.currentTarget.value)} />
+          </div>
+          <div class="field">
+            <label for="train-seed">Seed</label>
+            <input id="train-seed" type="number" min={0} required value={seed} onInput={(event) => setSeed(event.currentTarget.valueAsNumber)} />
+          </div>
+        </div>
+        <div class="field">
+          <label for="train-readings">Simulated touches of each mesh</label>
+          <input id="train-readings" type="number" min={20} max={20000} required value={readings}
+            onInput={(event) => setReadings(event.currentTarget.valueAsNumber)} />
+          <span class="hint">Objects with touches of a robot are trained from those.</span>
+        </div>
+        <fieldset class="train-objects">
+          <legend>{plural(chosen.size, "object")} of {objects.length}</legend>
+          {objects.map((object) => (
+            <label key={object.id}>
+              <input type="checkbox" checked={chosen.has(object.id)} onChange={() => toggle(object.id)} />
+              {object.name}
+            </label>
+          ))}
+        </fieldset>
+        <fieldset>
+          <legend>Maps of contact</legend>
+          {(["none", "planar", "solid"] as const).map((kind) => (
+            <label key={kind}>
+              <input type="radio" name="geometry" checked={geometry === kind} onChange={() => setGeometry(kind)} />
+              {kind}
+            </label>
+          ))}
+        </fieldset>
+        <label class="check">
+          <input type="checkbox" checked={appearance} onChange={(event) => setAppearance(event.currentTarget.checked)} />
+          Also learn appearance (confusion, affinity, near-duplicates)
+        </label>
+        <label class="check">
+          <input type="checkbox" checked={activate} onChange={(event) => setActivate(event.currentTarget.checked)} />
+          New sessions use the version at once
+        </label>
+        {action.problem && <ProblemNote problem={action.problem} />}
+        <div class="form-end">
+          <button type="submit" class="primary" disabled={action.busy || chosen.size === 0}>
+            Start training
+          </button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}

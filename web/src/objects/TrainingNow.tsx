@@ -1,0 +1,93 @@
+// Trainings that this page started or found under way, each with its progress, until dismissed.
+import { signal } from "@preact/signals";
+import { useEffect, useState } from "preact/hooks";
+import { announce } from "../announce";
+import { follow } from "../api/events";
+import { getAll, sendJson } from "../api/http";
+import type { Job } from "../api/types";
+import { duration } from "../format";
+import { Progress } from "../parts/Progress";
+import { link } from "../router";
+
+/** Jobs to show; kept while the reader looks at other views. */
+export const startedJobs = signal<Job[]>([]);
+
+export const isFinal = (job: Job) => ["succeeded", "failed", "cancelled"].includes(job.state);
+
+export function TrainingNow({ onDone }: { onDone: () => void }) {
+  useEffect(() => {
+    getAll<Job>("/v1/jobs").then(
+      (jobs) => {
+        const known = new Set(startedJobs.value.map((job) => job.id));
+        const found = jobs.filter((job) => !isFinal(job) && !known.has(job.id));
+        if (found.length > 0) startedJobs.value = [...startedJobs.value, ...found];
+      },
+      () => {
+        // The list of jobs is a view of its own, where its problem is shown.
+      },
+    );
+  }, []);
+  const dismiss = (id: string) => {
+    startedJobs.value = startedJobs.value.filter((job) => job.id !== id);
+  };
+  return (
+    <>
+      {startedJobs.value.map((job) => (
+        <OneJob key={job.id} started={job} onDone={onDone} onDismiss={() => dismiss(job.id)} />
+      ))}
+    </>
+  );
+}
+
+function OneJob({ started, onDone, onDismiss }: { started: Job; onDone: () => void; onDismiss: () => void }) {
+  const job = useJob(started, (ended) => {
+    startedJobs.value = startedJobs.value.map((one) => (one.id === ended.id ? ended : one));
+    onDone();
+    announce(`Training of ${ended.catalogue} ${ended.state}`);
+  });
+  return (
+    <div class={job.state === "failed" ? "note note-bad" : job.state === "succeeded" ? "note note-good" : "note"}>
+      {isFinal(job) ? (
+        <div class="note-foot">
+          <span>
+            {job.state === "succeeded" && typeof job.version === "number" ? (
+              <>
+                Trained <a href={link("models", job.catalogue, job.version)}>{job.catalogue} version {job.version}</a>
+                {job.started_at && job.finished_at && ` in ${duration((Date.parse(job.finished_at) - Date.parse(job.started_at)) / 1000)}`}
+              </>
+            ) : (
+              <>Training of {job.catalogue} {job.state}{job.reason ? `: ${job.reason}` : ""}</>
+            )}
+          </span>
+          <button type="button" class="small" onClick={onDismiss}>Dismiss</button>
+        </div>
+      ) : (
+        <div class="training">
+          <Progress job={job} />
+          <button type="button" class="small" onClick={() => void sendJson("POST", `/v1/jobs/${job.id}/cancel`).catch(() => undefined)}>
+            Cancel
+          </button>
+        </div>
+      )}
+    </div>
+  );
+}
+
+/** A job as it goes on. */
+export function useJob(started: Job, onEnd: (job: Job) => void): Job {
+  const [job, setJob] = useState(started);
+  useEffect(() => {
+    if (isFinal(started)) return;
+    const abort = new AbortController();
+    follow(`/v1/jobs/${started.id}/events`, abort.signal, (event) => {
+      const now = JSON.parse(event.data) as Job;
+      setJob(now);
+      if (isFinal(now)) onEnd(now);
+      return isFinal(now);
+    }).catch(() => {
+      // Not to be followed any more; the list of jobs says what became of it.
+    });
+    return () => abort.abort();
+  }, [started.id]);
+  return job;
+}

@@ -1,0 +1,179 @@
+// Lines over readings, drawn by uPlot, with the same numbers as a table for those who read it.
+import { useEffect, useRef } from "preact/hooks";
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+import { dark } from "../format";
+
+export interface Series {
+  label: string;
+  color: string;
+  values: (number | null)[];
+  width?: number;
+  dashed?: boolean;
+}
+
+interface Props {
+  label: string;
+  /** What is on the x axis, also the head of the table's first column. */
+  xLabel: string;
+  x: number[];
+  series: Series[];
+  range?: [number, number];
+  format: (value: number) => string;
+  /** How ticks are written, where shorter than values. */
+  tick?: (value: number) => string;
+  height?: number;
+  /** A place on the x axis to mark. */
+  at?: number;
+  legend?: boolean;
+  /** Whether x counts something, so that ticks are whole. */
+  wholeX?: boolean;
+  onPick?: (x: number) => void;
+}
+
+export function Chart(props: Props) {
+  const host = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | undefined>(undefined);
+  const newest = useRef(props);
+  newest.current = props;
+  const isDark = dark.value;
+  const shape = JSON.stringify([isDark, props.height, props.series.map((s) => [s.label, s.color])]);
+  useEffect(() => {
+    const element = host.current;
+    if (!element) return;
+    const made = new uPlot(options(newest, element.clientWidth || 300), data(newest.current), element);
+    plot.current = made;
+    const resized = new ResizeObserver(() => {
+      const { height } = newest.current;
+      if (element.clientWidth > 0) made.setSize({ width: element.clientWidth, height: height ?? 180 });
+    });
+    resized.observe(element);
+    return () => {
+      resized.disconnect();
+      made.destroy();
+      plot.current = undefined;
+    };
+  }, [shape]);
+  useEffect(() => {
+    plot.current?.setData(data(props));
+  }, [props.x, props.series]);
+  useEffect(() => {
+    plot.current?.redraw(false);
+  }, [props.at]);
+  return (
+    <figure class="chart">
+      <div ref={host} class={props.height === 140 ? "chart-plot chart-low" : "chart-plot"} role="img" aria-label={props.label} />
+      {props.legend !== false && <Legend series={props.series} />}
+      <ChartTable {...props} />
+    </figure>
+  );
+}
+
+function Legend({ series }: { series: Series[] }) {
+  return (
+    <ul class="legend" aria-hidden="true">
+      {series.map((one) => (
+        <li key={one.label}>
+          <svg width="14" height="8">
+            <line x1="0" x2="14" y1="4" y2="4" stroke={one.color} stroke-width="3" stroke-dasharray={one.dashed ? "3 2" : undefined} />
+          </svg>
+          {one.label}
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+function ChartTable(props: Props) {
+  return (
+    <details class="behind">
+      <summary>Numbers</summary>
+      <div class="scroll" tabIndex={0} role="region" aria-label={`${props.label}, numbers`}>
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">{props.xLabel}</th>
+              {props.series.map((one) => (
+                <th key={one.label} scope="col" class="num">{one.label}</th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {props.x.map((x, row) => (
+              <tr key={x}>
+                <th scope="row">{Number(x.toPrecision(6))}</th>
+                {props.series.map((one) => {
+                  const value = one.values[row];
+                  return <td key={one.label} class="num">{typeof value === "number" ? props.format(value) : "–"}</td>;
+                })}
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </details>
+  );
+}
+
+/** Steps between whole ticks. */
+const WHOLE = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
+
+function data(props: Props): uPlot.AlignedData {
+  return [props.x, ...props.series.map((one) => one.values)] as uPlot.AlignedData;
+}
+
+function options(newest: { current: Props }, width: number): uPlot.Options {
+  const props = newest.current;
+  const css = getComputedStyle(document.documentElement);
+  const color = (name: string) => css.getPropertyValue(name).trim();
+  const font = "11px system-ui, sans-serif";
+  const axis = { stroke: color("--faint"), font, grid: { stroke: color("--line"), width: 1 }, ticks: { show: false } };
+  return {
+    width,
+    height: props.height ?? 180,
+    legend: { show: false },
+    cursor: { drag: { x: false, y: false }, points: { size: 6 } },
+    scales: { x: { time: false }, y: props.range ? { range: props.range } : {} },
+    axes: [
+      { ...axis, size: 26, space: 40, ...(props.wholeX ? { incrs: WHOLE } : {}) },
+      { ...axis, size: 50, space: 28, values: (_, ticks) => ticks.map((tick) => (props.tick ?? props.format)(tick)) },
+    ],
+    series: [
+      {},
+      ...props.series.map((one) => ({
+        label: one.label,
+        stroke: one.color,
+        width: one.width ?? 2,
+        ...(one.dashed ? { dash: [4, 3] } : {}),
+        points: { show: props.x.length < 2 },
+      })),
+    ],
+    hooks: {
+      draw: [(drawn) => mark(drawn, newest.current.at, color("--ink"))],
+      ready: [
+        (made) =>
+          made.over.addEventListener("click", () => {
+            const index = made.cursor.idx;
+            const x = typeof index === "number" ? newest.current.x[index] : undefined;
+            if (x !== undefined) newest.current.onPick?.(x);
+          }),
+      ],
+    },
+  };
+}
+
+/** A line where the replay stands. */
+function mark(plot: uPlot, at: number | undefined, color: string): void {
+  if (at === undefined) return;
+  const x = plot.valToPos(at, "x", true);
+  plot.ctx.save();
+  plot.ctx.strokeStyle = color;
+  plot.ctx.globalAlpha = 0.55;
+  plot.ctx.setLineDash([]);
+  plot.ctx.lineWidth = 1.5;
+  plot.ctx.beginPath();
+  plot.ctx.moveTo(x, plot.bbox.top);
+  plot.ctx.lineTo(x, plot.bbox.top + plot.bbox.height);
+  plot.ctx.stroke();
+  plot.ctx.restore();
+}

@@ -1,0 +1,59 @@
+// Poses and images in plain numbers: what views need of geometry without loading the 3-D chunk.
+import type { Pose, Sensor } from "../api/types";
+import type { Image } from "../parts/TactileImage";
+
+export type Vector = [number, number, number];
+
+/** A reading touches where a taxel has at least so much, in pascal. */
+export const CONTACT_PA = 2000;
+
+/** Turns a vector by a quaternion x, y, z, w. */
+export function rotate(q: readonly number[], v: Vector): Vector {
+  const [x = 0, y = 0, z = 0, w = 1] = q;
+  const cross = (a: Vector, b: Vector): Vector => [
+    a[1] * b[2] - a[2] * b[1],
+    a[2] * b[0] - a[0] * b[2],
+    a[0] * b[1] - a[1] * b[0],
+  ];
+  const u: Vector = [x, y, z];
+  const t = cross(u, v).map((part) => 2 * part) as Vector;
+  const c = cross(u, t);
+  return [0, 1, 2].map((i) => v[i]! + w * t[i]! + c[i]!) as Vector;
+}
+
+/** A point of the frame `b` in the frame `a`. */
+export function transform(aFromB: Pose, pointInB: Vector): Vector {
+  const turned = rotate(aFromB.orientation, pointInB);
+  return [0, 1, 2].map((i) => turned[i]! + aFromB.position[i]!) as Vector;
+}
+
+/** The image the right way up: rows along the sensor's +y, columns along its +x. */
+export function upright(sensor: Sensor, sent: (number | null)[]): Image {
+  const { grid, image_order: order } = sensor.description;
+  const { rows, cols } = grid;
+  const values: (number | null)[] = [];
+  for (let row = 0; row < rows; row += 1) {
+    for (let col = 0; col < cols; col += 1) {
+      const r = order?.rows_reversed ? rows - 1 - row : row;
+      const c = order?.cols_reversed ? cols - 1 - col : col;
+      values.push(sent[order?.transposed ? c * rows + r : r * cols + c] ?? null);
+    }
+  }
+  return { rows, cols, values };
+}
+
+/** The centre of pressure in the sensor frame, metres; null when nothing is in touch. */
+export function centreOfPressure(sensor: Sensor, image: Image): Vector | null {
+  const { pitch } = sensor.description.grid;
+  let [sum, x, y] = [0, 0, 0];
+  image.values.forEach((value, taxel) => {
+    if (value === null || value < CONTACT_PA) return;
+    const row = Math.floor(taxel / image.cols);
+    const col = taxel % image.cols;
+    sum += value;
+    x += value * (col - (image.cols - 1) / 2) * pitch;
+    y += value * (row - (image.rows - 1) / 2) * pitch;
+  });
+  return sum === 0 ? null : [x / sum, y / sum, 0];
+}
+

@@ -1,0 +1,156 @@
+// One sensor: its geometry, its force curve, and what its calibration found of every taxel.
+import { useMemo } from "preact/hooks";
+import { getJson } from "../api/http";
+import { useResource } from "../api/resource";
+import type { Sensor, SensorCalibration } from "../api/types";
+import { dark, kPa, mm, seriesColor, when } from "../format";
+import { Chart, type Series } from "../parts/Chart";
+import { Show } from "../parts/Notes";
+import { Badge, Facts, Panel, ViewHead } from "../parts/Panel";
+import { newestCalibration } from "./SensorsView";
+
+export function SensorView({ id }: { id: string }) {
+  const sensor = useResource(`sensor ${id}`, (signal) => getJson<Sensor>(`/v1/sensors/${encodeURIComponent(id)}`, signal));
+  const known = sensor.data;
+  const calibration = useResource(known ? `calibration ${known.id}` : null, (signal) => newestCalibration(known!, signal));
+  return (
+    <>
+      <ViewHead title={sensor.data?.name ?? id} sub={sensor.data ? `${sensor.data.description.grid.rows} × ${sensor.data.description.grid.cols} taxels${sensor.data.preset ? `, preset ${sensor.data.preset}` : ""}` : "Sensor"} />
+      <Show of={sensor} what="the sensor" lines={6}>
+        {(found) => (
+          <div class="grid grid-2">
+            <Described sensor={found} />
+            <Panel title="Calibration" aside={calibration.data && `number ${calibration.data.number}, ${when(calibration.data.created_at)}`}>
+              <Show of={calibration} what="the calibration" lines={5}>
+                {(one) =>
+                  one === null ? (
+                    <p class="faint">
+                      Not calibrated: readings count as the description says. Press every taxel with a small indenter and post it
+                      with <code>palpate sensors calibrate {found.name} --file indentation.json</code>.
+                    </p>
+                  ) : (
+                    <Calibrated calibration={one} />
+                  )
+                }
+              </Show>
+            </Panel>
+          </div>
+        )}
+      </Show>
+    </>
+  );
+}
+
+function Described({ sensor }: { sensor: Sensor }) {
+  const { description } = sensor;
+  const isDark = dark.value;
+  const x = useMemo(() => description.force_curve.map((knot) => knot.displacement * 1000), [sensor]);
+  const series = useMemo(
+    (): Series[] => [{ label: "pressure (kPa)", color: seriesColor(0), values: description.force_curve.map((knot) => knot.pressure / 1000) }],
+    [sensor, isDark],
+  );
+  return (
+    <Panel title="Description">
+      <Facts
+        of={[
+          ["Taxels", `${description.grid.rows} × ${description.grid.cols}`],
+          ["Pitch", mm(description.grid.pitch)],
+          ["Taxel width", mm(description.grid.taxel_width)],
+          ["Covering", mm(description.covering_thickness)],
+          ["Point spread σ", mm(description.point_spread)],
+          ["Saturation", kPa(description.saturation)],
+          ["Noise σ", `${description.noise} Pa`],
+          ["Image order", order(description.image_order)],
+        ]}
+      />
+      <h3 class="chart-title">Pressure over displacement</h3>
+      <Chart label="Force curve: pressure in kilopascal over displacement in millimetres" xLabel="Displacement (mm)" x={x} series={series}
+        format={(value) => value.toFixed(0)} legend={false} />
+    </Panel>
+  );
+}
+
+function order(order: Sensor["description"]["image_order"]): string {
+  const said = [order?.transposed && "transposed", order?.rows_reversed && "rows reversed", order?.cols_reversed && "columns reversed"];
+  return said.filter(Boolean).join(", ") || "as it comes";
+}
+
+function Calibrated({ calibration }: { calibration: SensorCalibration }) {
+  const dead = calibration.taxels.filter((taxel) => taxel.state === "dead");
+  const crossed = calibration.taxels.filter((taxel) => taxel.state === "cross_wired");
+  return (
+    <div class="stack">
+      <p>
+        {dead.length > 0 && <Badge kind="bad">{dead.length} dead</Badge>}{" "}
+        {crossed.length > 0 && <Badge kind="warn">{crossed.length} cross-wired</Badge>}{" "}
+        {dead.length + crossed.length === 0 && <Badge kind="good">all taxels usable</Badge>}
+      </p>
+      <Taxels calibration={calibration} />
+      <h3>Lines of the taxels</h3>
+      <Lines calibration={calibration} />
+      <Facts
+        of={[
+          ["R² as measured", calibration.before.r_squared.toFixed(3)],
+          ["R² corrected", calibration.after.r_squared.toFixed(3)],
+          ["Residual before", kPa(calibration.before.residual)],
+          ["Residual after", kPa(calibration.after.residual)],
+          ["Presses", String(calibration.n_presses)],
+          ...(calibration.spread
+            ? ([["Point spread fitted", `${mm(calibration.spread.sigma)} (described ${mm(calibration.spread.described)})`]] as [string, string][])
+            : []),
+        ]}
+      />
+    </div>
+  );
+}
+
+/** Every taxel with its gain relative to the target, +y up as in the sensor's frame. */
+function Taxels({ calibration }: { calibration: SensorCalibration }) {
+  const rows = Math.max(...calibration.taxels.map((taxel) => taxel.row)) + 1;
+  const cols = Math.max(...calibration.taxels.map((taxel) => taxel.col)) + 1;
+  const at = (row: number, col: number) => calibration.taxels.find((taxel) => taxel.row === row && taxel.col === col);
+  return (
+    <table class="taxels" aria-label="Gain of every taxel relative to the target, or its fault">
+      <tbody>
+        {Array.from({ length: rows }, (_, place) => rows - 1 - place).map((row) => (
+          <tr key={row} class="taxels-row">
+            {Array.from({ length: cols }, (_, col) => {
+              const taxel = at(row, col);
+              const state = taxel?.state ?? "ok";
+              const gain = taxel ? taxel.slope / calibration.target.slope : 1;
+              const answers = taxel?.answers ? `answers row ${taxel.answers.row}, column ${taxel.answers.col}` : "";
+              return (
+                <td key={col} class={`taxel taxel-${state}`} title={`row ${row}, column ${col}: ${state.replace("_", " ")} ${answers}`}>
+                  {state === "ok" ? gain.toFixed(2) : state === "dead" ? "dead" : "×"}
+                  {state === "cross_wired" && <span class="visually-hidden">cross-wired, {answers}</span>}
+                </td>
+              );
+            })}
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+/** Pressure over depth: a thin line for each usable taxel, the target thick. */
+function Lines({ calibration }: { calibration: SensorCalibration }) {
+  const isDark = dark.value;
+  const x = useMemo(() => [0, 0.2, 0.4, 0.6], []);
+  const series = useMemo((): Series[] => {
+    const line = (slope: number, offset: number) => x.map((depth) => (slope * depth) / 1e6 + offset / 1000);
+    const usable = calibration.taxels.filter((taxel) => taxel.state === "ok");
+    const faint = dark.value ? "#4d5b66" : "#b9c4cc";
+    const thin = usable.slice(0, 64).map((taxel): Series => ({
+      label: `row ${taxel.row}, column ${taxel.col}`,
+      color: faint,
+      width: 1,
+      values: line(taxel.slope, taxel.offset),
+    }));
+    return [...thin, { label: "target", color: seriesColor(1), width: 3, values: line(calibration.target.slope, calibration.target.offset) }];
+  }, [calibration, isDark]);
+  return (
+    <Chart label="Pressure in kilopascal over depth in millimetres, for every taxel and the target" xLabel="Depth (mm)" x={x} series={series}
+      format={(value) => value.toFixed(0)} legend={false} />
+  );
+}

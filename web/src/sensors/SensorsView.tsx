@@ -1,0 +1,74 @@
+// The sensors that the server knows, and which of them are calibrated.
+import { getAll, getJson } from "../api/http";
+import { useResource } from "../api/resource";
+import type { Sensor, SensorCalibration } from "../api/types";
+import { mm, plural } from "../format";
+import { Empty, Show } from "../parts/Notes";
+import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { link } from "../router";
+
+export function SensorsView() {
+  const sensors = useResource("sensors", (signal) => getAll<Sensor>("/v1/sensors", 1000, signal));
+  return (
+    <>
+      <ViewHead title="Sensors" sub={sensors.data ? plural(sensors.data.length, "sensor") : "Tactile arrays and how they respond"} />
+      <Show of={sensors} what="the sensors" lines={6}>
+        {(found) =>
+          found.length === 0 ? (
+            <Empty title="No sensor is known">
+              <p>Describe one with <code>POST /v1/sensors</code>.</p>
+            </Empty>
+          ) : (
+            <Panel title="Known sensors">
+              <div class="scroll" tabIndex={0} role="region" aria-label="Sensors">
+                <table>
+                  <thead>
+                    <tr>
+                      <th scope="col">Sensor</th>
+                      <th scope="col">Taxels</th>
+                      <th scope="col" class="num">Pitch</th>
+                      <th scope="col" class="num">Covering</th>
+                      <th scope="col">Calibration</th>
+                    </tr>
+                  </thead>
+                  <tbody>
+                    {found.map((sensor) => (
+                      <Row key={sensor.id} sensor={sensor} />
+                    ))}
+                  </tbody>
+                </table>
+              </div>
+            </Panel>
+          )
+        }
+      </Show>
+    </>
+  );
+}
+
+function Row({ sensor }: { sensor: Sensor }) {
+  const { grid, covering_thickness: covering } = sensor.description;
+  const calibration = useResource(`calibration ${sensor.id}`, (signal) => newestCalibration(sensor, signal));
+  const found = calibration.data;
+  return (
+    <tr>
+      <th scope="row"><a href={link("sensors", sensor.name)}>{sensor.name}</a></th>
+      <td class="num-left">{grid.rows} × {grid.cols}</td>
+      <td class="num">{mm(grid.pitch)}</td>
+      <td class="num">{mm(covering)}</td>
+      <td>
+        {found === undefined ? "…" : found === null ? <span class="faint">as described</span> : (
+          <>
+            number {found.number} {found.n_unusable > 0 && <Badge kind="warn">{plural(found.n_unusable, "taxel")} unusable</Badge>}
+          </>
+        )}
+      </td>
+    </tr>
+  );
+}
+
+/** The newest calibration; null when the sensor has none. */
+export async function newestCalibration(sensor: Sensor, signal: AbortSignal): Promise<SensorCalibration | null> {
+  if (typeof sensor.calibration !== "number") return null;
+  return getJson<SensorCalibration>(`/v1/sensors/${sensor.id}/calibration`, signal);
+}

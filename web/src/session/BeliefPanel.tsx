@@ -1,0 +1,51 @@
+// What is believed at the revision shown: identities, uncertainty, the best pose.
+import { bits, mm, plural } from "../format";
+import { Loading } from "../parts/Notes";
+import { Badge, Facts, Panel } from "../parts/Panel";
+import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
+import type { SessionModel } from "./model";
+
+export function BeliefPanel({ model }: { model: SessionModel }) {
+  const belief = model.shown.value;
+  const at = model.at.value;
+  const aside = at === null ? "newest" : <Badge kind="warn">as of revision {at}</Badge>;
+  if (belief === undefined) {
+    return (
+      <Panel title="Belief" aside={aside}>
+        <Loading what="the belief" lines={5} />
+      </Panel>
+    );
+  }
+  const pose = belief.poses[0];
+  const sigma = (i: number) => Math.sqrt(Math.max(0, pose?.covariance[i * 7] ?? 0));
+  const spread = Math.hypot(sigma(0), sigma(1), sigma(2));
+  const turn = Math.hypot(sigma(3), sigma(4), sigma(5));
+  return (
+    <Panel title="Belief" aside={aside}>
+      <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 6)} label="Likeliest objects" />
+      <div class="belief-facts">
+        <Facts
+          of={[
+            ["Uncertainty", bits(belief.entropy_bits)],
+            ["Rests on", plural(belief.n_readings, "reading")],
+            ...(pose
+              ? ([
+                  ["Position", pose.pose.position.map((part) => mm(part).replace(" mm", "")).join(", ") + " mm"],
+                  ["Known to", `${mm(spread)}, ${((turn * 180) / Math.PI).toFixed(0)}°`],
+                ] as [string, string][])
+              : []),
+            ...(belief.stop
+              ? ([["Risk of being wrong", `${(belief.stop.found * 100).toFixed(1)} % (wanted ${(belief.stop.risk * 100).toFixed(1)} %)`]] as [string, string][])
+              : []),
+          ]}
+        />
+      </div>
+      {(pose?.symmetry ?? []).length > 0 && (
+        <p class="faint">
+          Looks the same turned about {plural(pose!.symmetry!.length, "axis", "axes")}
+          {pose!.symmetry!.some((axis) => axis.order === null) ? ", one of them by any angle" : ""}.
+        </p>
+      )}
+    </Panel>
+  );
+}

@@ -1,0 +1,89 @@
+// Why it is believed: what each reading contributed in bits, and which one disagrees.
+import { bitsColor, percent, signedBits } from "../format";
+import { Loading, ProblemNote } from "../parts/Notes";
+import { Badge, Panel } from "../parts/Panel";
+import { useAction } from "../parts/useAction";
+import { may } from "../signin";
+import type { SessionModel } from "./model";
+
+interface Props {
+  model: SessionModel;
+  selected: number | undefined;
+  select: (number: number | undefined) => void;
+}
+
+export function ExplainPanel({ model, selected, select }: Props) {
+  const explanation = model.explanation.value;
+  const problem = model.explainProblem.value;
+  const tints = model.tints.value;
+  const action = useAction();
+  const isOpen = model.session.value?.state === "open" && may("robot", "admin");
+  const nAgainst = explanation?.readings.filter((one) => one.disagrees).length ?? 0;
+  return (
+    <Panel title="Why" aside={model.explaining.value ? "comparing …" : nAgainst > 0 ? <Badge kind="bad">{nAgainst} disagree</Badge> : ""}>
+      {problem && <ProblemNote problem={problem} />}
+      {action.problem && <ProblemNote problem={action.problem} />}
+      {explanation === undefined ? (
+        model.revision.value === 0 ? <p class="faint">There is nothing to explain before the first reading.</p>
+          : !problem && <Loading what="the explanation" lines={4} />
+      ) : (
+        <>
+          <p>
+            {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}: without a
+            reading the answer would be so many bits less probable.
+          </p>
+          {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others: no single one decides any more.</p>}
+          {!explanation.complete && <p class="faint">Time ran out; some readings were not compared.</p>}
+          <div class="scroll explain" tabIndex={0} role="region" aria-label="Contributions of readings">
+            <table>
+              <thead>
+                <tr>
+                  <th scope="col">Reading</th>
+                  <th scope="col"><span class="visually-hidden">As a bar</span></th>
+                  <th scope="col" class="num">Bits</th>
+                  <th scope="col" class="num">Fit</th>
+                  <th scope="col"><span class="visually-hidden">Withdraw</span></th>
+                </tr>
+              </thead>
+              <tbody>
+                {[...explanation.readings].sort((a, b) => a.number - b.number).map((one) => (
+                  <tr key={one.number} class={one.number === selected ? "chosen" : ""}>
+                    <th scope="row">
+                      <button type="button" class="plain small" aria-pressed={one.number === selected}
+                        onClick={() => select(one.number === selected ? undefined : one.number)}>
+                        {one.number + 1}{one.robot ? ` · ${one.robot}` : ""}
+                      </button>
+                    </th>
+                    <td><Contribution bits={tints.get(one.number)} /></td>
+                    <td class="num">{signedBits(one.bits)}</td>
+                    <td class="num">{signedBits(one.fit_bits)}</td>
+                    <td class="row-end">
+                      {one.disagrees && <Badge kind="disagrees">disagrees</Badge>}
+                      {one.disagrees && isOpen && model.at.value === null && (
+                        <button type="button" class="small danger" disabled={action.busy} onClick={() => action.run(() => model.withdraw(one.number))}>
+                          Withdraw
+                        </button>
+                      )}
+                    </td>
+                  </tr>
+                ))}
+              </tbody>
+            </table>
+          </div>
+        </>
+      )}
+    </Panel>
+  );
+}
+
+/** A bar from the middle: left against, right for; ±8 bits are full. */
+function Contribution({ bits }: { bits: number | null | undefined }) {
+  if (typeof bits !== "number") return null;
+  const length = Math.min(1, Math.abs(bits) / 8) * 49;
+  return (
+    <svg class="contribution" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true">
+      <rect x={bits < 0 ? 50 - length : 50} y="1" width={Math.max(0.8, length)} height="8" fill={bitsColor(bits)} />
+      <line x1="50" x2="50" y1="0" y2="10" stroke="currentColor" stroke-width="0.6" />
+    </svg>
+  );
+}

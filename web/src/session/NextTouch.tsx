@@ -1,0 +1,87 @@
+// Where to touch next: the service's own proposals for the newest belief of an open session.
+import { useEffect, useState } from "preact/hooks";
+import type { NextTouch as Touch, NextTouches, Problem } from "../api/types";
+import { sendJson } from "../api/http";
+import { problemFrom } from "../api/resource";
+import { bits, percent } from "../format";
+import { Panel } from "../parts/Panel";
+import type { SessionModel } from "./model";
+
+const N = 3;
+const DEADLINE_MS = 400;
+/** So long nothing new must have come: a robot that is at work is not to be kept waiting. */
+const QUIET_MS = 900;
+
+export interface Suggested {
+  /** Why nothing is suggested; undefined when something is, or will be. */
+  why: string | undefined;
+  answer: NextTouches | undefined;
+  problem: Problem | undefined;
+  /** What the scene shows: nothing while the past is looked at. */
+  shown: Touch[];
+}
+
+const NONE: Touch[] = [];
+
+export function useNextTouches(model: SessionModel): Suggested {
+  const [answer, setAnswer] = useState<NextTouches>();
+  const [problem, setProblem] = useState<Problem>();
+  const session = model.session.value;
+  const revision = model.newest.value?.revision ?? 0;
+  const sensor = model.readings.value.at(-1)?.sensor;
+  const why = reason(session?.state, session?.method, revision);
+  useEffect(() => {
+    if (why !== undefined || sensor === undefined) return;
+    const timer = setTimeout(() => {
+      const asked = { sensor, n: N, recenters: true, deadline_ms: DEADLINE_MS };
+      sendJson<NextTouches>("POST", `/v1/sessions/${model.id}/next-touches`, asked).then(
+        (found) => (setAnswer(found), setProblem(undefined)),
+        (error: unknown) => (setAnswer(undefined), setProblem(problemFrom(error))),
+      );
+    }, QUIET_MS);
+    return () => clearTimeout(timer);
+  }, [why, sensor, revision]);
+  const isCurrent = model.at.value === null && answer?.revision === revision && why === undefined;
+  return { why, answer, problem, shown: isCurrent ? answer.touches : NONE };
+}
+
+function reason(state: string | undefined, method: string | undefined, revision: number): string | undefined {
+  if (state === "closed") return "The session is closed.";
+  if (method !== undefined && method !== "hybrid") return `Suggestions need the method hybrid; this session uses ${method.replaceAll("_", " ")}.`;
+  if (revision === 0) return "Suggestions begin with the first touch.";
+  return undefined;
+}
+
+export function NextTouchPanel({ next }: { next: Suggested }) {
+  return (
+    <Panel title="Where to touch next" class="panel-next">
+      {next.why !== undefined && <p class="faint">{next.why}</p>}
+      {next.why === undefined && next.problem && <p class="faint">{next.problem.detail}</p>}
+      {next.why === undefined && !next.problem && next.answer === undefined && <p class="faint">Asking once the robot pauses …</p>}
+      {next.why === undefined && next.answer && (
+        <div class="scroll" tabIndex={0} role="region" aria-label="Suggested touches">
+          <table>
+            <thead>
+              <tr>
+                <th scope="col">Approach from (mm)</th>
+                <th scope="col" class="num">Says what</th>
+                <th scope="col" class="num">Says where</th>
+                <th scope="col" class="num">Contact</th>
+              </tr>
+            </thead>
+            <tbody>
+              {next.answer.touches.map((touch, place) => (
+                <tr key={place}>
+                  <th scope="row">{touch.pose.position.map((part) => (part * 1000).toFixed(0)).join(", ")}</th>
+                  <td class="num">{bits(touch.information_bits)}</td>
+                  <td class="num">{bits(touch.pose_bits)}</td>
+                  <td class="num">{percent(touch.contact_probability)}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </div>
+      )}
+    </Panel>
+  );
+}

@@ -1,0 +1,95 @@
+// One session: what is believed and where, which touches said so, and how it came about.
+import { useEffect, useMemo, useState } from "preact/hooks";
+import { announce } from "../announce";
+import { percent, plural, shortId, when } from "../format";
+import { Empty, Loading, ProblemNote } from "../parts/Notes";
+import { Badge, ViewHead } from "../parts/Panel";
+import { useAction } from "../parts/useAction";
+import { link } from "../router";
+import { may } from "../signin";
+import { BeliefPanel } from "./BeliefPanel";
+import { ExplainPanel } from "./ExplainPanel";
+import { SessionModel } from "./model";
+import { NextTouchPanel, useNextTouches } from "./NextTouch";
+import { PosteriorPanel } from "./PosteriorPanel";
+import { ReplayPanel } from "./ReplayPanel";
+import { ScenePanel } from "./ScenePanel";
+import { StripPanel } from "./StripPanel";
+
+export function SessionView({ id }: { id: string }) {
+  const model = useMemo(() => new SessionModel(id), [id]);
+  const [selected, select] = useState<number>();
+  const action = useAction();
+  useEffect(() => {
+    void model.start();
+    return () => model.stop();
+  }, [model]);
+  useBeliefAnnouncements(model);
+  const next = useNextTouches(model);
+  const session = model.session.value;
+  if (session === undefined) {
+    return (
+      <>
+        <ViewHead title={`Session ${shortId(id)}`} />
+        {model.problem.value ? <ProblemNote problem={model.problem.value} /> : <Loading what="the session" lines={10} />}
+      </>
+    );
+  }
+  const robots = [...new Set(model.readings.value.flatMap((reading) => reading.robot ?? []))];
+  return (
+    <>
+      <ViewHead
+        title={robots.length > 0 ? robots.join(", ") : `Session ${shortId(id)}`}
+        sub={
+          <>
+            <a href={link("models", session.catalogue, session.version)}>
+              {session.catalogue} version {session.version}
+            </a>
+            {" · "}
+            {session.method.replaceAll("_", " ")} · since {when(session.created_at)} · <code>{id}</code>
+          </>
+        }
+      >
+        <span class={model.connected.value && session.state === "open" ? "live live-on" : "live"}>
+          {session.state === "closed" ? "closed" : model.connected.value ? "live" : "connecting"}
+        </span>
+        <Badge kind={session.state}>{plural(model.newest.value?.n_readings ?? session.n_readings, "reading")}</Badge>
+        {session.state === "open" && may("robot", "admin") && (
+          <button type="button" disabled={action.busy} onClick={() => action.run(() => model.close())}>
+            Close session
+          </button>
+        )}
+      </ViewHead>
+      {model.deleted.value && <Empty title="This session has been deleted" />}
+      {model.problem.value && <ProblemNote problem={model.problem.value} />}
+      {action.problem && <ProblemNote problem={action.problem} />}
+      <div class="session">
+        <div class="stack">
+          <ScenePanel model={model} selected={selected} next={next.shown} />
+          <ReplayPanel model={model} />
+          <StripPanel model={model} selected={selected} select={select} />
+          <ExplainPanel model={model} selected={selected} select={select} />
+        </div>
+        <div class="stack">
+          <BeliefPanel model={model} />
+          <PosteriorPanel model={model} />
+          <NextTouchPanel next={next} />
+        </div>
+      </div>
+    </>
+  );
+}
+
+/** Tells when the likeliest object changes or becomes sure; the numbers between are on the page. */
+function useBeliefAnnouncements(model: SessionModel): void {
+  const belief = model.shown.value;
+  const best = belief?.objects[0];
+  const isUnknown = (belief?.unknown ?? 0) > (best?.probability ?? 0);
+  const name = isUnknown ? "none of the known objects" : best?.name;
+  const p = isUnknown ? (belief?.unknown ?? 0) : (best?.probability ?? 0);
+  const level = p >= 0.95 ? "sure" : p >= 0.5 ? "likely" : "open";
+  useEffect(() => {
+    if (belief === undefined || belief.n_readings === 0 || name === undefined) return;
+    announce(`After ${plural(belief.n_readings, "reading")}: ${name}, ${percent(p)}`);
+  }, [name, level, model.at.value]);
+}

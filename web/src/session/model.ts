@@ -1,0 +1,237 @@
+// One session as the page knows it: live belief, history, readings, and the revision shown.
+import { computed, signal } from "@preact/signals";
+import { follow } from "../api/events";
+import { ask, getAll, getJson, ProblemError } from "../api/http";
+import { problemFrom } from "../api/resource";
+import type { Belief, BestObject, CatalogueVersion, Explanation, Problem, ReadingContribution, Replay, Sensor, Session, SessionEvent, SessionReading } from "../api/types";
+
+/** What was believed at a revision, and what made it. */
+export interface Step {
+  revision: number;
+  nReadings: number;
+  objects: BestObject[];
+  unknown: number;
+  entropyBits: number;
+  /** What came; unknown for a revision of the live stream until its reading is listed. */
+  what: string;
+}
+
+/** What touches are coloured by: bits they contributed, or how well they fit the others. */
+export type ColorBy = "bits" | "fit";
+
+/** Less is no contribution: an answer that is sure is so without any one reading. */
+const BITS_MIN = 0.05;
+/** Fits are of up to 18 bits, contributions of a few. */
+const FIT_SCALE = 4;
+
+const REPLAY_PAGE = 200;
+/** Explaining folds every reading anew without each other: it waits until readings cease. */
+const EXPLAIN_AFTER_MS = 700;
+const LIST_AFTER_MS = 150;
+
+export class SessionModel {
+  readonly session = signal<Session | undefined>(undefined);
+  readonly version = signal<CatalogueVersion | undefined>(undefined);
+  readonly sensors = signal(new Map<string, Sensor>());
+  readonly newest = signal<Belief | undefined>(undefined);
+  readonly steps = signal<Step[]>([]);
+  readonly readings = signal<SessionReading[]>([]);
+  readonly explanation = signal<Explanation | undefined>(undefined);
+  readonly explaining = signal(false);
+  readonly explainProblem = signal<Problem | undefined>(undefined);
+  readonly problem = signal<Problem | undefined>(undefined);
+  readonly connected = signal(false);
+  readonly deleted = signal(false);
+  /** What touches are coloured by; undefined leaves it to what says most. */
+  readonly colorBy = signal<ColorBy | undefined>(undefined);
+  /** The revision that the slider stands at; null follows the newest. */
+  readonly at = signal<number | null>(null);
+  private readonly past = signal(new Map<number, Belief>());
+
+  readonly revision = computed(() => this.at.value ?? this.newest.value?.revision ?? 0);
+  /** The belief of the revision shown; the one before while it is being asked for. */
+  readonly shown = computed<Belief | undefined>((): Belief | undefined => {
+    const { value: at } = this.at;
+    const known = at === null ? this.newest.value : (this.past.value.get(at) ?? this.lastShown);
+    this.lastShown = known ?? this.lastShown;
+    return known;
+  });
+  /** As chosen; else by bits, or by fit where no reading contributed any. */
+  readonly coloring = computed<ColorBy>(() => {
+    const readings = this.explanation.value?.readings ?? [];
+    const isSaturated = readings.every((one) => Math.abs(one.bits ?? 0) < BITS_MIN);
+    const hasFit = readings.some((one) => typeof one.fit_bits === "number");
+    return this.colorBy.value ?? (isSaturated && hasFit ? "fit" : "bits");
+  });
+  /** The number that a reading is coloured by, on the scale of bits. */
+  readonly tints = computed(() => {
+    const by = this.coloring.value;
+    const tint = (one: ReadingContribution) => {
+      if (by === "bits") return one.bits;
+      return typeof one.fit_bits === "number" ? one.fit_bits / FIT_SCALE : null;
+    };
+    return new Map(this.explanation.value?.readings.map((one) => [one.number, tint(one)]));
+  });
+  private lastShown: Belief | undefined;
+  private readonly abort = new AbortController();
+  private explainTimer: ReturnType<typeof setTimeout> | undefined;
+  private listTimer: ReturnType<typeof setTimeout> | undefined;
+
+  constructor(readonly id: string) {}
+
+  private get path(): string {
+    return `/v1/sessions/${encodeURIComponent(this.id)}`;
+  }
+
+  async start(): Promise<void> {
+    const { signal: aborted } = this.abort;
+    try {
+      const session = await getJson<Session>(this.path, aborted);
+      this.session.value = session;
+      const version = `/v1/catalogues/${encodeURIComponent(session.catalogue)}/versions/${session.version}`;
+      const [sensors, found] = await Promise.all([
+        getAll<Sensor>("/v1/sensors", 1000, aborted),
+        getJson<CatalogueVersion>(version, aborted),
+        this.list(),
+        this.replay(),
+      ]);
+      this.sensors.value = new Map(sensors.map((sensor) => [sensor.id, sensor]));
+      this.version.value = found;
+      await this.show(null);
+      await follow(`${this.path}/events`, aborted, (event) => this.take(JSON.parse(event.data) as SessionEvent), (connected) => {
+        this.connected.value = connected;
+      });
+    } catch (error) {
+      if (aborted.aborted) return;
+      if (error instanceof ProblemError && error.status === 404 && this.session.value) this.deleted.value = true;
+      else this.problem.value = problemFrom(error);
+    }
+  }
+
+  stop(): void {
+    clearTimeout(this.explainTimer);
+    clearTimeout(this.listTimer);
+    this.abort.abort();
+  }
+
+  /** Shows a revision; null goes with the newest. */
+  async show(at: number | null): Promise<void> {
+    const newest = this.newest.value?.revision;
+    this.at.value = at !== null && newest !== undefined && at >= newest ? null : at;
+    this.explainSoon();
+    const wanted = this.at.value;
+    if (wanted === null || this.past.value.has(wanted)) return;
+    try {
+      const belief = await getJson<Belief>(`${this.path}/belief?at=${wanted}&poses=5`, this.abort.signal);
+      this.past.value = new Map(this.past.value).set(wanted, belief);
+    } catch (error) {
+      if (!this.abort.signal.aborted) this.problem.value = problemFrom(error);
+    }
+  }
+
+  /** Withdraws a reading. */
+  async withdraw(number: number): Promise<void> {
+    await ask(`${this.path}/readings/${number}?belief=none`, { method: "DELETE" });
+    await this.list();
+    this.newest.value = await getJson<Belief>(`${this.path}/belief`);
+    await this.replay();
+    await this.show(null);
+  }
+
+  async close(): Promise<void> {
+    const closed = await ask(`${this.path}/close`, {
+      method: "POST",
+      headers: { "content-type": "application/json" },
+      body: "{}",
+    });
+    this.session.value = (await closed.json()) as Session;
+  }
+
+  private take(event: SessionEvent): boolean {
+    if (event.kind === "deleted") {
+      this.deleted.value = true;
+      return true;
+    }
+    if (event.kind === "closed") {
+      this.session.value = event.session;
+      return event.session.state === "closed";
+    }
+    const { belief } = event;
+    const before = this.steps.value.at(-1)?.revision ?? 0;
+    this.newest.value = belief;
+    if (belief.revision === before + 1) this.steps.value = [...this.steps.value, stepOf(belief)];
+    else if (belief.revision > before) void this.replay();
+    this.listSoon();
+    this.explainSoon();
+    return false;
+  }
+
+  /** Lists the readings once for all events of a moment. */
+  private listSoon(): void {
+    this.listTimer ??= setTimeout(() => {
+      this.listTimer = undefined;
+      this.list().catch(() => undefined);
+    }, LIST_AFTER_MS);
+  }
+
+  private async list(): Promise<void> {
+    this.readings.value = await getAll<SessionReading>(`${this.path}/readings`, 2000, this.abort.signal);
+  }
+
+  /** The steps that are missing, page by page. */
+  private async replay(): Promise<void> {
+    for (;;) {
+      const after = this.steps.value.at(-1)?.revision ?? 0;
+      const replay = await getJson<Replay>(`${this.path}/replay?after=${after}&limit=${REPLAY_PAGE}&poses=5`, this.abort.signal);
+      const known = this.steps.value.at(-1)?.revision ?? 0;
+      const fresh = replay.steps.filter((step) => step.revision > known);
+      this.steps.value = [
+        ...this.steps.value,
+        ...fresh.map((step): Step => ({
+          revision: step.revision,
+          nReadings: step.n_readings,
+          objects: step.objects ?? [],
+          unknown: step.unknown,
+          entropyBits: step.entropy_bits,
+          what: step.change.kind,
+        })),
+      ];
+      if ((this.newest.value?.revision ?? -1) < replay.belief.revision) this.newest.value = replay.belief;
+      if (replay.next_after === null || replay.next_after === undefined) return;
+    }
+  }
+
+  private explainSoon(): void {
+    clearTimeout(this.explainTimer);
+    this.explainTimer = setTimeout(() => void this.explain(), EXPLAIN_AFTER_MS);
+  }
+
+  private async explain(): Promise<void> {
+    const revision = this.revision.value;
+    if (revision === 0) {
+      this.explanation.value = undefined;
+      return;
+    }
+    if (this.explanation.value?.revision === revision) return;
+    this.explaining.value = true;
+    try {
+      this.explanation.value = await getJson<Explanation>(`${this.path}/explain?at=${revision}`, this.abort.signal);
+      this.explainProblem.value = undefined;
+    } catch (error) {
+      if (!this.abort.signal.aborted) this.explainProblem.value = problemFrom(error);
+    } finally {
+      this.explaining.value = false;
+    }
+  }
+}
+
+function stepOf(belief: Belief): Step {
+  return {
+    revision: belief.revision,
+    nReadings: belief.n_readings,
+    objects: belief.objects.slice(0, 10),
+    unknown: belief.unknown ?? 0,
+    entropyBits: belief.entropy_bits,
+    what: "reading",
+  };
+}
