@@ -10,6 +10,8 @@ pub mod rng;
 
 pub mod log_prob;
 
+pub mod exponential;
+
 pub mod pose;
 
 pub mod rotation_grid;

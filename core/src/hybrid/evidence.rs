@@ -36,8 +36,21 @@ impl Evidence<'_> {
     /// The score of a pose (ln) of an object; `None` once it cannot reach `bar`.
     #[inline]
     pub(super) fn score(&self, object: Known<'_>, pose: &Turned, bar: f32) -> Option<f32> {
+        self.score_in_turn(object, pose, self.touches.iter().rev(), bar)
+    }
+
+    /// The same by all `touches` in their turn: the sooner come those that are likely to
+    /// contradict the pose, the sooner it is given up.
+    #[inline]
+    pub(super) fn score_in_turn<'a>(
+        &self,
+        object: Known<'_>,
+        pose: &Turned,
+        touches: impl ExactSizeIterator<Item = &'a Sighting>,
+        bar: f32,
+    ) -> Option<f32> {
         let map = object.map;
-        let mut sum = self.kernel.score_all(map, pose, self.touches, bar)?;
+        let mut sum = self.kernel.score_all(map, pose, touches, bar)?;
         sum += object.carried.log_prior(pose);
         for pattern in self.patterns {
             if sum < bar {

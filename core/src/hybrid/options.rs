@@ -48,6 +48,8 @@ pub struct Budget {
     pub proposals_per_object: usize,
     /// The same in a large catalogue.
     pub proposals_if_many: usize,
+    /// There from the third touch on pairs of so many patches of an object propose.
+    pub paired_if_many: usize,
     /// Earlier touches that a new one is paired with while no pose is likelier than not.
     pub partners: usize,
     /// The same once one is.
@@ -162,6 +164,7 @@ impl Default for HybridOptions {
             budget: Budget {
                 proposals_per_object: 60,
                 proposals_if_many: 24,
+                paired_if_many: 400,
                 partners: 2,
                 partners_if_likely: 1,
                 partners_if_poor: 3,

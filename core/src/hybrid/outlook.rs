@@ -7,7 +7,7 @@
 use glam::{DQuat, DVec3};
 
 use super::HybridBelief;
-use super::score::log_aligned;
+use super::score::aligned;
 use crate::log_prob::normalize;
 use crate::model::ObjectIdx;
 use crate::model::surface::SurfaceModel;
@@ -112,7 +112,7 @@ impl HybridBelief {
             let stretch = self.options.scale.direction * patch.elongation * touch.elongation;
             weights.extend((0..N_TURNS).map(|turn| {
                 let angle = std::f32::consts::TAU * turn as f32 / N_TURNS as f32;
-                looks * log_aligned(stretch, angle.cos()).exp()
+                looks * aligned(stretch, angle.cos())
             }));
         }
         let step = weights.iter().map(|weight| f64::from(*weight)).sum::<f64>() / n as f64;

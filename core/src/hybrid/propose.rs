@@ -8,8 +8,9 @@
 use glam::{Mat3, Quat, Vec2, Vec3};
 
 use super::options::HybridOptions;
-use super::score::log_aligned;
+use super::score::aligned;
 use super::sighting::Sighting;
+use crate::exponential::exp;
 use crate::surface::pair_geometry::{PairGeometry, PairTolerance};
 use crate::surface::{SurfaceMap, SurfacePatch};
 
@@ -46,27 +47,41 @@ struct Match {
     patches: [u16; 2],
 }
 
-/// Proposes the poses of an object that at most `n` of its pairs say for two touches; `None`
-/// when they are at one place.
+/// How far an object is asked for a pair of touches.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// At most so many of its pairs propose.
+    pub(super) proposals: usize,
+    /// They are pairs of its first so many patches, which cover its surface evenly.
+    pub(super) patches: usize,
+}
+
+/// Proposes poses of an object for two touches; `None` when they are at one place.
 pub(super) fn propose(
     map: &SurfaceMap,
     touches: [&Sighting; 2],
-    n: usize,
+    effort: Effort,
     options: &HybridOptions,
 ) -> Option<Proposed> {
     let place = |touch: &Sighting| (touch.position, touch.normal);
     let options = &loosened(options, touches[0].looseness_to(touches[1]));
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
     let patches = map.patches();
-    let paired = &patches[..map.layout().pair_patches_max.min(patches.len())];
+    let n_tabled = map.layout().pair_patches_max.min(patches.len());
+    let paired = &patches[..n_tabled.min(effort.patches)];
     let looks = touches.map(|touch| -> Vec<f32> {
         paired.iter().map(|patch| touch.appearance(&patch.feature)).collect()
     });
     let mut matches = Vec::new();
     let (mut total, mut n_visited) = (0.0, 0);
     map.pairs().matches(query, options.pairs, |first, second| {
+        let [Some(a), Some(b)] =
+            [looks[0].get(usize::from(first)), looks[1].get(usize::from(second))]
+        else {
+            return;
+        };
         n_visited += 1;
-        let appearance = looks[0][usize::from(first)] * looks[1][usize::from(second)];
+        let appearance = a * b;
         if appearance < options.appearance_min {
             return;
         }
@@ -75,16 +90,21 @@ pub(super) fn propose(
             return;
         };
         let Some(misfit) = misfit(&query, &stored, options) else { return };
-        let weight = appearance * (-0.5 * misfit).exp() * alignment(touches, [a, b], options);
+        let weight = appearance * exp(-0.5 * misfit) * alignment(touches, [a, b], options);
         total += weight;
         matches.push(Match { weight, patches: [first, second] });
     });
-    let n_pairs = (2 * map.pairs().len().max(1)) as f32;
+    let n_pairs = if paired.len() < n_tabled {
+        paired.len() * paired.len().saturating_sub(1)
+    } else {
+        2 * map.pairs().len()
+    };
+    let n_pairs = n_pairs.max(1) as f32;
     let order =
         |a: &Match, b: &Match| b.weight.total_cmp(&a.weight).then(a.patches.cmp(&b.patches));
-    if matches.len() > n {
-        matches.select_nth_unstable_by(n, order);
-        matches.truncate(n);
+    if matches.len() > effort.proposals {
+        matches.select_nth_unstable_by(effort.proposals, order);
+        matches.truncate(effort.proposals);
     }
     matches.sort_unstable_by(order);
     let mut proposals = Vec::with_capacity(matches.len());
@@ -144,7 +164,7 @@ pub(super) fn alignment(
 ) -> f32 {
     let seen_axis = touches[1].position - touches[0].position;
     let axis = patches[1].position - patches[0].position;
-    let mut log = 0.0;
+    let mut likelier = 1.0;
     for (touch, patch) in touches.into_iter().zip(patches) {
         let stretch = options.scale.direction * touch.elongation * patch.elongation;
         let along = |normal: Vec3, direction: Vec3, axis: Vec3| {
@@ -153,9 +173,9 @@ pub(super) fn alignment(
         let seen = along(touch.normal, touch.direction, seen_axis);
         let known = along(patch.normal, patch.direction, axis);
         let cosine = seen.dot(known);
-        log += log_aligned(stretch, cosine);
+        likelier *= aligned(stretch, cosine);
     }
-    log.exp()
+    likelier
 }
 
 /// The squared misfit of two pairs in deviations; `None` beyond the tolerance.
@@ -221,7 +241,7 @@ mod tests {
             let [a, b] = [&pair[0], &pair[1]].map(|place| seen(place, &pose));
             // In either order of the touches.
             for touches in [[&a, &b], [&b, &a]] {
-                let proposed = propose(&map, touches, 60, &options).unwrap();
+                let proposed = propose(&map, touches, ALL, &options).unwrap();
                 let exact = proposed.proposals.iter().any(|proposal| {
                     let (moved, turned) = error(proposal.rotation, proposal.translation, &pose);
                     moved < 1e-5 && turned < 1e-3
@@ -232,6 +252,8 @@ mod tests {
             }
         }
     }
+
+    const ALL: Effort = Effort { proposals: 60, patches: usize::MAX };
 
     /// Two places 20 mm apart along x, with these normals.
     fn pair(normals: [DVec3; 2]) -> [Touch; 2] {
@@ -251,7 +273,7 @@ mod tests {
         let options = HybridOptions::default();
         let count = |places: &[Touch; 2]| {
             let touches = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
-            propose(&map, [&touches[0], &touches[1]], 60, &options).unwrap().proposals.len()
+            propose(&map, [&touches[0], &touches[1]], ALL, &options).unwrap().proposals.len()
         };
         // Its other end looks the same: a pose for either order.
         assert_eq!(count(&pair([DVec3::Z, tilted])), 2);
@@ -265,7 +287,7 @@ mod tests {
         let pose = some_pose(3);
         let touches = [&places[0], &places[1]].map(|place| seen(place, &pose));
         let options = HybridOptions::default();
-        let proposed = propose(&map, [&touches[0], &touches[1]], 60, &options).unwrap();
+        let proposed = propose(&map, [&touches[0], &touches[1]], ALL, &options).unwrap();
         // Eight turns for either order of the pair, which looks the same from both ends.
         assert_eq!(proposed.proposals.len(), 16);
         let errors = proposed.proposals.iter().map(|p| error(p.rotation, p.translation, &pose));
@@ -289,14 +311,37 @@ mod tests {
     }
 
     #[test]
+    fn with_less_effort_only_pairs_of_the_first_patches_propose() {
+        let places = places(300, 0);
+        let map = map_of(&places);
+        let options = HybridOptions::default();
+        let asked = |touches: [usize; 2], patches: usize| {
+            let [a, b] = touches.map(|touch| seen(&places[touch], &Pose::IDENTITY));
+            propose(&map, [&a, &b], Effort { patches, ..ALL }, &options).unwrap()
+        };
+        let is_exact = |proposed: &Proposed| {
+            let errors = proposed
+                .proposals
+                .iter()
+                .map(|p| error(p.rotation, p.translation, &Pose::IDENTITY));
+            errors.map(|(moved, _)| moved).fold(f64::INFINITY, f64::min) < 1e-5
+        };
+        assert!(is_exact(&asked([10, 60], 100)), "both among the first hundred");
+        assert!(!is_exact(&asked([10, 160], 100)), "one is not");
+        // What is not asked is not missed: shares are of the pairs asked.
+        let (few, all) = (asked([10, 60], 100), asked([10, 60], 300));
+        assert!((0.3..3.0).contains(&(few.geometry / all.geometry)), "{few:?} {all:?}");
+    }
+
+    #[test]
     fn a_pair_at_one_place_is_none_and_the_best_few_are_kept() {
         let places = places(300, 0);
         let map = map_of(&places);
         let [a, b] = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
         let options = HybridOptions::default();
-        assert!(propose(&map, [&a, &a], 60, &options).is_none());
-        let all = propose(&map, [&a, &b], 60, &options).unwrap();
-        let few = propose(&map, [&a, &b], 3, &options).unwrap();
+        assert!(propose(&map, [&a, &a], ALL, &options).is_none());
+        let all = propose(&map, [&a, &b], ALL, &options).unwrap();
+        let few = propose(&map, [&a, &b], Effort { proposals: 3, ..ALL }, &options).unwrap();
         assert_eq!(few.proposals.len(), 3);
         let (first, best) = (&few.proposals[0], &all.proposals[0]);
         assert_eq!(first.translation, best.translation);

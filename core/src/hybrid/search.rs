@@ -3,8 +3,9 @@
 use super::answer::looks_like;
 use super::evidence::Known;
 use super::hypothesis::{Hypothesis, merge};
-use super::propose::{Proposal, partners, propose};
+use super::propose::{Effort, Proposal, partners, propose};
 use super::score::Turned;
+use super::sighting::Sighting;
 use super::{HybridBelief, ObjectState, PairEvidence, for_each_object};
 
 /// Poses of less than this (ln) beside the best add nothing to its share.
@@ -62,9 +63,16 @@ impl HybridBelief {
         let budget = &self.options.budget;
         let standing = listed.map_or(f64::INFINITY, |n| self.standing_of_unexplored(n));
         let n_objects = self.n_listed().unwrap_or(budget.objects).min(budget.objects);
-        let n_proposals = match self.n_listed() {
-            None => budget.proposals_per_object,
-            Some(_) => budget.proposals_if_many,
+        let all = Effort { proposals: budget.proposals_per_object, patches: usize::MAX };
+        let effort = match self.n_listed() {
+            None => all,
+            // How dense pairs are about the first two touches tells objects apart: all are asked.
+            Some(_) if self.touches.len() < 3 => {
+                Effort { proposals: budget.proposals_if_many, ..all }
+            }
+            Some(_) => {
+                Effort { proposals: budget.proposals_if_many, patches: budget.paired_if_many }
+            }
         };
         let (bar, refining) = match self.touches.len() {
             0..=2 if listed.is_some() => (f64::INFINITY, f64::INFINITY),
@@ -78,15 +86,22 @@ impl HybridBelief {
         let (objects, evidence) = self.parts();
         let (touches, options) = (evidence.touches, evidence.options);
         let [earlier @ .., newest] = touches else { return };
+        // The pair fits where it proposes: the others judge first.
+        let others = |partner: usize| (0..earlier.len()).rev().filter(move |n| *n != partner);
+        let in_turn = |partner: usize| -> Vec<&Sighting> {
+            let others = others(partner).map(|n| &earlier[n]);
+            others.chain([&earlier[partner], newest]).collect()
+        };
+        let turns: Vec<Vec<&Sighting>> = partners.iter().map(|p| in_turn(*p)).collect();
         for_each_object(objects, evidence.maps, |state, map| {
             let is_listed = state.hypotheses.is_empty() && state.standing >= standing;
             if state.log_evidence < bar && !is_listed {
                 return;
             }
             let known = Known { map, carried: &state.carried };
-            for partner in partners {
+            for (partner, in_turn) in partners.iter().zip(&turns) {
                 let pair = [newest, &earlier[*partner]];
-                let Some(proposed) = propose(map, pair, n_proposals, options) else { continue };
+                let Some(proposed) = propose(map, pair, effort, options) else { continue };
                 state.pair = PairEvidence {
                     geometry: proposed.geometry,
                     evidence: proposed.evidence,
@@ -96,7 +111,10 @@ impl HybridBelief {
                 let mut bar = hopeless;
                 for Proposal { rotation, translation } in proposed.proposals {
                     let pose = Turned::new(rotation, translation);
-                    let Some(score) = evidence.score(known, &pose, bar) else { continue };
+                    let in_turn = in_turn.iter().copied();
+                    let Some(score) = evidence.score_in_turn(known, &pose, in_turn, bar) else {
+                        continue;
+                    };
                     bar = bar.max(score - options.drop_within);
                     new.push(Hypothesis { rotation, translation, score });
                 }

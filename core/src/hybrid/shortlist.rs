@@ -12,6 +12,7 @@ use super::options::HybridOptions;
 use super::propose::{alignment, loosened, misfit};
 use super::sighting::Sighting;
 use super::{HybridBelief, ObjectState, PairEvidence};
+use crate::exponential::exp;
 use crate::surface::joint_pairs::{JointPairs, JointTable, OBJECTS_PER_TABLE};
 use crate::surface::pair_geometry::PairGeometry;
 
@@ -108,7 +109,7 @@ fn estimate(
                 let looks = touches[0].appearance(&a.feature) * touches[1].appearance(&b.feature);
                 if looks >= options.appearance_min {
                     let turned = alignment(touches, patches, options);
-                    estimate.evidence += looks * (-0.5 * misfit).exp() * turned;
+                    estimate.evidence += looks * exp(-0.5 * misfit) * turned;
                 }
             },
         );
