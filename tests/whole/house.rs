@@ -33,6 +33,7 @@ const CORE_ORDER: &[&str] = &[
     "units",
     "rng",
     "log_prob",
+    "exponential",
     "pose",
     "rotation_grid",
     "sensor",
