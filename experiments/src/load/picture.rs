@@ -4,10 +4,11 @@ use super::report::LoadReport;
 use super::step::StepReport;
 use crate::plot::{Line, Panel, svg};
 
-/// Throughput and latency against the rate, as SVG; the soak is among the points.
+/// Throughput and latency of the steps against the rate, as SVG. The soak is another
+/// measurement, longer and on a server that is full, and is not among the points.
 #[must_use]
 pub fn picture(report: &LoadReport) -> String {
-    let mut steps: Vec<&StepReport> = report.steps.iter().chain(&report.soak).collect();
+    let mut steps: Vec<&StepReport> = report.steps.iter().collect();
     steps.sort_by(|a, b| a.rate.total_cmp(&b.rate));
     let line = |name: &str, value: &dyn Fn(&StepReport) -> f64| Line {
         name: name.to_owned(),
