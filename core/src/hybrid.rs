@@ -17,6 +17,7 @@ mod fit;
 mod hypothesis;
 pub mod options;
 mod outlook;
+mod pair_fit;
 mod pattern;
 mod propose;
 mod refine;

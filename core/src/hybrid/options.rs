@@ -11,12 +11,14 @@ pub struct TouchScale {
     pub across: f32,
     /// Along the surface, metres.
     pub along: f32,
-    /// Of the observed normal, rad; the mapped touch's own scatter comes on top.
+    /// Of the observed normal about either axis, rad; the mapped touch's own scatter comes on
+    /// top.
     pub normal: f32,
     /// The share of touches whose normal says little: at edges and tips a sensor may stand
     /// almost any way round.
     pub normal_outliers: f32,
-    /// The concentration of the stretch's double angle for two contacts of elongation 1.
+    /// The concentration of the stretch's double angle: so many times the product of the two
+    /// contacts' elongations, as long as that is small.
     pub direction: f32,
     /// The share of touches that fit nowhere.
     pub outliers: f32,
@@ -144,9 +146,9 @@ impl Default for HybridOptions {
             scale: TouchScale {
                 across: 0.7 * mm,
                 along: 4.0 * mm,
-                normal: 0.12,
+                normal: 0.07,
                 normal_outliers: 0.05,
-                direction: 4.0,
+                direction: 45.0,
                 outliers: 0.01,
                 workspace: 0.064,
                 appearance: 1.0,
@@ -156,11 +158,11 @@ impl Default for HybridOptions {
             refinement: RefinementScale {
                 across: 0.6 * mm,
                 smoothing: 1.0 * mm,
-                normal_factor: 1.5,
+                normal_factor: 1.9,
             },
-            pairs: PairTolerance { distance: 2.5 * mm, cosine: 0.22 },
+            pairs: PairTolerance { distance: 2.5 * mm, cosine: 0.18 },
             pair_deviation: PairTolerance { distance: 1.0 * mm, cosine: 0.1 },
-            appearance_min: 0.3,
+            appearance_min: 0.5,
             budget: Budget {
                 proposals_per_object: 60,
                 proposals_if_many: 24,
@@ -196,10 +198,10 @@ mod tests {
     fn a_moving_object_loosens_places_and_normals_as_deviations_add_up() {
         let rests = HybridOptions::default();
         assert_eq!(rests.loosened(0.0, 0.0), rests);
-        let moves = rests.loosened(0.003, 0.05);
-        // 3-4-5 along the surface, 5-12-13 in the normal.
+        let moves = rests.loosened(0.003, 0.24);
+        // 3-4-5 along the surface; 7-24-25 in the normal.
         assert!((moves.scale.along - 0.005).abs() < 1e-7);
-        assert!((moves.scale.normal - 0.13).abs() < 1e-6);
+        assert!((moves.scale.normal - 0.25).abs() < 1e-6);
         assert!(moves.pairs.distance > rests.pairs.distance);
         assert!(moves.pair_deviation.cosine > rests.pair_deviation.cosine);
         assert!((moves.scale.outliers - rests.scale.outliers).abs() < 1e-9);

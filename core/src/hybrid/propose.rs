@@ -5,14 +5,13 @@
 //! middle onto middle. Its weight is what the two appearances and the misfit of the geometry
 //! say. When both normals lie along the axis the turn about it is open and is sampled.
 
-use glam::{Mat3, Quat, Vec2, Vec3};
+use glam::{Mat3, Quat, Vec3};
 
 use super::options::HybridOptions;
-use super::score::aligned;
+use super::pair_fit::{alignment, fit};
 use super::sighting::Sighting;
-use crate::exponential::exp;
+use crate::surface::SurfaceMap;
 use crate::surface::pair_geometry::{PairGeometry, PairTolerance};
-use crate::surface::{SurfaceMap, SurfacePatch};
 
 /// Turns about the axis that are tried when the normals do not fix it.
 const FREE_TURNS: usize = 8;
@@ -66,7 +65,7 @@ pub(super) fn propose(
     let place = |touch: &Sighting| (touch.position, touch.normal);
     let options = &loosened(options, touches[0].looseness_to(touches[1]));
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
-    let patches = map.patches();
+    let (patches, bends) = (map.patches(), map.bends());
     let n_tabled = map.layout().pair_patches_max.min(patches.len());
     let paired = &patches[..n_tabled.min(effort.patches)];
     let looks = touches.map(|touch| -> Vec<f32> {
@@ -89,8 +88,9 @@ pub(super) fn propose(
         let Some(stored) = PairGeometry::new((a.position, a.normal), (b.position, b.normal)) else {
             return;
         };
-        let Some(misfit) = misfit(&query, &stored, options) else { return };
-        let weight = appearance * exp(-0.5 * misfit) * alignment(touches, [a, b], options);
+        let bends = [first, second].map(|patch| &bends[usize::from(patch)]);
+        let Some(fit) = fit(&query, &stored, [a, b], bends, options) else { return };
+        let weight = appearance * fit * alignment(touches, [a, b], options);
         total += weight;
         matches.push(Match { weight, patches: [first, second] });
     });
@@ -153,50 +153,6 @@ pub(super) fn partners(touches: &[Sighting], n: usize) -> Vec<usize> {
     let mut rated: Vec<(f32, usize)> = earlier.iter().enumerate().map(rate).collect();
     rated.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     rated.into_iter().take(n).map(|(_, index)| index).collect()
-}
-
-/// How much likelier the stretch of both contacts, seen from the axis between them, is on a
-/// stored pair than in any direction.
-pub(super) fn alignment(
-    touches: [&Sighting; 2],
-    patches: [&SurfacePatch; 2],
-    options: &HybridOptions,
-) -> f32 {
-    let seen_axis = touches[1].position - touches[0].position;
-    let axis = patches[1].position - patches[0].position;
-    let mut likelier = 1.0;
-    for (touch, patch) in touches.into_iter().zip(patches) {
-        let stretch = options.scale.direction * touch.elongation * patch.elongation;
-        let along = |normal: Vec3, direction: Vec3, axis: Vec3| {
-            Vec2::new(direction.dot(axis), direction.dot(normal.cross(axis))).normalize_or_zero()
-        };
-        let seen = along(touch.normal, touch.direction, seen_axis);
-        let known = along(patch.normal, patch.direction, axis);
-        let cosine = seen.dot(known);
-        likelier *= aligned(stretch, cosine);
-    }
-    likelier
-}
-
-/// The squared misfit of two pairs in deviations; `None` beyond the tolerance.
-pub(super) fn misfit(
-    query: &PairGeometry,
-    stored: &PairGeometry,
-    options: &HybridOptions,
-) -> Option<f32> {
-    let distance = (query.distance - stored.distance).abs();
-    if distance > options.pairs.distance {
-        return None;
-    }
-    let mut sum = (distance / options.pair_deviation.distance).powi(2);
-    let cosines = query.cosines.iter().zip(&stored.cosines).map(|(a, b)| a - b);
-    for difference in cosines.chain([query.chirality - stored.chirality]) {
-        if difference.abs() > options.pairs.cosine {
-            return None;
-        }
-        sum += (difference / options.pair_deviation.cosine).powi(2);
-    }
-    Some(sum)
 }
 
 /// The poses that lay a stored pair onto an observed one.

@@ -7,7 +7,7 @@
 //! appearance. Touches that fit nowhere keep the share of outliers, so that nothing ever dies.
 //! Results are ln.
 
-use glam::{Mat3, Quat, Vec3};
+use glam::{Mat3, Quat, Vec2, Vec3};
 
 use super::options::{HybridOptions, RefinementScale};
 use super::sighting::Sighting;
@@ -210,7 +210,7 @@ impl Kernel {
             let (above, outward) = bend.surface_at(patch, off);
             normal += weight * outward;
             offset += weight * off;
-            deviation += weight * bend.normal_deviation;
+            deviation += weight * bend.normal_deviation();
             total += weight;
             // The height above the surface about each patch, not above the mean of their positions.
             let agreement = patch.normal.dot(contact.normal);
@@ -247,26 +247,43 @@ impl Kernel {
         if spatial > FAR {
             return 0.0;
         }
-        // Von Mises–Fisher relative to an even distribution of normals: 2κ exp κ(cos − 1); of
-        // normals that say little ¾ (1 + cos)², which faces about the same way.
-        let kappa = (bend.normal_deviation.powi(2) + width.normal_variance).recip();
+        // Gauss in the two ways in which the normal may be turned, along the stretch and across
+        // it, relative to an even distribution of normals: 2/(σ₁σ₂) exp(−½…); of normals that say
+        // little ¾ (1 + cos)², which faces about the same way.
         let cosine = normal.dot(contact.normal);
-        let facing = (1.0 - self.normal_outliers) * 2.0 * kappa * exp(kappa * (cosine - 1.0))
-            + self.normal_outliers * 0.75 * (1.0 + cosine) * (1.0 + cosine);
+        let mut facing = self.normal_outliers * 0.75 * (1.0 + cosine) * (1.0 + cosine);
+        if cosine > 0.0 {
+            let turned = contact.normal - normal;
+            let across = patch.normal.cross(patch.direction);
+            let turned = Vec2::new(turned.dot(patch.direction), turned.dot(across));
+            let variances = Vec2::from(bend.normal_variances) + width.normal_variance;
+            let peak = 2.0 / (variances.x * variances.y).sqrt();
+            let misfit = (turned * turned / variances).element_sum();
+            facing += (1.0 - self.normal_outliers) * peak * exp(-0.5 * misfit);
+        }
         let stretch = self.direction * patch.elongation * touch.elongation;
         let aligned = aligned(stretch, contact.direction.dot(patch.direction));
         facing * aligned * exp(-0.5 * spatial)
     }
 }
 
-/// Von Mises in the double angle between two directions without sign, relative to an even
-/// distribution; `cosine` is that of the angle itself.
+/// Of two touches of one place the stretches are turned against one another by chance however
+/// long they are: no higher concentration is seen.
+const CONCENTRATION_MAX: f32 = 7.0;
+
+/// The share of touches whose stretch says nothing.
+const DIRECTION_OUTLIERS: f32 = 0.05;
+
+/// Von Mises in the double angle between two directions without sign, with outliers, relative to
+/// an even distribution; `cosine` is that of the angle itself.
 #[inline]
 pub(super) fn aligned(concentration: f32, cosine: f32) -> f32 {
     // exp κ(2 cos² − 1)/I₀(κ); ln I₀(κ) ≈ s − 1 − ½ ln s with s = √(1 + κ²): exact for κ → 0,
     // and to 0.08 for κ → ∞.
+    let concentration = concentration.min(CONCENTRATION_MAX);
     let root = (1.0 + concentration * concentration).sqrt();
-    exp(concentration * (2.0 * cosine * cosine - 1.0) - root + 1.0) * root.sqrt()
+    let likelier = exp(concentration * (2.0 * cosine * cosine - 1.0) - root + 1.0) * root.sqrt();
+    (1.0 - DIRECTION_OUTLIERS) * likelier + DIRECTION_OUTLIERS
 }
 
 #[cfg(test)]
@@ -285,14 +302,14 @@ mod tests {
 
     #[test]
     fn a_touch_on_the_only_patch_scores_as_computed_by_hand() {
-        // 0.99 · 0.064 m³ / ((2π)^1.5 · 0.7 mm · (4 mm)²) = 3.592e5; κ = 1/(0.15² + 0.12²) = 27.10;
-        // of the normal 0.95 · 2 · 27.10 + 0.05 · ¾ · 2² = 51.64; appearance 0.95/1 + 0.05 = 1:
-        // ln(3.592e5 · 51.64 + 0.01) = 16.736.
+        // 0.99 · 0.064 m³ / ((2π)^1.5 · 0.7 mm · (4 mm)²) = 3.592e5; of the normal
+        // 0.95 · 2/(0.1² + 0.07²) + 0.05 · ¾ · 2² = 127.67; appearance 0.95/1 + 0.05 = 1:
+        // ln(3.592e5 · 127.67 + 0.01) = 17.641.
         let place = places(1, 0);
         let kernel = Kernel::new(&HybridOptions::default());
         let pose = some_pose(0);
         let score = kernel.score(&map_of(&place), &turned(&pose), &seen(&place[0], &pose));
-        assert!((score - 16.736).abs() < 0.02, "{score}");
+        assert!((score - 17.641).abs() < 0.02, "{score}");
     }
 
     #[test]
@@ -301,8 +318,8 @@ mod tests {
         let mut place = places(1, 0);
         let map = map_of(&place);
         let pose = some_pose(0);
-        // A right angle off, as at an edge: of the normal 0.05 · ¾ (1 + 0)² = 0.0375 is left, and
-        // next to nothing of 51.5 e^−27.1: ln(3.592e5 · 0.0375 + 0.01) = 9.508.
+        // A right angle off, as at an edge: of the normal 0.05 · ¾ (1 + 0)² = 0.0375 is left:
+        // ln(3.592e5 · 0.0375 + 0.01) = 9.508.
         place[0].normal = place[0].normal.any_orthonormal_vector();
         let score = kernel.score(&map, &turned(&pose), &seen(&place[0], &pose));
         assert!((score - 9.508).abs() < 0.02, "{score}");
@@ -359,8 +376,8 @@ mod tests {
         assert!(place.normal.distance(Vec3::Z) < 1e-5);
         // The touches nearest to the middle of the voxel, which may be 2.6 mm away.
         assert!(place.offset.truncate().length() < 0.002_6, "{}", place.offset);
-        // A plane touched every millimetre scatters as little as any: 0.08 rad.
-        assert!((place.normal_deviation - 0.08).abs() < 1e-6);
+        // A plane touched every millimetre scatters as little as any: 0.05 rad both ways.
+        assert!((place.normal_deviation - 0.05 * 2f32.sqrt()).abs() < 1e-6);
     }
 
     #[test]
@@ -374,7 +391,9 @@ mod tests {
         assert!((aligned(0.0, 0.7) - 1.0).abs() < 1e-6);
         let along = aligned(2.0, 1.0);
         assert!((aligned(2.0, -1.0) - along).abs() < 1e-6, "without sign");
-        let ratio = (along / aligned(2.0, 0.0)).ln();
-        assert!((ratio - 4.0).abs() < 1e-5, "2κ from along to across");
+        // From along to across 2κ = 4, of what is no outlier.
+        let ratio = ((along - 0.05) / (aligned(2.0, 0.0) - 0.05)).ln();
+        assert!((ratio - 4.0).abs() < 1e-3, "{ratio}");
+        assert!((aligned(7.0, 0.9) - aligned(50.0, 0.9)).abs() < 1e-6, "never surer");
     }
 }

@@ -9,7 +9,8 @@
 use rayon::prelude::*;
 
 use super::options::HybridOptions;
-use super::propose::{alignment, loosened, misfit};
+use super::pair_fit::{alignment, misfit};
+use super::propose::loosened;
 use super::sighting::Sighting;
 use super::{HybridBelief, ObjectState, PairEvidence};
 use crate::exponential::exp;

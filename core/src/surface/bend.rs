@@ -3,7 +3,9 @@
 //! On the way t along the surface the normal turns, n(t) ≈ n + S t, and the surface falls away
 //! by ½ tᵀ S t; S is symmetric, that of the second fundamental form. It is fitted to the normals
 //! of the touches around, drawn towards a plane, and how far they still miss it is how far
-//! normals scatter there: a lot at edges, little on any smooth surface, bent or not.
+//! normals scatter there: a lot at edges, little on any smooth surface, bent or not. They
+//! scatter along the touch's stretch and across it by themselves: a sensor may stand almost any
+//! way round on a ridge, but it lies along it.
 //! All follows from the touches, and nothing is stored.
 
 use glam::{Mat3, Vec2, Vec3};
@@ -23,16 +25,13 @@ const FACING_MIN: f32 = 0.2;
 const STEEPEST: f32 = 0.7;
 
 /// Before any touch says more, surfaces bend by about this (rad/m), and normals miss by this
-/// (rad), as if [`KNOWN`] touches around had shown it.
+/// (rad) along either axis, as if [`KNOWN`] touches around had shown it.
 const BEND_USUAL: f32 = 100.0;
-const MISS_USUAL: f32 = 0.15;
+const MISS_USUAL: f32 = 0.1;
 const KNOWN: f32 = 2.0;
 
-/// What is fitted misses what it was fitted to by less than other touches, in variance.
-const FITTED: f32 = 1.3;
-
-/// Normals scatter at least and at most so far, rad.
-const DEVIATION: std::ops::RangeInclusive<f32> = 0.08..=0.6;
+/// Normals scatter along either axis at least and at most by this variance, rad².
+const VARIANCE: std::ops::RangeInclusive<f32> = 0.002_5..=0.25;
 
 /// The normal turns by no more than this on the way to what is near (tangent of the angle).
 const TURN_MAX: f32 = 1.0;
@@ -42,8 +41,9 @@ const TURN_MAX: f32 = 1.0;
 pub struct Bend {
     /// xx, xy and yy of S, rad/m, along the touch's direction and across it.
     form: [f32; 3],
-    /// How far normals scatter about the one expected, rad.
-    pub normal_deviation: f32,
+    /// How far normals scatter about the one expected: variances of the tangent of their angle
+    /// along the touch's direction and across it, about rad².
+    pub normal_variances: [f32; 2],
 }
 
 impl Bend {
@@ -60,6 +60,14 @@ impl Bend {
         let turn = turn.clamp(Vec2::splat(-TURN_MAX), Vec2::splat(TURN_MAX));
         let normal = patch.normal + patch.direction * turn.x + across * turn.y;
         (off.dot(patch.normal) + fall, normal.normalize())
+    }
+
+    /// How far normals scatter in all about the one expected, rad.
+    #[inline]
+    #[must_use]
+    pub fn normal_deviation(&self) -> f32 {
+        let [along, across] = self.normal_variances;
+        (along + across).sqrt()
     }
 }
 
@@ -94,14 +102,16 @@ fn bend(patch: &SurfacePatch, all: &[SurfacePatch], spacing: f32) -> Bend {
         }
     }
     let [xx, xy, yy] = (normal.inverse() * right).to_array();
-    let (mut squares, mut weights) = (KNOWN * MISS_USUAL * MISS_USUAL, KNOWN);
+    let mut squares = Vec2::splat(KNOWN * MISS_USUAL * MISS_USUAL);
+    let mut weights = KNOWN;
     for Neighbour { weight, way, turn } in &neighbours {
         let expected = Vec2::new(xx * way.x + xy * way.y, xy * way.x + yy * way.y);
-        squares += FITTED * weight * expected.distance_squared(*turn);
+        let missed = expected - *turn;
+        squares += *weight * missed * missed;
         weights += weight;
     }
-    let deviation = (squares / weights).sqrt().clamp(*DEVIATION.start(), *DEVIATION.end());
-    Bend { form: [xx, xy, yy], normal_deviation: deviation }
+    let variance = |sum: f32| (sum / weights).clamp(*VARIANCE.start(), *VARIANCE.end());
+    Bend { form: [xx, xy, yy], normal_variances: squares.to_array().map(variance) }
 }
 
 /// A touch as one of the same side of the surface near `patch`; `None` when it is none.
@@ -150,7 +160,8 @@ mod tests {
     fn a_touch_alone_is_taken_for_a_plane() {
         let alone = patch(Vec3::ZERO, Vec3::Z);
         let bend = bends(&[alone], 0.004)[0];
-        assert!((bend.normal_deviation - 0.15).abs() < 1e-6);
+        assert!(bend.normal_variances.iter().all(|variance| (variance - 0.01).abs() < 1e-8));
+        assert!((bend.normal_deviation() - 0.02f32.sqrt()).abs() < 1e-6);
         let (height, normal) = bend.surface_at(&alone, Vec3::new(0.003, -0.002, 0.001));
         assert!((height - 0.001).abs() < 1e-9 && normal.distance(Vec3::Z) < 1e-6);
     }
@@ -178,7 +189,7 @@ mod tests {
     fn normals_scatter_at_edges_and_not_where_the_surface_merely_bends() {
         let smooth = bends(&cylinder(600), 0.0025);
         let mean = |bends: &[Bend]| {
-            bends.iter().map(|bend| bend.normal_deviation).sum::<f32>() / bends.len() as f32
+            bends.iter().map(Bend::normal_deviation).sum::<f32>() / bends.len() as f32
         };
         assert!(mean(&smooth) < 0.1, "{}", mean(&smooth));
         // Both sides of a ridge of 90° along y, 1 mm and 4 mm off it.

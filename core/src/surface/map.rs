@@ -252,8 +252,8 @@ mod tests {
         let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
         let map = SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default());
         // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch; how the surface
-        // bends there is four numbers more.
-        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 68;
+        // bends there is five numbers more.
+        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 72;
         assert_eq!(map.bytes(), parts + size_of::<SurfaceMap>());
         assert!(map.pairs().bytes() >= 10 * 4, "ten pairs of two numbers");
     }
