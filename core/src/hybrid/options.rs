@@ -1,6 +1,7 @@
 //! How the hybrid recogniser works: its deviations, tolerances and budgets.
 
 use super::pattern::PatternScale;
+use super::propose::Effort;
 use crate::surface::pair_geometry::PairTolerance;
 use crate::units::MM;
 
@@ -81,6 +82,19 @@ impl Budget {
     pub fn n_listed(&self, n: usize) -> usize {
         let root = (n as f64).sqrt().ceil() as usize;
         self.listed_per_root.saturating_mul(root).min(n)
+    }
+
+    /// How far each object is asked for a pair of touches, after so many touches, in a
+    /// catalogue that has `many` objects or few.
+    pub(super) fn effort(&self, many: bool, n_touches: usize) -> Effort {
+        let all = usize::MAX;
+        let (proposals, patches) = match (many, n_touches) {
+            (false, _) => (self.proposals_per_object, all),
+            // How dense pairs are about the first two touches tells objects apart: all are asked.
+            (true, ..=2) => (self.proposals_if_many, all),
+            (true, _) => (self.proposals_if_many, self.paired_if_many),
+        };
+        Effort { proposals, patches }
     }
 }
 
@@ -193,6 +207,22 @@ impl Default for HybridOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn many_objects_are_asked_for_less_and_from_the_third_touch_on_for_fewer_patches() {
+        let budget = HybridOptions::default().budget;
+        let asked = |many, n_touches| {
+            let effort = budget.effort(many, n_touches);
+            (effort.proposals, effort.patches)
+        };
+        for n_touches in [2, 3, 9] {
+            assert_eq!(asked(false, n_touches), (budget.proposals_per_object, usize::MAX));
+        }
+        assert_eq!(asked(true, 2), (budget.proposals_if_many, usize::MAX));
+        assert_eq!(asked(true, 3), (budget.proposals_if_many, budget.paired_if_many));
+        assert!(budget.proposals_if_many < budget.proposals_per_object);
+        assert_eq!((budget.n_listed(1_000), budget.n_listed(7)), (32 * budget.listed_per_root, 7));
+    }
 
     #[test]
     fn a_moving_object_loosens_places_and_normals_as_deviations_add_up() {

@@ -3,7 +3,7 @@
 use super::answer::looks_like;
 use super::evidence::Known;
 use super::hypothesis::{Hypothesis, merge};
-use super::propose::{Effort, Proposal, partners, propose};
+use super::propose::{Proposal, partners, propose};
 use super::score::Turned;
 use super::sighting::Sighting;
 use super::{HybridBelief, ObjectState, PairEvidence, for_each_object};
@@ -63,17 +63,7 @@ impl HybridBelief {
         let budget = &self.options.budget;
         let standing = listed.map_or(f64::INFINITY, |n| self.standing_of_unexplored(n));
         let n_objects = self.n_listed().unwrap_or(budget.objects).min(budget.objects);
-        let all = Effort { proposals: budget.proposals_per_object, patches: usize::MAX };
-        let effort = match self.n_listed() {
-            None => all,
-            // How dense pairs are about the first two touches tells objects apart: all are asked.
-            Some(_) if self.touches.len() < 3 => {
-                Effort { proposals: budget.proposals_if_many, ..all }
-            }
-            Some(_) => {
-                Effort { proposals: budget.proposals_if_many, patches: budget.paired_if_many }
-            }
-        };
+        let effort = budget.effort(self.n_listed().is_some(), self.touches.len());
         let (bar, refining) = match self.touches.len() {
             0..=2 if listed.is_some() => (f64::INFINITY, f64::INFINITY),
             0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
