@@ -195,7 +195,7 @@ await step("the 3-D view turns by arrow keys, and everything is reached by Tab",
 });
 
 await step("who needs somebody comes first: a thing that nobody has taught", async () => {
-  await robot("mug", "hand", 9, 9, 0);
+  await robot("mug", "hand", 9, 7, 0);
   await robot("gear", "gear", 8, 3, 0);
   await page.waitForFunction(() => document.querySelectorAll(".fleet-row").length === 3);
   await page.waitForFunction(() => document.querySelector(".fleet-row").classList.contains("level-surprising"));
