@@ -221,7 +221,6 @@ mod tests {
         assert_eq!(asked(true, 2), (budget.proposals_if_many, usize::MAX));
         assert_eq!(asked(true, 3), (budget.proposals_if_many, budget.paired_if_many));
         assert!(budget.proposals_if_many < budget.proposals_per_object);
-        assert_eq!((budget.n_listed(1_000), budget.n_listed(7)), (32 * budget.listed_per_root, 7));
     }
 
     #[test]

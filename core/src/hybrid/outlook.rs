@@ -7,7 +7,7 @@
 use glam::{DQuat, DVec3};
 
 use super::HybridBelief;
-use super::score::aligned;
+use super::stretch::aligned;
 use crate::log_prob::normalize;
 use crate::model::ObjectIdx;
 use crate::model::surface::SurfaceModel;

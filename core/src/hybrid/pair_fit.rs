@@ -9,8 +9,8 @@
 use glam::{Vec2, Vec3};
 
 use super::options::HybridOptions;
-use super::score::aligned;
 use super::sighting::Sighting;
+use super::stretch::aligned;
 use crate::exponential::exp;
 use crate::surface::SurfacePatch;
 use crate::surface::bend::Bend;
@@ -110,7 +110,8 @@ pub(super) fn alignment(
     likelier
 }
 
-/// The squared misfit of two pairs in deviations; `None` beyond the tolerance.
+/// The squared misfit of two pairs in deviations, all angles alike: for the table of all
+/// objects' pairs, which knows no bends. `None` beyond the tolerance.
 pub(super) fn misfit(
     query: &PairGeometry,
     stored: &PairGeometry,
@@ -133,11 +134,11 @@ pub(super) fn misfit(
 
 #[cfg(test)]
 mod tests {
+    use glam::{DQuat, DVec3};
+
     use super::*;
     use crate::hybrid::test_support::{map_of, places};
-    use crate::surface::SurfaceMap;
-    use crate::surface::Touch;
-    use glam::{DQuat, DVec3};
+    use crate::surface::{SurfaceMap, Touch};
 
     /// Two touches 20 mm apart along x whose normals are at right angles to the axis and to each
     /// other, and whose contacts are stretched in these directions.

@@ -11,6 +11,7 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 
 use super::options::{HybridOptions, RefinementScale};
 use super::sighting::Sighting;
+use super::stretch::aligned;
 use crate::exponential::exp;
 use crate::surface::bend::Bend;
 use crate::surface::{SurfaceMap, SurfacePatch};
@@ -267,28 +268,9 @@ impl Kernel {
     }
 }
 
-/// Of two touches of one place the stretches are turned against one another by chance however
-/// long they are: no higher concentration is seen.
-const CONCENTRATION_MAX: f32 = 7.0;
-
-/// The share of touches whose stretch says nothing.
-const DIRECTION_OUTLIERS: f32 = 0.05;
-
-/// Von Mises in the double angle between two directions without sign, with outliers, relative to
-/// an even distribution; `cosine` is that of the angle itself.
-#[inline]
-pub(super) fn aligned(concentration: f32, cosine: f32) -> f32 {
-    // exp κ(2 cos² − 1)/I₀(κ); ln I₀(κ) ≈ s − 1 − ½ ln s with s = √(1 + κ²): exact for κ → 0,
-    // and to 0.08 for κ → ∞.
-    let concentration = concentration.min(CONCENTRATION_MAX);
-    let root = (1.0 + concentration * concentration).sqrt();
-    let likelier = exp(concentration * (2.0 * cosine * cosine - 1.0) - root + 1.0) * root.sqrt();
-    (1.0 - DIRECTION_OUTLIERS) * likelier + DIRECTION_OUTLIERS
-}
-
 #[cfg(test)]
 mod tests {
-    use std::f32::consts::TAU;
+    use glam::DVec3;
 
     use super::*;
     use crate::hybrid::test_support::{map_of, places, seen, single, some_pose};
@@ -323,6 +305,24 @@ mod tests {
         place[0].normal = place[0].normal.any_orthonormal_vector();
         let score = kernel.score(&map, &turned(&pose), &seen(&place[0], &pose));
         assert!((score - 9.508).abs() < 0.02, "{score}");
+    }
+
+    #[test]
+    fn a_normal_turned_about_a_ridge_costs_less_than_one_turned_along_it() {
+        let touch = |y: f64, normal: DVec3| {
+            let position = DVec3::Y * y;
+            Touch { position, normal, direction: DVec3::Y, ..places(1, 0).remove(0) }
+        };
+        let side = |turn: f64| DVec3::new(turn.sin(), 0.0, turn.cos());
+        let ridge = (0..20).map(|n| touch(0.002 * f64::from(n), side(0.4 * f64::from(n % 2))));
+        let map = map_of(&ridge.collect::<Vec<_>>());
+        let (kernel, pose) = (Kernel::new(&HybridOptions::default()), some_pose(0));
+        // 0.3 rad off the middle of the two ways in which the touches stand.
+        let about = touch(0.020, side(0.5));
+        let along = touch(0.020, DVec3::new(0.2, 0.3, 1.0).normalize());
+        let [about, along] =
+            [about, along].map(|t| kernel.score(&map, &turned(&pose), &seen(&t, &pose)));
+        assert!(about > along + 2.0, "{about} {along}");
     }
 
     #[test]
@@ -362,9 +362,9 @@ mod tests {
     fn a_touch_above_a_plane_is_placed_as_high_as_it_is() {
         let kernel = Kernel::new(&HybridOptions::default());
         let flat = |x: f64, y: f64, z: f64| Touch {
-            position: glam::DVec3::new(x, y, z) * 0.001,
-            normal: glam::DVec3::Z,
-            direction: glam::DVec3::X,
+            position: DVec3::new(x, y, z) * 0.001,
+            normal: DVec3::Z,
+            direction: DVec3::X,
             ..places(1, 0).remove(0)
         };
         let grid = (0..400).map(|n| flat(f64::from(n % 20), f64::from(n / 20), 0.0));
@@ -378,22 +378,5 @@ mod tests {
         assert!(place.offset.truncate().length() < 0.002_6, "{}", place.offset);
         // A plane touched every millimetre scatters as little as any: 0.05 rad both ways.
         assert!((place.normal_deviation - 0.05 * 2f32.sqrt()).abs() < 1e-6);
-    }
-
-    #[test]
-    fn directions_of_any_angle_weigh_one_in_the_mean() {
-        for concentration in [0.0, 0.3, 1.0, 2.0, 4.0, 10.0] {
-            let n = 1_000;
-            let weight = |step: i32| aligned(concentration, (step as f32 * TAU / 1e3).cos());
-            let mean = (0..n).map(weight).sum::<f32>() / n as f32;
-            assert!((mean - 1.0).abs() < 0.09, "{concentration}: {mean}");
-        }
-        assert!((aligned(0.0, 0.7) - 1.0).abs() < 1e-6);
-        let along = aligned(2.0, 1.0);
-        assert!((aligned(2.0, -1.0) - along).abs() < 1e-6, "without sign");
-        // From along to across 2κ = 4, of what is no outlier.
-        let ratio = ((along - 0.05) / (aligned(2.0, 0.0) - 0.05)).ln();
-        assert!((ratio - 4.0).abs() < 1e-3, "{ratio}");
-        assert!((aligned(7.0, 0.9) - aligned(50.0, 0.9)).abs() < 1e-6, "never surer");
     }
 }

@@ -209,4 +209,19 @@ mod tests {
             .collect();
         assert!(mean(&bends(&blunt, 0.003)) > 0.15, "{}", mean(&bends(&blunt, 0.003)));
     }
+
+    #[test]
+    fn about_a_ridge_normals_scatter_and_along_it_they_do_not() {
+        // Touches along y stand 0.4 rad to either side by turns; contacts are stretched along y.
+        let ridge: Vec<SurfacePatch> = (0..20)
+            .map(|n| {
+                let side = if n % 2 == 0 { 0.4f32 } else { -0.4 };
+                let normal = Vec3::new(side.sin(), 0.0, side.cos());
+                let touch = patch(0.002 * n as f32 * Vec3::Y, normal);
+                SurfacePatch { direction: Vec3::Y, ..touch }
+            })
+            .collect();
+        let [along, across] = bends(&ridge, 0.003)[10].normal_variances;
+        assert!(along < 0.01 && across > 0.1, "{along} {across}");
+    }
 }
