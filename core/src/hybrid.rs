@@ -26,6 +26,7 @@ mod search;
 mod shortlist;
 mod sighting;
 mod stated;
+mod steadiness;
 mod stretch;
 #[cfg(test)]
 mod test_support;

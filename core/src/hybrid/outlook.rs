@@ -112,7 +112,7 @@ impl HybridBelief {
             let stretch = self.options.scale.direction * patch.elongation * touch.elongation;
             weights.extend((0..N_TURNS).map(|turn| {
                 let angle = std::f32::consts::TAU * turn as f32 / N_TURNS as f32;
-                looks * aligned(stretch, angle.cos())
+                looks * aligned(stretch, angle.cos(), touch.steadiness.stretch_outliers)
             }));
         }
         let step = weights.iter().map(|weight| f64::from(*weight)).sum::<f64>() / n as f64;

@@ -33,11 +33,12 @@ const ALONG_AXIS: f32 = 1e-3;
 /// pair that fits exactly weighs 1.
 const USUAL_DEVIATIONS: f32 = 1e-3;
 
-/// How well the geometry of the pair of `patches`, `stored`, fits an observed one: the density
+/// How well the geometry of the pair of `patches`, `stored`, fits that of `touches`: the density
 /// of its distance, the angles of both normals with the axis and the turn about it, relative to
 /// that of an exact fit at usual deviations. `None` beyond the tolerance.
 #[inline]
 pub(super) fn fit(
+    touches: [&Sighting; 2],
     query: &PairGeometry,
     stored: &PairGeometry,
     patches: [&SurfacePatch; 2],
@@ -56,7 +57,8 @@ pub(super) fn fit(
     let least = (0.5 * deviation.cosine).powi(2);
     let scatter = [0, 1].map(|end| {
         let (patch, [along, across]) = (patches[end], bends[end].normal_variances);
-        let (along, across) = (SCATTER_SHARE * along + least, SCATTER_SHARE * across + least);
+        let own = least + touches[end].steadiness.normal_variance;
+        let (along, across) = (SCATTER_SHARE * along + own, SCATTER_SHARE * across + own);
         let side = patch.normal.cross(patch.direction);
         // Variance with which the normal turns towards a direction.
         let towards =
@@ -105,29 +107,31 @@ pub(super) fn alignment(
         let seen = along(touch.normal, touch.direction, seen_axis);
         let known = along(patch.normal, patch.direction, axis);
         let cosine = seen.dot(known);
-        likelier *= aligned(stretch, cosine);
+        likelier *= aligned(stretch, cosine, touch.steadiness.stretch_outliers);
     }
     likelier
 }
 
-/// The squared misfit of two pairs in deviations, all angles alike: for the table of all
-/// objects' pairs, which knows no bends. `None` beyond the tolerance.
+/// The squared misfit of two pairs in deviations, all angles alike and `unsteady` (rad²) more:
+/// for the table of all objects' pairs, which knows no bends. `None` beyond the tolerance.
 pub(super) fn misfit(
     query: &PairGeometry,
     stored: &PairGeometry,
+    unsteady: f32,
     options: &HybridOptions,
 ) -> Option<f32> {
     let distance = (query.distance - stored.distance).abs();
     if distance > options.pairs.distance {
         return None;
     }
+    let variance = options.pair_deviation.cosine.powi(2) + unsteady;
     let mut sum = (distance / options.pair_deviation.distance).powi(2);
     let cosines = query.cosines.iter().zip(&stored.cosines).map(|(a, b)| a - b);
     for difference in cosines.chain([query.chirality - stored.chirality]) {
         if difference.abs() > options.pairs.cosine {
             return None;
         }
-        sum += (difference / options.pair_deviation.cosine).powi(2);
+        sum += difference * difference / variance;
     }
     Some(sum)
 }
@@ -137,7 +141,9 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::hybrid::test_support::{map_of, places};
+    use crate::hybrid::propose::loosened;
+    use crate::hybrid::test_support::{map_of, places, seen};
+    use crate::pose::Pose;
     use crate::surface::{SurfaceMap, Touch};
 
     /// Two touches 20 mm apart along x whose normals are at right angles to the axis and to each
@@ -156,18 +162,31 @@ mod tests {
     /// The fit of the map's pair, its first normal turned by `turn`, with scattering by
     /// `variances` along and across both stretches.
     fn fit_of(map: &SurfaceMap, turn: DQuat, variances: [f32; 2]) -> Option<f32> {
+        fit_of_pressed(map, turn, variances, 1.0)
+    }
+
+    /// The same of two touches of such evenness.
+    fn fit_of_pressed(
+        map: &SurfaceMap,
+        turn: DQuat,
+        variances: [f32; 2],
+        evenness: f64,
+    ) -> Option<f32> {
         let patches = [&map.patches()[0], &map.patches()[1]];
-        let places = patches.map(|patch| (patch.position, patch.normal));
-        let stored = PairGeometry::new(places[0], places[1]).unwrap();
+        let ends = patches.map(|patch| (patch.position, patch.normal));
+        let stored = PairGeometry::new(ends[0], ends[1]).unwrap();
         let turned = (turn * patches[0].normal.as_dvec3()).as_vec3();
-        let query = PairGeometry::new((places[0].0, turned), places[1]).unwrap();
+        let query = PairGeometry::new((ends[0].0, turned), ends[1]).unwrap();
         let bends = [0, 1].map(|end| {
             let mut bend = map.bends()[end];
             bend.normal_variances = variances;
             bend
         });
         let bends = [&bends[0], &bends[1]];
-        fit(&query, &stored, patches, bends, &HybridOptions::default())
+        let touch = seen(&Touch { evenness, ..places(1, 0).remove(0) }, &Pose::IDENTITY);
+        let touches = [&touch, &touch];
+        let options = loosened(&HybridOptions::default(), touches);
+        fit(touches, &query, &stored, patches, bends, &options)
     }
 
     #[test]
@@ -196,6 +215,20 @@ mod tests {
         let about = fit_of(&ridges, DQuat::from_rotation_x(0.17), variances).unwrap();
         let along = fit_of(&ridges, DQuat::from_rotation_y(0.17), variances).unwrap();
         assert!(along > about, "{along} {about}");
+    }
+
+    #[test]
+    fn normals_of_an_uneven_press_may_be_turned_any_way() {
+        let map = map([DVec3::Y, DVec3::Z]);
+        let leaning = DQuat::from_rotation_y(0.3);
+        let pressed = |turn, evenness| fit_of_pressed(&map, turn, [0.01, 0.01], evenness);
+        assert!(pressed(leaning, 1.0).is_none());
+        // 0.2 of evenness missing: 0.37 rad; 0.3² / 0.14 of a squared misfit.
+        let (exact, found) = (pressed(DQuat::IDENTITY, 0.33), pressed(leaning, 0.33));
+        let ratio = found.unwrap() / exact.unwrap();
+        assert!((0.6..0.95).contains(&ratio), "{ratio}");
+        // What says so little weighs less than what fits closely.
+        assert!(exact < pressed(DQuat::IDENTITY, 1.0));
     }
 
     #[test]

@@ -19,6 +19,10 @@ const FREE_TURNS: usize = 8;
 /// Where two bases may be so far apart (m) a pair of theirs is worth half of one of a single base.
 const SHARP: f32 = 0.002;
 
+/// However unsteadily the sensors stood, angles are looked for this far around (deviation, rad):
+/// to go through all pairs costs more than it finds.
+const UNSTEADY_MAX: f32 = 0.3;
+
 /// A pose that a pair of touches proposes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Proposal {
@@ -63,7 +67,7 @@ pub(super) fn propose(
     options: &HybridOptions,
 ) -> Option<Proposed> {
     let place = |touch: &Sighting| (touch.position, touch.normal);
-    let options = &loosened(options, touches[0].looseness_to(touches[1]));
+    let options = &loosened(options, touches);
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
     let (patches, bends) = (map.patches(), map.bends());
     let n_tabled = map.layout().pair_patches_max.min(patches.len());
@@ -89,7 +93,7 @@ pub(super) fn propose(
             return;
         };
         let bends = [first, second].map(|patch| &bends[usize::from(patch)]);
-        let Some(fit) = fit(&query, &stored, [a, b], bends, options) else { return };
+        let Some(fit) = fit(touches, &query, &stored, [a, b], bends, options) else { return };
         let weight = appearance * fit * alignment(touches, [a, b], options);
         total += weight;
         matches.push(Match { weight, patches: [first, second] });
@@ -120,10 +124,10 @@ pub(super) fn propose(
     Some(Proposed { geometry, evidence: total / n_pairs, looks, proposals })
 }
 
-/// The options for two touches between which there are variances of position (m²) and angle
-/// (rad²).
-pub(super) fn loosened(options: &HybridOptions, (position, angle): (f32, f32)) -> HybridOptions {
+/// The options for two touches: wider as far as their bases and their normals are loose.
+pub(super) fn loosened(options: &HybridOptions, touches: [&Sighting; 2]) -> HybridOptions {
     let mut options = *options;
+    let (position, angle) = touches[0].looseness_to(touches[1]);
     let wider = |known: PairTolerance| PairTolerance {
         distance: known.distance.hypot(2.0 * position.sqrt()),
         cosine: known.cosine.hypot(2.0 * angle.sqrt()),
@@ -132,7 +136,15 @@ pub(super) fn loosened(options: &HybridOptions, (position, angle): (f32, f32)) -
         options.pairs = wider(options.pairs);
         options.pair_deviation = wider(options.pair_deviation);
     }
+    options.pairs.cosine = options.pairs.cosine.hypot(2.0 * unsteady(touches).sqrt());
     options
+}
+
+/// By what variance (rad²) the angles of a pair are looked for around, since its sensors may not
+/// have stood as the surface lies.
+pub(super) fn unsteady(touches: [&Sighting; 2]) -> f32 {
+    let variance: f32 = touches.iter().map(|touch| touch.steadiness.normal_variance).sum();
+    variance.min(UNSTEADY_MAX * UNSTEADY_MAX)
 }
 
 /// The `n` earlier touches whose pair with the newest, the last, fixes a pose best: a long way

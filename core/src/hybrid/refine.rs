@@ -130,8 +130,9 @@ fn linearise(
         let weighted = moves.transpose() * information;
         system.hessian += weighted * moves;
         system.gradient += weighted * column(off);
-        let deviation =
+        let usual =
             options.refinement.normal_factor * (place.normal_deviation + options.scale.normal);
+        let deviation = usual.hypot(touch.steadiness.normal_variance.sqrt());
         let wrong = deviation.powi(2) + angle;
         turn_normal(system, outward, touch.normal - outward, deviation, wrong);
     }
@@ -192,6 +193,7 @@ mod tests {
     use super::*;
     use crate::hybrid::test_support::{error, map_of, places, seen, single, some_pose};
     use crate::pose::Pose;
+    use crate::surface::Touch;
 
     fn refined(start: &Pose, map: &SurfaceMap, touches: &[Sighting]) -> Hypothesis {
         let options = HybridOptions::default();
@@ -233,6 +235,24 @@ mod tests {
         let with = refined(&truth, &map, &touches);
         let apart = without.translation.distance(with.translation);
         assert!(apart < 5e-5, "{apart}");
+    }
+
+    #[test]
+    fn the_normal_of_an_uneven_press_turns_the_pose_less() {
+        let map = map_of(&places(4_000, 0));
+        let truth = some_pose(1);
+        let turned = |evenness: f64| {
+            // All lean one way, by a fifth of a radian.
+            let lean = glam::DQuat::from_rotation_x(0.2);
+            let leaning =
+                |place: &Touch| Touch { normal: lean * place.normal, evenness, ..place.clone() };
+            let places = places(4, 11);
+            let touches: Vec<Sighting> =
+                places.iter().map(|place| seen(&leaning(place), &truth)).collect();
+            let found = refined(&truth, &map, &touches);
+            error(found.rotation, found.translation, &truth).1
+        };
+        assert!(turned(0.9) > 1.5 * turned(0.2), "{} {}", turned(0.9), turned(0.2));
     }
 
     #[test]

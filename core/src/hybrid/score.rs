@@ -129,13 +129,17 @@ impl Kernel {
     #[inline]
     fn about(&self, map: &SurfaceMap, touch: &Sighting) -> Width {
         let (across, along) = (self.across, self.along(map));
+        let normal_variance = self.normal_variance + touch.steadiness.normal_variance;
         if touch.base.is_none() {
-            return Width { across, along, normal_variance: self.normal_variance };
+            return Width { across, along, normal_variance };
         }
         let (position, angle) = touch.looseness();
         let wider = |inverse: f32| (inverse.recip() + position).recip();
-        let normal_variance = self.normal_variance + angle;
-        Width { across: wider(across), along: wider(along), normal_variance }
+        Width {
+            across: wider(across),
+            along: wider(along),
+            normal_variance: normal_variance + angle,
+        }
     }
 
     /// The score of one touch under a pose.
@@ -263,7 +267,8 @@ impl Kernel {
             facing += (1.0 - self.normal_outliers) * peak * exp(-0.5 * misfit);
         }
         let stretch = self.direction * patch.elongation * touch.elongation;
-        let aligned = aligned(stretch, contact.direction.dot(patch.direction));
+        let cosine = contact.direction.dot(patch.direction);
+        let aligned = aligned(stretch, cosine, touch.steadiness.stretch_outliers);
         facing * aligned * exp(-0.5 * spatial)
     }
 }
@@ -323,6 +328,21 @@ mod tests {
         let [about, along] =
             [about, along].map(|t| kernel.score(&map, &turned(&pose), &seen(&t, &pose)));
         assert!(about > along + 2.0, "{about} {along}");
+    }
+
+    #[test]
+    fn a_normal_turned_in_an_uneven_press_costs_less() {
+        let map = map_of(&places(400, 0));
+        let (kernel, pose) = (Kernel::new(&HybridOptions::default()), some_pose(0));
+        let lost = |evenness: f64| {
+            let straight = Touch { evenness, ..places(1, 0).remove(0) };
+            let across = straight.normal.any_orthonormal_vector();
+            let normal = (straight.normal + 0.5 * across).normalize();
+            let leaning = Touch { normal, ..straight.clone() };
+            let score = |touch| kernel.score(&map, &turned(&pose), &seen(touch, &pose));
+            score(&straight) - score(&leaning)
+        };
+        assert!(lost(0.9) > 3.0 * lost(0.3), "{} {}", lost(0.9), lost(0.3));
     }
 
     #[test]

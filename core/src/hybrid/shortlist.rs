@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::options::HybridOptions;
 use super::pair_fit::{alignment, misfit};
-use super::propose::loosened;
+use super::propose::{loosened, unsteady};
 use super::sighting::Sighting;
 use super::{HybridBelief, ObjectState, PairEvidence};
 use crate::exponential::exp;
@@ -94,7 +94,8 @@ fn estimate(
     options: &HybridOptions,
 ) -> Option<Vec<Estimate>> {
     let place = |touch: &Sighting| (touch.position, touch.normal);
-    let options = &loosened(options, touches[0].looseness_to(touches[1]));
+    let options = &loosened(options, touches);
+    let unsteady = unsteady(touches);
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
     let of_table = |(table, wanted): (&JointTable, &[bool])| {
         let mut estimates = vec![Estimate::default(); table.n_objects()];
@@ -105,7 +106,7 @@ fn estimate(
             |object, patches, stored| {
                 let estimate = &mut estimates[object];
                 estimate.geometry += 1.0;
-                let Some(misfit) = misfit(&query, &stored, options) else { return };
+                let Some(misfit) = misfit(&query, &stored, unsteady, options) else { return };
                 let [a, b] = patches;
                 let looks = touches[0].appearance(&a.feature) * touches[1].appearance(&b.feature);
                 if looks >= options.appearance_min {
@@ -182,7 +183,7 @@ mod tests {
             let [a, b] = [first, second].map(|place| positions[usize::from(place)]);
             visited += 1.0;
             let stored = PairGeometry::new(a, b).unwrap();
-            near += f32::from(u8::from(misfit(&query, &stored, &options).is_some()));
+            near += f32::from(u8::from(misfit(&query, &stored, 0.0, &options).is_some()));
         });
         let n_pairs = (120 * 119) as f32;
         let share = estimates([3, 50], [true; 4])[2].geometry;

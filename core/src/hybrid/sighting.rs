@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::options::TouchScale;
+use super::steadiness::Steadiness;
 use crate::reading::{Base, Looseness};
 use crate::surface::appearance::{Feature, StoredFeature, ratio};
 use crate::surface::{AppearanceSpace, Touch};
@@ -27,6 +28,8 @@ pub(super) struct Sighting {
     pub(super) weight: f32,
     /// Whose robot's base shifts it, when that is not exact.
     pub(super) base: Option<Base>,
+    /// How far its normal and its stretch can be trusted.
+    pub(super) steadiness: Steadiness,
     feature: Feature,
     /// For finding where a touch may be: as sharp as touches of one place are alike.
     sharp: Looks,
@@ -65,6 +68,7 @@ impl Sighting {
             elongation: touch.elongation as f32,
             weight: 1.0,
             base: None,
+            steadiness: Steadiness::new(touch.evenness),
             feature: touch.feature,
             sharp,
             soft,

@@ -21,7 +21,7 @@ pub(super) fn on_ellipsoid(stream: &mut Stream) -> Touch {
         normal,
         direction: normal.any_orthonormal_vector(),
         elongation: 0.0,
-        normal_confidence: 1.0,
+        evenness: 1.0,
         feature: [0.0; N_AXES],
     }
 }

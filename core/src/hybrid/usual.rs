@@ -72,7 +72,7 @@ pub(super) fn usual_score(
             normal: patch.normal.as_dvec3(),
             direction: patch.direction.as_dvec3(),
             elongation: f64::from(patch.elongation),
-            normal_confidence: 1.0,
+            evenness: 1.0,
             feature: unstored(&patch.feature),
         };
         let sighting = Sighting::new(&touch, DVec3::ZERO, space, &options.scale);

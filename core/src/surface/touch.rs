@@ -7,10 +7,14 @@
 use glam::{DVec2, DVec3};
 
 use super::appearance::{AppearanceSpace, Feature};
-use crate::contact::{CONTACT_SHARE, center_of_pressure, contact_points, normal_constraint};
+use crate::contact::{CONTACT_SHARE, center_of_pressure};
 use crate::patch::touches;
 use crate::reading::{Reading, TactileImage};
 use crate::sensor::SensorDescription;
+use crate::units::MM;
+
+/// What a contact can press evenly, square metres: of a larger array the rest is in free air.
+const EVEN_AREA: f64 = 12.0 * MM * 12.0 * MM;
 
 /// One press that touched something.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,8 +27,9 @@ pub struct Touch {
     pub direction: DVec3,
     /// How much it is stretched: (λ₁ − λ₂)/(λ₁ + λ₂) of the second moments, 0 to 1.
     pub elongation: f64,
-    /// How well the contact fixes the normal, 0 to 1 (Algorithm 2).
-    pub normal_confidence: f64,
+    /// How evenly the array is pressed, 0 to 1: mean pressure over peak. Corners, tips, and
+    /// whatever the array meets with its rim alone press little of it.
+    pub evenness: f64,
     /// What it looks like.
     pub feature: Feature,
 }
@@ -47,9 +52,21 @@ pub fn observe_touch(
         normal: session_from_sensor.turn(DVec3::NEG_Z),
         direction: session_from_sensor.turn(direction.extend(0.0)),
         elongation,
-        normal_confidence: normal_constraint(&contact_points(image, sensor)),
+        evenness: evenness(image, sensor),
         feature: space.feature(image, sensor.grid()),
     })
+}
+
+/// Mean pressure over peak, the mean of an array larger than [`EVEN_AREA`] over that much of it.
+fn evenness(image: &TactileImage, sensor: &SensorDescription) -> f64 {
+    let max = image.max();
+    if max <= 0.0 {
+        return 0.0;
+    }
+    let taxel = sensor.grid().pitch.powi(2);
+    let area = (taxel * image.pressures.len() as f64).min(EVEN_AREA);
+    let borne: f64 = image.pressures.iter().map(|pressure| pressure.max(0.0)).sum();
+    (borne / max * taxel / area).min(1.0)
 }
 
 /// The direction (in the sensor's plane, norm 1) and the elongation of a contact.
@@ -81,7 +98,6 @@ mod tests {
     use crate::pose::Pose;
     use crate::reading::SensorId;
     use crate::surface::appearance::{N_AXES, raw_descriptor};
-    use crate::units::MM;
     use crate::vocabulary::discriminant::Discriminant;
 
     fn space(sensor: &SensorDescription) -> AppearanceSpace {
@@ -112,6 +128,20 @@ mod tests {
         assert!((touch.direction.x * touch.direction.y - 0.5).abs() < 1e-9, "{}", touch.direction);
         let square = ["......", "......", "..##..", "..##..", "......", "......"];
         assert!(touch_of(&square, Pose::IDENTITY).unwrap().elongation.abs() < 1e-9);
+    }
+
+    #[test]
+    fn evenness_is_mean_over_peak_and_a_large_array_is_measured_by_what_a_contact_can_press() {
+        let even = |rows: [&str; 6]| touch_of(&rows, Pose::IDENTITY).unwrap().evenness;
+        assert!((even(["######"; 6]) - 1.0).abs() < 1e-9);
+        // 9 of 36 taxels, at a corner.
+        assert!((even(["###...", "###...", "###...", "......", "......", "......"]) - 0.25) < 1e-9);
+        // The same 9 taxels of 2 mm on an array twice as wide.
+        let wide = SensorDescription::digitacts(12, 12);
+        let pressure = |taxel: usize| if taxel / 12 < 3 && taxel % 12 < 3 { 1e4 } else { 0.0 };
+        let pressures: Vec<Option<f64>> = (0..144).map(|taxel| Some(pressure(taxel))).collect();
+        let reading = Reading::new(SensorId(0), &wide, &pressures, Pose::IDENTITY).unwrap();
+        assert!((evenness(reading.image(), &wide) - 0.25).abs() < 1e-9);
     }
 
     #[test]
