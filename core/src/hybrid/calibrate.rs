@@ -42,6 +42,8 @@ struct Sample {
     stage: usize,
     /// What the touches count.
     counted: f64,
+    /// How much less well any object explains them since sensors stood unsteadily, ln.
+    unsteadiness: f64,
     own: f64,
     /// How well the object usually explains its own touches, ln a touch.
     own_usual: f64,
@@ -111,7 +113,8 @@ fn run_trial(
         likely.retain(|(log, _)| *log > best - 60.0);
         let others = likely.iter().map(|(log, o)| [*log, belief.usual_score(*o)]).collect();
         let (counted, own_usual) = (belief.counted(), belief.usual_score(object));
-        samples.push(Sample { stage, counted, own: evidence(object), own_usual, others });
+        let (own, unsteadiness) = (evidence(object), belief.unsteadiness());
+        samples.push(Sample { stage, counted, unsteadiness, own, own_usual, others });
     }
     samples
 }
@@ -163,9 +166,12 @@ fn loss(samples: &[&Sample], stage: &EvidenceStage) -> f64 {
         let others = log_sum_exp(sample.others.iter().map(|other| heat(other[0])));
         let own = heat(sample.own);
         let [unknown_with, unknown] = [Some(sample.own), None].map(|own| {
-            let excess =
-                if sample.stage == 2 { sample.excess(own, stage.temperature) } else { 0.0 };
-            heat(stage.log_unknown(sample.counted) + excess * sample.counted)
+            let unusual = if sample.stage == 2 {
+                sample.excess(own, stage.temperature) * sample.counted - sample.unsteadiness
+            } else {
+                0.0
+            };
+            heat(stage.log_unknown(sample.counted) + unusual)
         });
         let with = log_sum_exp([own, others, unknown_with].into_iter());
         let without = log_sum_exp([others, unknown].into_iter());

@@ -61,6 +61,8 @@ pub struct Budget {
     pub partners_if_poor: usize,
     /// Objects that a pair proposes poses for after the second touch, likeliest first.
     pub objects: usize,
+    /// The same in a large catalogue, besides those that are listed.
+    pub explored_if_many: usize,
     /// In a large catalogue, objects that the table of all pairs lists for proposals: so many
     /// times the root of the number of objects.
     pub listed_per_root: usize,
@@ -179,13 +181,14 @@ impl Default for HybridOptions {
             appearance_min: 0.5,
             budget: Budget {
                 proposals_per_object: 60,
-                proposals_if_many: 24,
+                proposals_if_many: 12,
                 paired_if_many: 400,
                 partners: 2,
                 partners_if_likely: 1,
                 partners_if_poor: 3,
                 objects: 300,
-                listed_per_root: 4,
+                explored_if_many: 64,
+                listed_per_root: 8,
                 per_object: 60,
                 total: 4_000,
                 refined: 24,

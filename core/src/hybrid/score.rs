@@ -135,11 +135,8 @@ impl Kernel {
         }
         let (position, angle) = touch.looseness();
         let wider = |inverse: f32| (inverse.recip() + position).recip();
-        Width {
-            across: wider(across),
-            along: wider(along),
-            normal_variance: normal_variance + angle,
-        }
+        let normal_variance = normal_variance + angle;
+        Width { across: wider(across), along: wider(along), normal_variance }
     }
 
     /// The score of one touch under a pose.

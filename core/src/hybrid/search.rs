@@ -14,6 +14,10 @@ const ALIKE_REACH: f32 = 8.0;
 /// A pose more probable than this is likelier than not.
 const LIKELY: f64 = 0.5;
 
+/// Touches whose normal deviates by more (rad) propose nothing once there are poses that explain
+/// the touches.
+const UNSTEADY: f32 = 0.3;
+
 impl HybridBelief {
     /// Proposes poses unless one object is certain and explains the touches well.
     pub(super) fn propose_in_doubt(&mut self) {
@@ -25,6 +29,11 @@ impl HybridBelief {
         if !poor && n > 3 && share >= self.options.certain {
             return;
         }
+        // What an unsteady touch proposes is little worth its cost; the next one will do.
+        let newest = self.touches.last().map_or(0.0, |touch| touch.steadiness.normal_variance);
+        if !poor && n > 3 && newest > UNSTEADY.powi(2) {
+            return;
+        }
         let budget = &self.options.budget;
         let n_partners = match (poor, share > LIKELY) {
             (true, _) => budget.partners_if_poor,
@@ -34,8 +43,9 @@ impl HybridBelief {
         let partners = partners(&self.touches, n_partners);
         self.take_census(&partners, poor);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
-        // With every touch the list is shorter: the object has come to stand well, or is known.
-        let listed = self.n_listed().map(|most| if poor { most } else { most / (n - 2) });
+        // Once a pose is likely the list is shorter with every touch.
+        let is_open = poor || share <= LIKELY;
+        let listed = self.n_listed().map(|most| if is_open { most } else { most / (n - 2) });
         self.propose(&partners, reach, listed);
     }
 
@@ -57,12 +67,15 @@ impl HybridBelief {
     }
 
     /// The newest touch and each partner propose poses of the objects that are at most
-    /// `reach` (ln) less likely than the best, and of the `listed` ones that stand best of those
-    /// that have no hypothesis yet: what was proposed before and explains little stays out.
+    /// `reach` (ln) less likely than the best, and of the `listed` ones that stand best, whether
+    /// or not poses of theirs are known: those proposed before may all be wrong.
     pub(super) fn propose(&mut self, partners: &[usize], reach: f64, listed: Option<usize>) {
         let budget = &self.options.budget;
-        let standing = listed.map_or(f64::INFINITY, |n| self.standing_of_unexplored(n));
-        let n_objects = self.n_listed().unwrap_or(budget.objects).min(budget.objects);
+        let standing = listed.map_or(f64::INFINITY, |n| self.standing_of(n));
+        let n_objects = match self.n_listed() {
+            Some(_) => budget.explored_if_many,
+            None => budget.objects,
+        };
         let effort = budget.effort(self.n_listed().is_some(), self.touches.len());
         let (bar, refining) = match self.touches.len() {
             0..=2 if listed.is_some() => (f64::INFINITY, f64::INFINITY),
@@ -84,8 +97,7 @@ impl HybridBelief {
         };
         let turns: Vec<Vec<&Sighting>> = partners.iter().map(|p| in_turn(*p)).collect();
         for_each_object(objects, evidence.maps, |state, map| {
-            let is_listed = state.hypotheses.is_empty() && state.standing >= standing;
-            if state.log_evidence < bar && !is_listed {
+            if state.log_evidence < bar && state.standing < standing {
                 return;
             }
             let known = Known { map, carried: &state.carried };

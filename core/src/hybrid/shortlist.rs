@@ -12,7 +12,7 @@ use super::options::HybridOptions;
 use super::pair_fit::{alignment, misfit};
 use super::propose::{loosened, unsteady};
 use super::sighting::Sighting;
-use super::{HybridBelief, ObjectState, PairEvidence};
+use super::{HybridBelief, PairEvidence};
 use crate::exponential::exp;
 use crate::surface::joint_pairs::{JointPairs, JointTable, OBJECTS_PER_TABLE};
 use crate::surface::pair_geometry::PairGeometry;
@@ -65,25 +65,11 @@ impl HybridBelief {
     }
 
     /// The least standing of the `n` objects that stand best.
-    fn standing_of(&self, n: usize) -> f64 {
-        least_of_best(self.objects.iter(), n)
+    pub(super) fn standing_of(&self, n: usize) -> f64 {
+        let mut all: Vec<f64> = self.objects.iter().map(|state| state.standing).collect();
+        all.sort_unstable_by(|a, b| b.total_cmp(a));
+        all.get(n.saturating_sub(1)).copied().unwrap_or(f64::NEG_INFINITY)
     }
-
-    /// The same among the objects that no pose was proposed of yet, or none that is left.
-    pub(super) fn standing_of_unexplored(&self, n: usize) -> f64 {
-        least_unexplored(&self.objects, n)
-    }
-}
-
-fn least_unexplored(states: &[ObjectState], n: usize) -> f64 {
-    least_of_best(states.iter().filter(|state| state.hypotheses.is_empty()), n)
-}
-
-/// The least standing of the `n` that stand best.
-fn least_of_best<'a>(states: impl Iterator<Item = &'a ObjectState>, n: usize) -> f64 {
-    let mut all: Vec<f64> = states.map(|state| state.standing).collect();
-    all.sort_unstable_by(|a, b| b.total_cmp(a));
-    all.get(n.saturating_sub(1)).copied().unwrap_or(f64::NEG_INFINITY)
 }
 
 /// Asks the table for two touches; `None` when they are at one place.
@@ -131,8 +117,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::hybrid::hypothesis::Hypothesis;
-    use crate::hybrid::test_support::{map_of, places, seen, single, some_pose};
+    use crate::hybrid::test_support::{map_of, places, seen, some_pose};
     use crate::pose::Pose;
     use crate::surface::pair_table::PairTable;
 
@@ -191,20 +176,6 @@ mod tests {
     }
 
     #[test]
-    fn who_was_proposed_of_before_takes_no_place_of_the_list() {
-        let states = [(3.0, true), (2.0, false), (1.0, false), (0.0, false)];
-        let states = states.map(|(standing, is_explored)| {
-            let (rotation, translation) = single(&Pose::IDENTITY);
-            let known = vec![Hypothesis { rotation, translation, score: 0.0 }];
-            let hypotheses = if is_explored { known } else { Vec::new() };
-            ObjectState { hypotheses, standing, ..ObjectState::default() }
-        });
-        let (all, unexplored) = (least_of_best(states.iter(), 2), least_unexplored(&states, 2));
-        assert!((all - 2.0).abs() < 1e-12 && (unexplored - 1.0).abs() < 1e-12);
-        assert!(least_unexplored(&states, 9) < -1e12, "fewer than asked for: all of them");
-    }
-
-    #[test]
     fn touches_at_one_place_are_no_pair() {
         let map = Arc::new(map_of(&places(20, 0)));
         let touch = seen(&places(20, 0)[0], &Pose::IDENTITY);
@@ -216,7 +187,7 @@ mod tests {
     #[test]
     fn the_list_grows_as_the_root_of_the_catalogue() {
         let budget = HybridOptions::default().budget;
-        // Four times the root, never more than there are.
-        assert_eq!([9, 100, 1_000, 10_000].map(|n| budget.n_listed(n)), [9, 40, 128, 400]);
+        // Eight times the root, never more than there are.
+        assert_eq!([9, 100, 1_000, 10_000].map(|n| budget.n_listed(n)), [9, 80, 256, 800]);
     }
 }

@@ -4,6 +4,7 @@ use glam::DQuat;
 
 use super::answer::{Share, distinct, scale, shares};
 use super::hypothesis::Hypothesis;
+use super::sighting::Sighting;
 use super::{HybridBelief, refine, usual};
 use crate::belief::answer::{Answer, PoseMode};
 use crate::belief::orbits::merge_orbits;
@@ -29,7 +30,7 @@ impl HybridBelief {
 
     /// How much better (ln) "none of these" explains the touches than it does beside an object
     /// that explains its own as well as most: more where the touches look like an object that
-    /// should explain them better.
+    /// should explain them better, less where they would look unlikely of any.
     fn unusual(&self) -> f64 {
         if self.stage < 3 {
             return 0.0;
@@ -38,6 +39,13 @@ impl HybridBelief {
         let logs = self.objects.iter().map(|state| state.log_evidence);
         usual::excess(logs.enumerate(), temperature, |object| self.usual_score(object))
             * self.counted()
+            - self.unsteadiness()
+    }
+
+    /// How much less well (ln) any object explains the touches since sensors stood unsteadily.
+    pub(super) fn unsteadiness(&self) -> f64 {
+        let loss = |touch: &Sighting| f64::from(touch.weight * touch.steadiness.loss());
+        self.touches.iter().map(loss).sum()
     }
 
     /// How well an object usually explains its own touches, ln a touch.

@@ -17,6 +17,9 @@ const EVEN: f32 = 0.53;
 const NORMAL_PER_UNEVENNESS: f32 = 1.83;
 const OUTLIERS_PER_UNEVENNESS: f32 = 2.25;
 
+/// Variance of a steady touch's normal about either axis, of the map and its own, rad².
+const USUAL_VARIANCE: f32 = 0.03;
+
 /// However unevenly it is pressed, some stretches say something.
 const OUTLIERS_MAX: f32 = 0.9;
 
@@ -40,6 +43,14 @@ impl Steadiness {
     }
 }
 
+impl Steadiness {
+    /// How much less well (ln) even its own place explains such a touch than a steady one: its
+    /// normal may lie anywhere in a wider range, whatever was touched.
+    pub(super) fn loss(&self) -> f32 {
+        (1.0 + self.normal_variance / USUAL_VARIANCE).ln()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -52,6 +63,8 @@ mod tests {
         let uneven = Steadiness::new(0.33);
         assert!((uneven.normal_variance.sqrt() - 0.366).abs() < 1e-3, "{uneven:?}");
         assert!((uneven.stretch_outliers - 0.5).abs() < 1e-3, "{uneven:?}");
+        // ln(1 + 0.134/0.03).
+        assert!((uneven.loss() - 1.698).abs() < 1e-2 && even.loss().abs() < 1e-6);
         assert!((Steadiness::new(0.0).stretch_outliers - OUTLIERS_MAX).abs() < 1e-6);
     }
 }
