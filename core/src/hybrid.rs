@@ -353,7 +353,7 @@ impl HybridBelief {
             return;
         }
         self.stage = 3;
-        let floor = f64::from(self.kernel.floor()) * self.counted();
+        let floor = f64::from(self.kernel.floor()) * self.n_counted();
         for state in &mut self.objects {
             let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
             state.log_evidence = log_sum_exp(scores.chain([floor]));

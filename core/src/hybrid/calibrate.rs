@@ -8,6 +8,7 @@
 
 use rayon::prelude::*;
 
+use super::usual::Counted;
 use super::{HybridBelief, HybridOptions, usual};
 use crate::log_prob::log_sum_exp;
 use crate::model::surface::{EvidenceCalibration, EvidenceStage, SurfaceModel};
@@ -40,10 +41,7 @@ pub struct HeldBack<'a> {
 /// What one trial's touches said after one of them.
 struct Sample {
     stage: usize,
-    /// What the touches count.
-    counted: f64,
-    /// How much less well any object explains them since sensors stood unsteadily, ln.
-    unsteadiness: f64,
+    counted: Counted,
     own: f64,
     /// How well the object usually explains its own touches, ln a touch.
     own_usual: f64,
@@ -113,8 +111,7 @@ fn run_trial(
         likely.retain(|(log, _)| *log > best - 60.0);
         let others = likely.iter().map(|(log, o)| [*log, belief.usual_score(*o)]).collect();
         let (counted, own_usual) = (belief.counted(), belief.usual_score(object));
-        let (own, unsteadiness) = (evidence(object), belief.unsteadiness());
-        samples.push(Sample { stage, counted, unsteadiness, own, own_usual, others });
+        samples.push(Sample { stage, counted, own: evidence(object), own_usual, others });
     }
     samples
 }
@@ -166,12 +163,9 @@ fn loss(samples: &[&Sample], stage: &EvidenceStage) -> f64 {
         let others = log_sum_exp(sample.others.iter().map(|other| heat(other[0])));
         let own = heat(sample.own);
         let [unknown_with, unknown] = [Some(sample.own), None].map(|own| {
-            let unusual = if sample.stage == 2 {
-                sample.excess(own, stage.temperature) * sample.counted - sample.unsteadiness
-            } else {
-                0.0
-            };
-            heat(stage.log_unknown(sample.counted) + unusual)
+            let unusual =
+                if sample.stage == 2 { sample.unusual(own, stage.temperature) } else { 0.0 };
+            heat(stage.log_unknown(sample.counted.touches) + unusual)
         });
         let with = log_sum_exp([own, others, unknown_with].into_iter());
         let without = log_sum_exp([others, unknown].into_iter());
@@ -181,12 +175,12 @@ fn loss(samples: &[&Sample], stage: &EvidenceStage) -> f64 {
 }
 
 impl Sample {
-    /// [`usual::excess`] over the other objects and, when its evidence is given, the own one.
-    fn excess(&self, own: Option<f64>, temperature: f64) -> f64 {
+    /// [`usual::unusual`] beside the other objects and, when its evidence is given, the own one.
+    fn unusual(&self, own: Option<f64>, temperature: f64) -> f64 {
         let n = self.others.len();
         let others = self.others.iter().map(|other| other[0]).enumerate();
         let all = others.chain(own.map(|log| (n, log)));
-        usual::excess(all, temperature, |at| {
+        usual::unusual(self.counted, all, temperature, |at| {
             self.others.get(at).map_or(self.own_usual, |other| other[1])
         })
     }

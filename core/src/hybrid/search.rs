@@ -24,7 +24,7 @@ impl HybridBelief {
         let n = self.touches.len();
         let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
         let best = best.fold(f32::NEG_INFINITY, f32::max);
-        let poor = f64::from(best) < f64::from(self.options.poor) * self.counted();
+        let poor = f64::from(best) < f64::from(self.options.poor) * self.n_counted();
         let share = self.share_of_best_pose();
         if !poor && n > 3 && share >= self.options.certain {
             return;
@@ -43,10 +43,14 @@ impl HybridBelief {
         let partners = partners(&self.touches, n_partners);
         self.take_census(&partners, poor);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
-        // Once a pose is likely the list is shorter with every touch.
-        let is_open = poor || share <= LIKELY;
-        let listed = self.n_listed().map(|most| if is_open { most } else { most / (n - 2) });
-        self.propose(&partners, reach, listed);
+        self.propose(&partners, reach, self.n_in_doubt(poor || share <= LIKELY));
+    }
+
+    /// How many objects are listed for proposals: once a pose is likely the list is shorter with
+    /// every touch.
+    fn n_in_doubt(&self, is_open: bool) -> Option<usize> {
+        let shorter = |most: usize| most / self.touches.len().saturating_sub(2).max(1);
+        self.n_listed().map(|most| if is_open { most } else { shorter(most) })
     }
 
     /// The probability of the likeliest object in its likeliest pose, or in one that looks like
@@ -183,5 +187,105 @@ impl HybridBelief {
         for state in &mut self.objects {
             state.hypotheses.retain(|hypothesis| hypothesis.score > bar);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hybrid::HybridOptions;
+    use crate::hybrid::test_support::{belief_over, error, places, seen, single, some_pose};
+    use crate::pose::Pose;
+    use crate::surface::Touch;
+
+    /// A belief over `n` objects of 200 random places each, after `touches` of the first one,
+    /// the newest of them pressed so evenly. Nothing was proposed yet.
+    fn touched(n: u64, touches: usize, evenness: f64, options: HybridOptions) -> HybridBelief {
+        let objects: Vec<Vec<Touch>> = (0..n).map(|index| places(200, index)).collect();
+        let mut belief = belief_over(&objects, options);
+        let newest = Touch { evenness, ..objects[0][20 * touches].clone() };
+        let earlier = (1..touches).map(|touch| &objects[0][20 * touch]);
+        belief.touches = earlier.chain([&newest]).map(|place| seen(place, &pose())).collect();
+        belief.n_readings = touches;
+        belief
+    }
+
+    fn pose() -> Pose {
+        some_pose(5)
+    }
+
+    /// The first object is known to be at the true pose, as well as the evidence says.
+    fn know(belief: &mut HybridBelief) {
+        let (rotation, translation) = single(&pose());
+        let (objects, evidence) = belief.parts();
+        let known = Known { map: &evidence.maps[0], carried: &objects[0].carried };
+        let at = Turned::new(rotation, translation);
+        let score = evidence.score(known, &at, f32::NEG_INFINITY).unwrap();
+        objects[0].hypotheses = vec![Hypothesis { rotation, translation, score }];
+        belief.weigh();
+    }
+
+    /// Whether an object is known to be where it is; an ellipsoid looks alike after half a turn.
+    fn is_found(state: &ObjectState) -> bool {
+        let best = state.hypotheses.first();
+        best.is_some_and(|h| error(h.rotation, h.translation, &pose()).0 < 0.003)
+    }
+
+    #[test]
+    fn an_unsteady_touch_proposes_nothing_once_there_are_good_poses() {
+        let after = |evenness, n_known| {
+            let mut belief = touched(2, 4, evenness, HybridOptions::default());
+            // A second object just like the first one, of which no pose is known yet.
+            let first = belief.model.maps()[0].clone();
+            belief.model = std::sync::Arc::new(belief.model.with_maps(vec![first.clone(), first]));
+            if n_known > 0 {
+                know(&mut belief);
+            }
+            belief.stage = 3;
+            belief.objects[1].log_evidence = belief.objects[0].log_evidence;
+            belief.propose_in_doubt();
+            is_found(&belief.objects[1])
+        };
+        assert!(after(1.0, 1), "two objects are as likely");
+        assert!(!after(0.2, 1), "the next touch will do");
+        assert!(after(0.2, 0), "there is nothing else to go by");
+    }
+
+    #[test]
+    fn an_object_whose_poses_are_all_wrong_is_proposed_of_again_if_it_stands_well() {
+        let options = HybridOptions::default();
+        // Lists of seven of 40 objects, by their standing alone.
+        let budget = super::super::options::Budget {
+            listed_per_root: 1,
+            explored_if_many: 0,
+            ..options.budget
+        };
+        let after = |standing: f64| {
+            let mut belief = touched(40, 4, 1.0, HybridOptions { budget, ..options });
+            let (rotation, translation) = single(&some_pose(6));
+            for (index, state) in belief.objects.iter_mut().enumerate() {
+                state.hypotheses = vec![Hypothesis { rotation, translation, score: -20.0 }];
+                state.standing = if index == 0 { standing } else { -(index as f64) };
+                // Others are likelier: what is asked by its evidence is not this one.
+                state.log_evidence = if index == 0 { -20.0 } else { -10.0 };
+            }
+            belief.stage = 3;
+            belief.propose(&[0, 1], 0.0, belief.n_in_doubt(true));
+            is_found(&belief.objects[0])
+        };
+        assert!(after(-6.5), "the seventh");
+        assert!(!after(-7.5), "the eighth");
+    }
+
+    #[test]
+    fn the_list_gets_shorter_only_once_a_pose_is_likely() {
+        let listed = |touches: usize, is_open| {
+            touched(40, touches, 1.0, HybridOptions::default()).n_in_doubt(is_open)
+        };
+        // All forty: eight times the root of 40 is more.
+        assert_eq!([3, 5, 7].map(|touches| listed(touches, true)), [Some(40); 3]);
+        assert_eq!([3, 5, 7].map(|touches| listed(touches, false)), [Some(40), Some(13), Some(8)]);
+        let few = touched(20, 3, 1.0, HybridOptions::default());
+        assert_eq!(few.n_in_doubt(true), None, "so few objects are all asked");
     }
 }

@@ -5,6 +5,7 @@ use glam::DQuat;
 use super::answer::{Share, distinct, scale, shares};
 use super::hypothesis::Hypothesis;
 use super::sighting::Sighting;
+use super::usual::Counted;
 use super::{HybridBelief, refine, usual};
 use crate::belief::answer::{Answer, PoseMode};
 use crate::belief::orbits::merge_orbits;
@@ -24,28 +25,18 @@ impl HybridBelief {
         let both = self.objects.iter().zip(&self.log_prior);
         let logs =
             both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
-        let unknown = (stage.log_unknown(self.counted()) + self.unusual()) / stage.temperature;
+        let unknown = (stage.log_unknown(self.n_counted()) + self.unusual()) / stage.temperature;
         normalize(&logs.chain([unknown + self.unknown.ln()]).collect::<Vec<f64>>())
     }
 
-    /// How much better (ln) "none of these" explains the touches than it does beside an object
-    /// that explains its own as well as most: more where the touches look like an object that
-    /// should explain them better, less where they would look unlikely of any.
+    /// What "none of these" is held against, once there are poses.
     fn unusual(&self) -> f64 {
         if self.stage < 3 {
             return 0.0;
         }
         let temperature = self.model.calibration.stage(3).temperature;
-        let logs = self.objects.iter().map(|state| state.log_evidence);
-        usual::excess(logs.enumerate(), temperature, |object| self.usual_score(object))
-            * self.counted()
-            - self.unsteadiness()
-    }
-
-    /// How much less well (ln) any object explains the touches since sensors stood unsteadily.
-    pub(super) fn unsteadiness(&self) -> f64 {
-        let loss = |touch: &Sighting| f64::from(touch.weight * touch.steadiness.loss());
-        self.touches.iter().map(loss).sum()
+        let logs = self.objects.iter().map(|state| state.log_evidence).enumerate();
+        usual::unusual(self.counted(), logs, temperature, |object| self.usual_score(object))
     }
 
     /// How well an object usually explains its own touches, ln a touch.
@@ -55,8 +46,14 @@ impl HybridBelief {
         f64::from(map.usual_score(find))
     }
 
+    /// The touches, by what they count and how unsteady they are.
+    pub(super) fn counted(&self) -> Counted {
+        let loss = |touch: &Sighting| f64::from(touch.weight * touch.steadiness.loss());
+        Counted { touches: self.n_counted(), unsteadiness: self.touches.iter().map(loss).sum() }
+    }
+
     /// How many touches there are, by what they count.
-    pub(super) fn counted(&self) -> f64 {
+    pub(super) fn n_counted(&self) -> f64 {
         self.touches.iter().map(|touch| f64::from(touch.weight)).sum()
     }
 

@@ -1,13 +1,20 @@
 //! What the tests of the hybrid recogniser share: an ellipsoid's surface, and touches of it.
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3, Vec3};
 
 use super::sighting::{Looks, Sighting};
+use super::{HybridBelief, HybridOptions};
+use crate::descriptor::Descriptor as _;
+use crate::model::surface::{EvidenceCalibration, SurfaceModel};
 use crate::pose::Pose;
 use crate::rng::{Purpose, Stream};
-use crate::surface::appearance::N_AXES;
+use crate::sensor::SensorDescription;
+use crate::surface::appearance::{N_AXES, raw_descriptor};
 use crate::surface::map::SurfaceLayout;
-use crate::surface::{SurfaceMap, SurfacePatch, Touch};
+use crate::surface::{AppearanceSpace, SurfaceMap, SurfacePatch, Touch};
+use crate::vocabulary::discriminant::Discriminant;
 
 /// Half axes of the ellipsoid, metres.
 const HALF_AXES: DVec3 = DVec3::new(0.040, 0.030, 0.020);
@@ -76,4 +83,19 @@ pub(super) fn error(rotation: glam::Quat, translation: Vec3, truth: &Pose) -> (f
     let rotation = DQuat::from_array(rotation.to_array().map(f64::from));
     let found = Pose::from_parts(rotation, translation.as_dvec3());
     (found.distance_to(truth), found.angle_to(truth))
+}
+
+/// A space in which everything looks alike.
+pub(super) fn space() -> AppearanceSpace {
+    let grid = *SensorDescription::digitacts_6x6().grid();
+    let dimension = raw_descriptor(&grid).dimension() + 1;
+    let projection = Discriminant { mean: vec![0.0; dimension], axes: vec![vec![1.0; dimension]] };
+    AppearanceSpace::new(grid, projection, vec![[0; N_AXES]])
+}
+
+/// The belief of nothing yet over objects of such places.
+pub(super) fn belief_over(objects: &[Vec<Touch>], options: HybridOptions) -> HybridBelief {
+    let maps = objects.iter().map(|places| Arc::new(map_of(places))).collect();
+    let model = SurfaceModel::new(space(), EvidenceCalibration::default(), maps);
+    HybridBelief::new(Arc::new(model), options, None).unwrap()
 }

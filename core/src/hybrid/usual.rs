@@ -26,9 +26,30 @@ const SHARE: f64 = 0.8;
 /// Objects less likely than this, beside the best, have no say.
 const LEAST: f64 = 0.01;
 
+/// The touches that evidence is of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Counted {
+    /// How many there are, by what they count.
+    pub(super) touches: f64,
+    /// How much less well (ln) any object explains them since sensors stood unsteadily.
+    pub(super) unsteadiness: f64,
+}
+
+/// How much better (ln) "none of these" explains touches than it does beside an object that
+/// explains its own as well as most: more where the touches look like an object that should
+/// explain them better, less where they would look unlikely of any.
+pub(super) fn unusual(
+    counted: Counted,
+    evidence: impl Iterator<Item = (usize, f64)> + Clone,
+    temperature: f64,
+    usual_score: impl Fn(usize) -> f64,
+) -> f64 {
+    excess(evidence, temperature, usual_score) * counted.touches - counted.unsteadiness
+}
+
 /// How much better than [`MOST`] the objects that touches may be of explain their own, ln a
 /// touch, in the mean over what their evidence (ln, with the object) says at a temperature.
-pub(super) fn excess(
+fn excess(
     evidence: impl Iterator<Item = (usize, f64)> + Clone,
     temperature: f64,
     usual_score: impl Fn(usize) -> f64,
@@ -84,20 +105,7 @@ pub(super) fn usual_score(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::descriptor::Descriptor as _;
-    use crate::hybrid::test_support::{map_of, places};
-    use crate::sensor::SensorDescription;
-    use crate::surface::appearance::{N_AXES, raw_descriptor};
-    use crate::vocabulary::discriminant::Discriminant;
-
-    /// A space in which everything looks alike.
-    fn space() -> AppearanceSpace {
-        let grid = *SensorDescription::digitacts_6x6().grid();
-        let dimension = raw_descriptor(&grid).dimension() + 1;
-        let projection =
-            Discriminant { mean: vec![0.0; dimension], axes: vec![vec![1.0; dimension]] };
-        AppearanceSpace::new(grid, projection, vec![[0; N_AXES]])
-    }
+    use crate::hybrid::test_support::{map_of, places, space};
 
     #[test]
     fn the_excess_is_that_of_the_objects_that_it_may_be() {
@@ -110,6 +118,16 @@ mod tests {
         // 2 ln 3 less at a temperature of 2 is a third: 0.8 · (2 − 2/3)/(4/3).
         let third = excess([50.0, 50.0 - 2.0 * 3f64.ln(), 0.0]);
         assert!((third - 0.8).abs() < 1e-9, "{third}");
+    }
+
+    #[test]
+    fn none_of_these_is_held_to_what_each_touch_counts_and_spared_what_unsteady_ones_cost() {
+        let unusual = |touches, unsteadiness| {
+            let counted = Counted { touches, unsteadiness };
+            unusual(counted, [(0, 50.0)].into_iter(), 2.0, |_| 14.0)
+        };
+        assert!((unusual(3.0, 0.0) - 4.8).abs() < 1e-9);
+        assert!((unusual(3.0, 2.5) - 2.3).abs() < 1e-9);
     }
 
     #[test]

@@ -135,7 +135,8 @@ mod tests {
         let even = |rows: [&str; 6]| touch_of(&rows, Pose::IDENTITY).unwrap().evenness;
         assert!((even(["######"; 6]) - 1.0).abs() < 1e-9);
         // 9 of 36 taxels, at a corner.
-        assert!((even(["###...", "###...", "###...", "......", "......", "......"]) - 0.25) < 1e-9);
+        let corner = ["###...", "###...", "###...", "......", "......", "......"];
+        assert!((even(corner) - 0.25).abs() < 1e-9);
         // The same 9 taxels of 2 mm on an array twice as wide.
         let wide = SensorDescription::digitacts(12, 12);
         let pressure = |taxel: usize| if taxel / 12 < 3 && taxel % 12 < 3 { 1e4 } else { 0.0 };
