@@ -181,7 +181,7 @@ impl HybridBelief {
             2 => {
                 self.follow();
                 self.take_census(&[0], true);
-                self.propose(&[0], f64::INFINITY, self.n_listed());
+                self.propose(&[0], f64::INFINITY, self.n_listed_for_pair());
                 self.compare_pairs();
             }
             _ => {
@@ -298,9 +298,10 @@ impl HybridBelief {
         let touch = &self.touches[0];
         let n_compared = self.n_listed().map_or(usize::MAX, |_| TOUCHES_PER_OBJECT);
         for_each_object(&mut self.objects, self.model.maps(), |state, map| {
-            let patches = &map.patches()[..n_compared.min(map.patches().len())];
-            let sum: f32 = patches.iter().map(|patch| touch.appearance(&patch.feature)).sum();
-            state.log_evidence = f64::from((sum / patches.len() as f32).ln());
+            let mut looks = Vec::new();
+            let n_compared = n_compared.min(map.patches().len());
+            touch.appearances(map.features(), 0..n_compared, &mut looks);
+            state.log_evidence = f64::from((looks.iter().sum::<f32>() / n_compared as f32).ln());
         });
     }
 

@@ -53,6 +53,9 @@ pub struct Budget {
     pub proposals_if_many: usize,
     /// There from the third touch on pairs of so many patches of an object propose.
     pub paired_if_many: usize,
+    /// There, after the second touch, poses are proposed of at most so many objects: most of
+    /// them will not last.
+    pub listed_for_pair: usize,
     /// Earlier touches that a new one is paired with while no pose is likelier than not.
     pub partners: usize,
     /// The same once one is.
@@ -85,19 +88,6 @@ impl Budget {
         let root = (n as f64).sqrt().ceil() as usize;
         self.listed_per_root.saturating_mul(root).min(n)
     }
-
-    /// How far each object is asked for a pair of touches, after so many touches, in a
-    /// catalogue that has `many` objects or few.
-    pub(super) fn effort(&self, many: bool, n_touches: usize) -> Effort {
-        let all = usize::MAX;
-        let (proposals, patches) = match (many, n_touches) {
-            (false, _) => (self.proposals_per_object, all),
-            // How dense pairs are about the first two touches tells objects apart: all are asked.
-            (true, ..=2) => (self.proposals_if_many, all),
-            (true, _) => (self.proposals_if_many, self.paired_if_many),
-        };
-        Effort { proposals, patches }
-    }
 }
 
 /// How the recogniser works.
@@ -116,6 +106,8 @@ pub struct HybridOptions {
     /// Stored pairs whose two appearances together are less likely than this, relative to
     /// touches anywhere, propose nothing.
     pub appearance_min: f32,
+    /// The same in a large catalogue.
+    pub appearance_min_if_many: f32,
     /// The bounds.
     pub budget: Budget,
     /// Added to how dense an object's pairs are beside the mean of all objects: what the table
@@ -139,6 +131,20 @@ pub struct HybridOptions {
 }
 
 impl HybridOptions {
+    /// How far each object is asked for a pair of touches, after so many touches, in a
+    /// catalogue that has `many` objects or few.
+    pub(super) fn effort(&self, many: bool, n_touches: usize) -> Effort {
+        let (budget, all) = (&self.budget, usize::MAX);
+        if !many {
+            let (proposals, appearance_min) = (budget.proposals_per_object, self.appearance_min);
+            return Effort { proposals, patches: all, appearance_min };
+        }
+        // How dense pairs are about the first two touches tells objects apart: all are asked.
+        let patches = if n_touches > 2 { budget.paired_if_many } else { all };
+        let appearance_min = self.appearance_min_if_many;
+        Effort { proposals: budget.proposals_if_many, patches, appearance_min }
+    }
+
     /// For an object that may move between touches: by about `shift` (m) and `angle` (rad).
     /// Poses of touches are believed less by as much; what is known of the identity stays.
     #[must_use]
@@ -179,10 +185,12 @@ impl Default for HybridOptions {
             pairs: PairTolerance { distance: 2.5 * mm, cosine: 0.18 },
             pair_deviation: PairTolerance { distance: 1.0 * mm, cosine: 0.1 },
             appearance_min: 0.5,
+            appearance_min_if_many: 1.0,
             budget: Budget {
                 proposals_per_object: 60,
                 proposals_if_many: 12,
                 paired_if_many: 400,
+                listed_for_pair: 64,
                 partners: 2,
                 partners_if_likely: 1,
                 partners_if_poor: 3,
@@ -190,7 +198,7 @@ impl Default for HybridOptions {
                 explored_if_many: 64,
                 listed_per_root: 8,
                 per_object: 60,
-                total: 4_000,
+                total: 1_000,
                 refined: 24,
                 refined_objects: 4,
                 refined_proposals: 8,
@@ -213,9 +221,10 @@ mod tests {
 
     #[test]
     fn many_objects_are_asked_for_less_and_from_the_third_touch_on_for_fewer_patches() {
-        let budget = HybridOptions::default().budget;
+        let options = HybridOptions::default();
+        let budget = options.budget;
         let asked = |many, n_touches| {
-            let effort = budget.effort(many, n_touches);
+            let effort = options.effort(many, n_touches);
             (effort.proposals, effort.patches)
         };
         for n_touches in [2, 3, 9] {
@@ -224,6 +233,8 @@ mod tests {
         assert_eq!(asked(true, 2), (budget.proposals_if_many, usize::MAX));
         assert_eq!(asked(true, 3), (budget.proposals_if_many, budget.paired_if_many));
         assert!(budget.proposals_if_many < budget.proposals_per_object);
+        let least = |many| options.effort(many, 3).appearance_min;
+        assert!(least(true) > least(false), "pairs have to look alike more");
     }
 
     #[test]

@@ -57,6 +57,9 @@ pub(super) struct Effort {
     pub(super) proposals: usize,
     /// They are pairs of its first so many patches, which cover its surface evenly.
     pub(super) patches: usize,
+    /// Pairs whose two appearances together are less likely, relative to touches anywhere,
+    /// propose nothing.
+    pub(super) appearance_min: f32,
 }
 
 /// Proposes poses of an object for two touches; `None` when they are at one place.
@@ -72,8 +75,10 @@ pub(super) fn propose(
     let (patches, bends) = (map.patches(), map.bends());
     let n_tabled = map.layout().pair_patches_max.min(patches.len());
     let paired = &patches[..n_tabled.min(effort.patches)];
-    let looks = touches.map(|touch| -> Vec<f32> {
-        paired.iter().map(|patch| touch.appearance(&patch.feature)).collect()
+    let looks = touches.map(|touch| {
+        let mut looks = Vec::new();
+        touch.appearances(map.features(), 0..paired.len(), &mut looks);
+        looks
     });
     let mut matches = Vec::new();
     let (mut total, mut n_visited) = (0.0, 0);
@@ -85,7 +90,7 @@ pub(super) fn propose(
         };
         n_visited += 1;
         let appearance = a * b;
-        if appearance < options.appearance_min {
+        if appearance < effort.appearance_min {
             return;
         }
         let (a, b) = (&patches[usize::from(first)], &patches[usize::from(second)]);
@@ -221,7 +226,7 @@ mod tests {
         }
     }
 
-    const ALL: Effort = Effort { proposals: 60, patches: usize::MAX };
+    const ALL: Effort = Effort { proposals: 60, patches: usize::MAX, appearance_min: 0.5 };
 
     /// Two places 20 mm apart along x, with these normals.
     fn pair(normals: [DVec3; 2]) -> [Touch; 2] {

@@ -14,8 +14,11 @@ use super::sighting::Sighting;
 use crate::reading::Base;
 use crate::surface::SurfaceMap;
 
-/// The most passes of Gauss–Newton.
-const PASSES_MAX: usize = 5;
+/// The most passes of Gauss–Newton: the next touch refines anew.
+const PASSES_MAX: usize = 3;
+
+/// A pass that moves a pose by less is the last one: metres, rad.
+const CONVERGED: (f32, f32) = (5e-5, 2.5e-3);
 
 /// As if the start were known so well: metres, rad.
 const START_DEVIATION: (f64, f64) = (0.01, 0.35);
@@ -72,7 +75,7 @@ pub(super) fn refine(
         let turned = Vec3::new(change[3] as f32, change[4] as f32, change[5] as f32);
         hypothesis.rotation = (Quat::from_scaled_axis(turned) * hypothesis.rotation).normalize();
         hypothesis.translation += moved;
-        if moved.length() < 2e-5 && turned.length() < 1e-3 {
+        if moved.length() < CONVERGED.0 && turned.length() < CONVERGED.1 {
             break;
         }
     }

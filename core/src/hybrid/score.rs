@@ -20,9 +20,9 @@ use crate::surface::{SurfaceMap, SurfacePatch};
 /// It is no strict bound: a rare look on a map of few touches can exceed it.
 const SCORE_MAX: f32 = 14.0;
 
-/// Beyond this (squared distance in deviations) a mapped touch explains nothing: e⁻³² of what it
+/// Beyond this (squared distance in deviations) a mapped touch explains nothing: e⁻¹⁸ of what it
 /// would explain at its own place.
-const FAR: f32 = 64.0;
+const FAR: f32 = 36.0;
 
 /// Patches that face this far away (cosine) say nothing of the height of the surface.
 const FACING_MIN: f32 = 0.3;
@@ -219,7 +219,7 @@ impl Kernel {
             if agreement >= FACING_MIN {
                 let flat = off.length_squared() - off.dot(patch.normal).powi(2);
                 let smoothing = self.refinement.smoothing.powi(2);
-                let weight = (-flat / smoothing).exp() * agreement + 1e-6;
+                let weight = exp(-flat / smoothing) * agreement + 1e-6;
                 height += weight * above;
                 heights += weight;
             }

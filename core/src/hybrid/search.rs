@@ -80,7 +80,7 @@ impl HybridBelief {
             Some(_) => budget.explored_if_many,
             None => budget.objects,
         };
-        let effort = budget.effort(self.n_listed().is_some(), self.touches.len());
+        let effort = self.options.effort(self.n_listed().is_some(), self.touches.len());
         let (bar, refining) = match self.touches.len() {
             0..=2 if listed.is_some() => (f64::INFINITY, f64::INFINITY),
             0..=2 => (f64::NEG_INFINITY, f64::INFINITY),

@@ -36,6 +36,11 @@ impl HybridBelief {
         self.model.joint_pairs().map(|_| self.options.budget.n_listed(self.objects.len()))
     }
 
+    /// How many objects are listed after the second touch.
+    pub(super) fn n_listed_for_pair(&self) -> Option<usize> {
+        self.n_listed().map(|most| most.min(self.options.budget.listed_for_pair))
+    }
+
     /// The newest touch and each partner ask the table how each object stands: all of them, or
     /// those that stand best. Whoever is not asked is taken to have no such pair.
     pub(super) fn take_census(&mut self, partners: &[usize], all: bool) {
@@ -44,9 +49,8 @@ impl HybridBelief {
         let n_asked = self.n_listed().map_or(usize::MAX, |n| n.saturating_mul(ASKED));
         let bar = if all { f64::NEG_INFINITY } else { self.standing_of(n_asked) };
         let wanted: Vec<bool> = self.objects.iter().map(|state| state.standing >= bar).collect();
-        for partner in partners {
-            let pair = [newest, &earlier[*partner]];
-            let Some(estimates) = estimate(joint, pair, &wanted, &self.options) else { continue };
+        let partners: Vec<&Sighting> = partners.iter().map(|n| &earlier[*n]).collect();
+        for estimates in estimate(joint, newest, &partners, &wanted, &self.options) {
             let total: f32 = estimates.iter().map(|estimate| estimate.evidence).sum();
             let mean = total / estimates.len().max(1) as f32;
             if mean <= 0.0 {
@@ -72,44 +76,90 @@ impl HybridBelief {
     }
 }
 
-/// Asks the table for two touches; `None` when they are at one place.
-fn estimate(
-    joint: &JointPairs,
-    touches: [&Sighting; 2],
-    wanted: &[bool],
-    options: &HybridOptions,
-) -> Option<Vec<Estimate>> {
-    let place = |touch: &Sighting| (touch.position, touch.normal);
-    let options = &loosened(options, touches);
-    let unsteady = unsteady(touches);
-    let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
-    let of_table = |(table, wanted): (&JointTable, &[bool])| {
+/// A pair of touches that the table is asked for.
+struct Query<'a> {
+    touches: [&'a Sighting; 2],
+    geometry: PairGeometry,
+    unsteady: f32,
+    options: HybridOptions,
+}
+
+impl<'a> Query<'a> {
+    /// `None` when both are at one place.
+    fn new(touches: [&'a Sighting; 2], options: &HybridOptions) -> Option<Self> {
+        let [a, b] = touches.map(|touch| (touch.position, touch.normal));
+        Some(Self {
+            touches,
+            geometry: PairGeometry::new(a, b)?,
+            unsteady: unsteady(touches),
+            options: loosened(options, touches),
+        })
+    }
+
+    /// What a table says of its objects that are wanted; `looks` are those of both touches at
+    /// the tabled ones.
+    fn ask(&self, table: &JointTable, wanted: &[bool], looks: [&[f32]; 2]) -> Vec<Estimate> {
         let mut estimates = vec![Estimate::default(); table.n_objects()];
-        table.matches(
-            query,
-            options.pairs,
-            |object| wanted[object],
-            |object, patches, stored| {
-                let estimate = &mut estimates[object];
-                estimate.geometry += 1.0;
-                let Some(misfit) = misfit(&query, &stored, unsteady, options) else { return };
-                let [a, b] = patches;
-                let looks = touches[0].appearance(&a.feature) * touches[1].appearance(&b.feature);
-                if looks >= options.appearance_min {
-                    let turned = alignment(touches, patches, options);
-                    estimate.evidence += looks * exp(-0.5 * misfit) * turned;
-                }
-            },
-        );
+        table.matches(self.geometry, self.options.pairs, |object, [first, second]| {
+            let estimate = &mut estimates[object];
+            estimate.geometry += 1.0;
+            // Looks first: they differ more often.
+            let looks = looks[0][first] * looks[1][second];
+            if looks < self.options.appearance_min_if_many {
+                return;
+            }
+            let Some((patches, stored)) = table.pair([first, second]) else { return };
+            let misfit = misfit(&self.geometry, &stored, self.unsteady, &self.options);
+            if let Some(misfit) = misfit {
+                let turned = alignment(self.touches, patches, &self.options);
+                estimate.evidence += looks * exp(-0.5 * misfit) * turned;
+            }
+        });
         for (object, estimate) in estimates.iter_mut().enumerate() {
             let n_pairs = table.n_pairs(object).max(1) as f32;
-            estimate.geometry /= n_pairs;
-            estimate.evidence /= n_pairs;
+            let Estimate { geometry, evidence } = *estimate;
+            *estimate = if wanted[object] {
+                Estimate { geometry: geometry / n_pairs, evidence: evidence / n_pairs }
+            } else {
+                Estimate::default()
+            };
         }
         estimates
+    }
+}
+
+/// What the table says of all objects for the newest touch and each partner that is not at its
+/// place.
+fn estimate(
+    joint: &JointPairs,
+    newest: &Sighting,
+    partners: &[&Sighting],
+    wanted: &[bool],
+    options: &HybridOptions,
+) -> Vec<Vec<Estimate>> {
+    let pairs = partners.iter().map(|partner| [newest, *partner]);
+    let queries: Vec<Query<'_>> = pairs.filter_map(|pair| Query::new(pair, options)).collect();
+    let of_table = |(table, wanted): (&JointTable, &[bool])| -> Vec<Vec<Estimate>> {
+        let looks = |touch: &Sighting| {
+            let mut looks = Vec::with_capacity(table.features().len());
+            for (object, wanted) in wanted.iter().enumerate() {
+                let touches = table.touches(object);
+                if *wanted {
+                    touch.appearances(table.features(), touches, &mut looks);
+                } else {
+                    looks.resize(touches.end, 0.0);
+                }
+            }
+            looks
+        };
+        let newest = looks(newest);
+        let ask = |query: &Query<'_>| query.ask(table, wanted, [&newest, &looks(query.touches[1])]);
+        queries.iter().map(ask).collect()
     };
     let tables = joint.tables().par_iter().zip(wanted.par_chunks(OBJECTS_PER_TABLE));
-    Some(tables.flat_map_iter(of_table).collect())
+    let of_tables: Vec<Vec<Vec<Estimate>>> = tables.map(of_table).collect();
+    let all = |query: usize| of_tables.iter().flat_map(|of| &of[query]).copied().collect();
+    (0..queries.len()).map(all).collect()
 }
 
 #[cfg(test)]
@@ -117,8 +167,10 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::hybrid::test_support::{map_of, places, seen, some_pose};
+    use crate::hybrid::ObjectState;
+    use crate::hybrid::test_support::{belief_over, map_of, places, seen, some_pose};
     use crate::pose::Pose;
+    use crate::surface::Touch;
     use crate::surface::pair_table::PairTable;
 
     /// What the table says of objects of 120 random places each, for touches of the third.
@@ -128,7 +180,8 @@ mod tests {
         let pose = some_pose(5);
         let [a, b] = touches.map(|touch| seen(&objects[2][touch], &pose));
         let joint = JointPairs::build(&maps);
-        estimate(&joint, [&a, &b], &wanted, &HybridOptions::default()).unwrap()
+        let mut of_pairs = estimate(&joint, &a, &[&b], &wanted, &HybridOptions::default());
+        of_pairs.remove(0)
     }
 
     #[test]
@@ -181,7 +234,26 @@ mod tests {
         let touch = seen(&places(20, 0)[0], &Pose::IDENTITY);
         let joint = JointPairs::build(&[map]);
         let options = HybridOptions::default();
-        assert_eq!(estimate(&joint, [&touch, &touch], &[true], &options), None);
+        assert!(estimate(&joint, &touch, &[&touch], &[true], &options).is_empty());
+    }
+
+    #[test]
+    fn after_two_touches_few_objects_have_poses_and_all_have_a_standing() {
+        let objects: Vec<Vec<Touch>> = (0..90).map(|index| places(60, index)).collect();
+        let mut belief = belief_over(&objects, HybridOptions::default());
+        assert_eq!((belief.n_listed(), belief.n_listed_for_pair()), (Some(80), Some(64)));
+        let touches = [3, 50].map(|touch| seen(&objects[2][touch], &some_pose(5)));
+        belief.touches = touches.to_vec();
+        belief.take_census(&[0], true);
+        belief.propose(&[0], f64::INFINITY, belief.n_listed_for_pair());
+        let posed = belief.objects.iter().filter(|state| !state.hypotheses.is_empty()).count();
+        assert!((32..=64).contains(&posed), "{posed}");
+        let standing = |state: &ObjectState| state.standing.is_normal();
+        assert_eq!(belief.objects.iter().filter(|state| standing(state)).count(), 90);
+        // Who is not listed has no poses, whatever it is.
+        let bar = belief.standing_of(64);
+        let out = belief.objects.iter().filter(|state| state.standing < bar);
+        assert!(out.clone().count() > 20 && out.clone().all(|state| state.hypotheses.is_empty()));
     }
 
     #[test]

@@ -1,11 +1,14 @@
 //! A touch as the recogniser keeps it: single precision about the session's anchor.
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3};
 
 use super::options::TouchScale;
 use super::steadiness::Steadiness;
 use crate::reading::{Base, Looseness};
 use crate::surface::appearance::{Feature, StoredFeature, ratio};
+use crate::surface::features::Features;
 use crate::surface::{AppearanceSpace, Touch};
 
 /// Touches of one place agree: nearer ones than this (m) are no independent evidence.
@@ -113,6 +116,11 @@ impl Sighting {
     #[inline]
     pub(super) fn appearance(&self, other: &StoredFeature) -> f32 {
         ratio(&self.feature, other, self.sharp.softness, self.sharp.density)
+    }
+
+    /// The same where each of a `range` of touches was felt, at the end of `found`.
+    pub(super) fn appearances(&self, of: &Features, range: Range<usize>, found: &mut Vec<f32>) {
+        of.ratios(&self.feature, range, [self.sharp.softness, self.sharp.density], found);
     }
 
     /// The same for judging a pose, less trusting.

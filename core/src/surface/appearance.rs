@@ -5,6 +5,7 @@
 //! touches of one place differ with covariance 1. Touches of one place agree far better than
 //! that in the most cases and far worse at edges, hence the heavy tails of [`kernel`].
 
+use super::features::Features;
 use crate::descriptor::polar_fourier::{PolarFourier, PolarFourierForm};
 use crate::descriptor::{Descriptor, Workspace};
 use crate::reading::TactileImage;
@@ -22,7 +23,7 @@ pub type Feature = [f32; N_AXES];
 pub type StoredFeature = [i8; N_AXES];
 
 /// Steps of a stored feature to one deviation.
-const STEPS: f32 = 16.0;
+pub(super) const STEPS: f32 = 16.0;
 
 /// The share of touches whose appearance is anything: no look-up says "impossible".
 const OUTLIERS: f32 = 0.05;
@@ -33,6 +34,7 @@ pub struct AppearanceSpace {
     grid: TaxelGrid,
     projection: Discriminant,
     anywhere: Vec<StoredFeature>,
+    anywhere_by_axis: Features,
     descriptor: PolarFourier,
 }
 
@@ -42,7 +44,8 @@ impl AppearanceSpace {
     #[must_use]
     pub fn new(grid: TaxelGrid, projection: Discriminant, anywhere: Vec<StoredFeature>) -> Self {
         let descriptor = raw_descriptor(&grid);
-        Self { grid, projection, anywhere, descriptor }
+        let anywhere_by_axis = Features::new(anywhere.iter());
+        Self { grid, projection, anywhere, anywhere_by_axis, descriptor }
     }
 
     /// Features of touches anywhere on any object.
@@ -77,7 +80,7 @@ impl AppearanceSpace {
     /// How dense touches anywhere are at a feature, on the scale of [`kernel`].
     #[must_use]
     pub fn density_anywhere(&self, feature: &Feature, softness: f32) -> f32 {
-        let sum: f32 = self.anywhere.iter().map(|other| kernel(feature, other, softness)).sum();
+        let sum = self.anywhere_by_axis.agreement(feature, softness);
         (sum / self.anywhere.len().max(1) as f32).max(f32::MIN_POSITIVE)
     }
 }
@@ -122,6 +125,12 @@ pub fn kernel(feature: &Feature, other: &StoredFeature, softness: f32) -> f32 {
         let difference = value - f32::from(*stored) * (1.0 / STEPS);
         square += difference * difference;
     }
+    kernel_of(square, softness)
+}
+
+/// The same for a squared distance, in deviations.
+#[inline]
+pub(super) fn kernel_of(square: f32, softness: f32) -> f32 {
     let inverse = (1.0 + square / (3.0 * softness)).recip();
     // The exponent is (3 + 8) / 2 = 5½.
     let squared = inverse * inverse;
@@ -133,7 +142,13 @@ pub fn kernel(feature: &Feature, other: &StoredFeature, softness: f32) -> f32 {
 #[inline]
 #[must_use]
 pub fn ratio(feature: &Feature, other: &StoredFeature, softness: f32, density: f32) -> f32 {
-    (1.0 - OUTLIERS) * kernel(feature, other, softness) / density + OUTLIERS
+    ratio_of(kernel(feature, other, softness), density)
+}
+
+/// The same for touches that agree so well.
+#[inline]
+pub(super) fn ratio_of(agreement: f32, density: f32) -> f32 {
+    (1.0 - OUTLIERS) * agreement / density + OUTLIERS
 }
 
 /// The descriptor of images on a grid.

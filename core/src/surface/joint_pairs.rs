@@ -9,6 +9,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::features::Features;
 use super::pair_cells::{N_DISTANCES_MAX, PairCells};
 use super::pair_geometry::{PairGeometry, PairTolerance};
 use super::{SurfaceMap, SurfacePatch};
@@ -34,6 +35,7 @@ pub struct JointPairs {
 pub struct JointTable {
     cells: PairCells<JointPair, N_COSINES>,
     patches: Vec<SurfacePatch>,
+    features: Features,
     /// Where each object's patches begin; one more than there are objects.
     starts: Vec<u32>,
 }
@@ -66,6 +68,7 @@ impl JointPairs {
         let bytes = |table: &JointTable| {
             table.cells.bytes()
                 + size_of_val(table.patches.as_slice())
+                + table.features.bytes()
                 + size_of_val(table.starts.as_slice())
         };
         self.tables.iter().map(bytes).sum()
@@ -96,35 +99,47 @@ impl JointTable {
             (0..n).flat_map(move |a| (a + 1..n).filter_map(move |b| pair(a, b)))
         });
         let cells = PairCells::build(pairs, min, edge);
-        Self { cells, patches, starts }
+        let features = Features::new(patches.iter().map(|patch| &patch.feature));
+        Self { cells, patches, features, starts }
     }
 
-    /// Calls `found` with the object (from 0 in this table), the patches and the geometry of
-    /// every stored pair of a `wanted` object that may be within `tolerance` of the query, in
-    /// the query's order. The caller compares the geometry itself.
+    /// What the tabled touches look like, for comparing a touch with all of them.
+    #[must_use]
+    pub fn features(&self) -> &Features {
+        &self.features
+    }
+
+    /// Which of the tabled touches are an object's.
+    #[must_use]
+    pub fn touches(&self, object: usize) -> Range<usize> {
+        range(&self.starts[object..object + 2])
+    }
+
+    /// Calls `visited` with the object (from 0 in this table) of every stored pair that may be
+    /// within `tolerance` of the query, and which of the tabled touches make it, in the query's
+    /// order. The caller compares the geometry ([`Self::pair`]) itself.
     #[inline]
     pub fn matches(
         &self,
         query: PairGeometry,
         tolerance: PairTolerance,
-        wanted: impl Fn(usize) -> bool,
-        mut found: impl FnMut(usize, [&SurfacePatch; 2], PairGeometry),
+        mut visited: impl FnMut(usize, [usize; 2]),
     ) {
         self.cells.visit(query, tolerance, |pair, is_reversed| {
             let object = usize::from(pair.object);
-            if !wanted(object) {
-                return;
-            }
-            let patch =
-                |index: u8| &self.patches[self.starts[object] as usize + usize::from(index)];
-            let (first, second) = (patch(pair.first), patch(pair.second));
-            let [a, b] = if is_reversed { [second, first] } else { [first, second] };
-            // What is stored is a pair.
-            let geometry = PairGeometry::new((a.position, a.normal), (b.position, b.normal));
-            if let Some(geometry) = geometry {
-                found(object, [a, b], geometry);
-            }
+            let start = self.starts[object] as usize;
+            let [first, second] = [pair.first, pair.second].map(|index| start + usize::from(index));
+            visited(object, if is_reversed { [second, first] } else { [first, second] });
         });
+    }
+
+    /// Two of the tabled touches, and their geometry; `None` when they are at one place.
+    #[inline]
+    #[must_use]
+    pub fn pair(&self, touches: [usize; 2]) -> Option<([&SurfacePatch; 2], PairGeometry)> {
+        let [a, b] = touches.map(|touch| &self.patches[touch]);
+        let geometry = PairGeometry::new((a.position, a.normal), (b.position, b.normal))?;
+        Some(([a, b], geometry))
     }
 
     /// How many objects are in this table.
@@ -136,7 +151,7 @@ impl JointTable {
     /// How many ordered pairs an object's first touches make.
     #[must_use]
     pub fn n_pairs(&self, object: usize) -> usize {
-        let n = range(&self.starts[object..object + 2]).len();
+        let n = self.touches(object).len();
         n * n.saturating_sub(1)
     }
 }
@@ -186,9 +201,11 @@ mod tests {
     }
 
     /// What the table answers, kept to what is within the tolerance.
-    fn found(table: &JointTable, query: PairGeometry, wanted: impl Fn(usize) -> bool) -> Pairs {
+    fn found(table: &JointTable, query: PairGeometry) -> Pairs {
         let mut pairs = Pairs::new();
-        table.matches(query, TOLERANCE, wanted, |object, patches, stored| {
+        table.matches(query, TOLERANCE, |object, touches| {
+            assert!(touches.iter().all(|touch| table.touches(object).contains(touch)));
+            let (patches, stored) = table.pair(touches).unwrap();
             if is_within(&query, &stored) {
                 assert!(pairs.insert(named(object, patches)), "found twice");
             }
@@ -219,10 +236,8 @@ mod tests {
                     }
                 }
             }
-            assert_eq!(found(table, query, |_| true), expected);
-            expected.retain(|(object, _)| *object == 1);
-            assert_eq!(found(table, query, |object| object == 1), expected, "others unwanted");
-            n_found += expected.len();
+            assert_eq!(found(table, query), expected);
+            n_found += expected.iter().filter(|(object, _)| *object == 1).count();
         }
         assert!(n_found > 10, "{n_found}");
     }

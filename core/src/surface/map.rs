@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::appearance::StoredFeature;
 use super::bend::{Bend, bends};
+use super::features::Features;
 use super::pair_table::PairTable;
 use super::solid::Solid;
 use super::voxels::Voxels;
@@ -67,6 +68,7 @@ impl Default for SurfaceLayout {
 pub struct SurfaceMap {
     origin_in_training: DVec3,
     patches: Vec<SurfacePatch>,
+    features: Features,
     bends: Vec<Bend>,
     layout: SurfaceLayout,
     spacing: f32,
@@ -110,10 +112,12 @@ impl SurfaceMap {
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
         let bends = bends(&patches, spacing);
+        let features = Features::new(patches.iter().map(|patch| &patch.feature));
         let solid = Solid::of_patches(&patches, spacing, reach);
         Self {
             origin_in_training,
             patches,
+            features,
             bends,
             layout,
             spacing,
@@ -147,6 +151,12 @@ impl SurfaceMap {
     #[must_use]
     pub fn patches(&self) -> &[SurfacePatch] {
         &self.patches
+    }
+
+    /// What they look like, for comparing a touch with many of them.
+    #[must_use]
+    pub fn features(&self) -> &Features {
+        &self.features
     }
 
     /// How the surface bends about each of them.
@@ -196,6 +206,7 @@ impl SurfaceMap {
     pub fn bytes(&self) -> usize {
         size_of::<Self>()
             + size_of_val(self.patches.as_slice())
+            + self.features.bytes()
             + size_of_val(self.bends.as_slice())
             + size_of_val(self.symmetry.axes.as_slice())
             + self.voxels.bytes()
@@ -252,8 +263,8 @@ mod tests {
         let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
         let map = SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default());
         // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch; how the surface
-        // bends there is five numbers more.
-        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 72;
+        // bends there is five numbers more, and the 8 are there once more in a block for eight.
+        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 72 + 64;
         assert_eq!(map.bytes(), parts + size_of::<SurfaceMap>());
         assert!(map.pairs().bytes() >= 10 * 4, "ten pairs of two numbers");
     }

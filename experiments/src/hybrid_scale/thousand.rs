@@ -28,6 +28,7 @@ use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel};
 use crate::report::{Progress, Report};
+use crate::stated::wilson;
 use crate::statistics::{mean, quantile};
 
 /// How far catalogues grow.
@@ -231,6 +232,10 @@ fn measure(
             let key = format!("accuracy_{count}_at_{readings}");
             report.summarise(&key, played.accuracy(readings));
         }
+        let right = played.after(READINGS).filter(|step| step.is_right()).count();
+        let (low, high) = wilson(right, played.after(READINGS).count());
+        report.summarise(&format!("accuracy_{count}_at_{READINGS}_low"), low);
+        report.summarise(&format!("accuracy_{count}_at_{READINGS}_high"), high);
         report.summarise(&format!("p99_ms_{count}"), quantile(&shared.wall_ms(), 0.99));
         report.summarise(&format!("ms_per_touch_{count}"), ms);
         report.summarise(&format!("bytes_{count}"), hybrid.bytes() as f64);
