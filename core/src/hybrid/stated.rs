@@ -13,6 +13,9 @@ use crate::log_prob::{entropy_bits, normalize};
 use crate::model::ObjectIdx;
 use crate::pose::Pose;
 
+/// Poses less probable than this are answered as they were when they lost: nobody moves by them.
+const LIKELY_ENOUGH: f64 = 1e-3;
+
 impl HybridBelief {
     /// The probability of each object, then of none of them.
     pub(super) fn probabilities(&self) -> Vec<f64> {
@@ -79,7 +82,7 @@ impl HybridBelief {
         let mode = |Share { share: weight, object, hypothesis }: Share| {
             let map = &self.model.maps()[object];
             let mut refined = hypothesis;
-            if self.touches.len() > 2 {
+            if self.touches.len() > 2 && weight > LIKELY_ENOUGH {
                 refine::refine(&mut refined, map, &self.touches, &self.kernel, &self.options);
             }
             let (kernel, options) = (&self.kernel, &self.options);
