@@ -180,8 +180,8 @@ impl HybridBelief {
             }
             2 => {
                 self.follow();
-                self.take_census(&[0], true);
-                self.propose(&[0], f64::INFINITY, self.n_listed_for_pair());
+                let common = self.take_census(&[0], true);
+                self.propose(&[0], f64::INFINITY, self.n_listed_for_pair(), common);
                 self.compare_pairs();
             }
             _ => {

@@ -169,7 +169,7 @@ fn with_poses_proposed_for_few_of_many_objects_the_right_one_is_named() {
     assert!(model.joint_pairs().is_some() && MODEL.joint_pairs().is_none());
     let mut options = HybridOptions::default();
     // 7 of 40, and fewer with every touch.
-    (options.budget.listed_per_root, options.budget.explored_if_many) = (1, 0);
+    (options.budget.many.listed_per_root, options.budget.many.explored) = (1, 0);
     for object in 0..N_OBJECTS {
         let mut belief = HybridBelief::new(model.clone(), options, None).unwrap();
         for reading in touches(object, 12, 2) {

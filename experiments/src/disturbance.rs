@@ -1,9 +1,9 @@
 //! What comes between a touch and what a session hears of it: an arm that is not where it
-//! says, or an object that moves when it is touched.
+//! says, robots whose bases are not, or an object that moves.
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
-use palpate_core::reading::Reading;
+use palpate_core::reading::{Base, Looseness, Reading};
 use palpate_core::rng::Stream;
 use palpate_sim::explore::Perturbation;
 
@@ -22,34 +22,99 @@ pub enum Disturbance {
     },
     /// The object moves between any two readings; moves add up.
     Moving(Perturbation),
+    /// Robots take turns, and the base of each but the first is off, the same in all its
+    /// readings.
+    Robots {
+        /// How many there are.
+        robots: usize,
+        /// How far bases are off.
+        base: Looseness,
+        /// Whether the session hears how far.
+        is_told: bool,
+    },
+    /// The object moves once.
+    Jolt {
+        /// By how much.
+        by: Perturbation,
+        /// After so many readings.
+        after: usize,
+        /// Whether the session hears that it may have moved, and how far.
+        is_told: bool,
+    },
+}
+
+/// A reading as a session hears it.
+#[derive(Clone, Debug)]
+pub struct Presented {
+    /// The reading.
+    pub reading: Reading,
+    /// Where the object was: session frame.
+    pub session_from_object: Pose,
+    /// Before it the session hears that the object may have moved so far.
+    pub moved: Option<Looseness>,
 }
 
 impl Disturbance {
     /// Brings readings in the object's frame to a session whose object is at
-    /// `session_from_object` at first; with each reading comes where the object was.
+    /// `session_from_object` at first.
     #[must_use]
     pub fn present(
         &self,
         readings: Vec<Reading>,
         session_from_object: Pose,
         stream: &mut Stream,
-    ) -> Vec<(Reading, Pose)> {
+    ) -> Vec<Presented> {
         let mut place = session_from_object;
+        let bases = self.bases(place.translation, stream);
         let mut presented = Vec::with_capacity(readings.len());
         for (before, reading) in readings.into_iter().enumerate() {
-            if let (Self::Moving(perturbation), true) = (self, before > 0) {
-                // The objects of experiments have their middle at their origin.
-                place = perturbation.drawn(place, DVec3::ZERO, stream);
+            // The objects of experiments have their middle at their origin.
+            let mut move_by = |by: &Perturbation| place = by.drawn(place, DVec3::ZERO, stream);
+            let mut moved = None;
+            match self {
+                Self::Moving(by) if before > 0 => move_by(by),
+                Self::Jolt { by, after, is_told } if before == *after => {
+                    move_by(by);
+                    moved = is_told.then(|| stated(by));
+                }
+                _ => {}
             }
             let felt = reading.moved_by(place);
-            let heard = match self {
+            let reading = match self {
                 Self::Arm { position, angle } => misplaced(&felt, *position, *angle, stream),
-                Self::None | Self::Moving(_) => felt,
+                Self::Robots { base, is_told, .. } => {
+                    let robot = before % bases.len();
+                    let heard = felt.moved_by(bases[robot]);
+                    let looseness = if robot == 0 { Looseness::default() } else { *base };
+                    let base = Base { robot: robot as u32, looseness };
+                    if *is_told { heard.with_base(base) } else { heard }
+                }
+                Self::None | Self::Moving(_) | Self::Jolt { .. } => felt,
             };
-            presented.push((heard, place));
+            presented.push(Presented { reading, session_from_object: place, moved });
         }
         presented
     }
+
+    /// From where the robots' bases are said to be to where they are: turned about the object,
+    /// where their looseness is stated.
+    fn bases(&self, object: DVec3, stream: &mut Stream) -> Vec<Pose> {
+        let Self::Robots { robots, base, .. } = self else { return Vec::new() };
+        let off = |_| {
+            let mut three =
+                |deviation: f64| deviation * DVec3::from_array([0; 3].map(|_| stream.normal()));
+            let (turn, shift) = (three(base.angle), three(base.position));
+            let turn = DQuat::from_scaled_axis(turn);
+            Pose::from_parts(turn, object + shift - turn * object)
+        };
+        std::iter::once(Pose::IDENTITY).chain((1..*robots).map(off)).collect()
+    }
+}
+
+/// The deviations of a motion along and about each axis: a length drawn evenly up to its maximum
+/// has a mean square of a third of the maximum's, and of that each axis has a third.
+fn stated(by: &Perturbation) -> Looseness {
+    Looseness { position: by.shift_max / 3.0, angle: by.angle_max / 3.0 }
 }
 
 /// A reading with a stated pose that is off by normal deviations.
@@ -85,8 +150,9 @@ mod tests {
         let readings = readings(2_000);
         let truth = place * readings[0].session_from_sensor();
         let (mut shifts, mut turns) = (0.0, 0.0);
-        for (heard, object) in arm.present(readings, place, &mut stream) {
-            assert_eq!(object, place);
+        for heard in arm.present(readings, place, &mut stream) {
+            assert_eq!((heard.session_from_object, heard.moved), (place, None));
+            let heard = heard.reading;
             shifts += heard.session_from_sensor().distance_to(&truth).powi(2) / 2_000.0;
             turns += heard.session_from_sensor().angle_to(&truth).powi(2) / 2_000.0;
         }
@@ -102,16 +168,60 @@ mod tests {
         let own = readings(1)[0].session_from_sensor();
         let moved = Disturbance::Moving(perturbation);
         let presented = moved.present(readings(20), Pose::IDENTITY, &mut stream);
-        assert_eq!(presented[0].1, Pose::IDENTITY);
-        for pair in presented.windows(2) {
-            assert!(pair[0].1.distance_to(&pair[1].1) <= 8.0 * MM + 1e-12);
-            assert!(pair[0].1 != pair[1].1);
+        let places: Vec<Pose> = presented.iter().map(|p| p.session_from_object).collect();
+        assert_eq!(places[0], Pose::IDENTITY);
+        for pair in places.windows(2) {
+            assert!(pair[0].distance_to(&pair[1]) <= 8.0 * MM + 1e-12);
+            assert!(pair[0] != pair[1]);
         }
-        for (heard, place) in &presented {
-            assert!(heard.session_from_sensor().distance_to(&(*place * own)) < 1e-12);
+        for (heard, place) in presented.iter().zip(&places) {
+            assert!(heard.reading.session_from_sensor().distance_to(&(*place * own)) < 1e-12);
         }
         let mut stream = Stream::new(2, Purpose::Perturbation, 0);
         let rests = Disturbance::None.present(readings(3), Pose::IDENTITY, &mut stream);
-        assert!(rests.iter().all(|(heard, _)| heard.session_from_sensor() == own));
+        assert!(rests.iter().all(|heard| heard.reading.session_from_sensor() == own));
+    }
+
+    #[test]
+    fn an_object_is_jolted_once_and_the_session_hears_of_it_if_told() {
+        let by = Perturbation { angle_max: 0.3, shift_max: 30.0 * MM };
+        let presented = |is_told| {
+            let jolt = Disturbance::Jolt { by, after: 4, is_told };
+            let mut stream = Stream::new(3, Purpose::Perturbation, 0);
+            jolt.present(readings(8), Pose::IDENTITY, &mut stream)
+        };
+        let heard = presented(true);
+        let (before, after) = heard.split_at(4);
+        assert!(before.iter().all(|p| p.session_from_object == Pose::IDENTITY));
+        assert!(after[0].session_from_object != Pose::IDENTITY);
+        assert!(after.iter().all(|p| p.session_from_object == after[0].session_from_object));
+        let told: Vec<usize> =
+            heard.iter().enumerate().filter(|(_, p)| p.moved.is_some()).map(|(n, _)| n).collect();
+        assert_eq!(told, [4]);
+        let moved = after[0].moved.unwrap();
+        assert!((moved.position - 10.0 * MM).abs() < 1e-12 && (moved.angle - 0.1).abs() < 1e-12);
+        assert!(presented(false).iter().all(|p| p.moved.is_none()));
+    }
+
+    #[test]
+    fn robots_take_turns_and_the_first_one_is_where_it_says() {
+        let base = Looseness { position: 5.0 * MM, angle: 0.05 };
+        let own = readings(1)[0].session_from_sensor();
+        let presented = |is_told| {
+            let robots = Disturbance::Robots { robots: 3, base, is_told };
+            let mut stream = Stream::new(4, Purpose::Perturbation, 0);
+            robots.present(readings(9), Pose::IDENTITY, &mut stream)
+        };
+        let heard = presented(true);
+        let place = |n: usize| heard[n].reading.session_from_sensor();
+        for n in 3..9 {
+            assert!(place(n).distance_to(&place(n % 3)) < 1e-12, "a base stays where it is");
+        }
+        assert!(place(0).distance_to(&own) < 1e-12 && place(1).distance_to(&own) > 1e-4);
+        assert!(place(1).distance_to(&place(2)) > 1e-4);
+        let told = [0, 1, 2].map(|n| heard[n].reading.base().unwrap());
+        assert_eq!(told.map(|base| base.robot), [0, 1, 2]);
+        assert_eq!(told.map(|t| t.looseness), [Looseness::default(), base, base]);
+        assert!(presented(false).iter().all(|p| p.reading.base().is_none()));
     }
 }

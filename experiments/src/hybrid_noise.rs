@@ -4,9 +4,9 @@
 //! an object that moves between touches (section 4.4.2.4), other sensors than trained with,
 //! and training from ideal presses of the CAD model with tests on the shifted simulator of
 //! section 4.4.4.3: squared response, gains, noise and steps of another array. The recogniser
-//! is told the sensor's taxels, and nothing of what is wrong; `moving_told` alone tells it how
-//! far the object may move. In the same run the printed
-//! method (`literal`) plays a few shorter sessions of each condition.
+//! is told the sensor's taxels, and nothing of what is wrong; conditions that end in `_told`
+//! tell it how far the object may move, when it may have, or how far bases are off. In the same
+//! run the printed method (`literal`) plays a few shorter sessions of each condition.
 
 mod conditions;
 

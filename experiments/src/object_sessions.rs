@@ -25,7 +25,7 @@ use palpate_core::train::{TrainError, TrainingConfig, TrainingSet, learn_vocabul
 use palpate_core::units::MM;
 use rayon::prelude::*;
 
-use crate::disturbance::Disturbance;
+use crate::disturbance::{Disturbance, Presented};
 use crate::report::Progress;
 use crate::statistics::mean;
 
@@ -87,14 +87,17 @@ impl Recogniser {
 }
 
 impl Belief {
-    fn add(&mut self, reading: &Reading, sensor: &SensorDescription) -> anyhow::Result<Answer> {
+    fn add(&mut self, heard: &Presented, sensor: &SensorDescription) -> anyhow::Result<Answer> {
         match self {
             Self::Sva(belief) => {
-                belief.add(reading, sensor)?;
+                belief.add(&heard.reading, sensor)?;
                 Ok(belief.answer(N_MODES))
             }
             Self::Hybrid(belief) => {
-                belief.add(reading, sensor);
+                if let Some(motion) = &heard.moved {
+                    belief.loosen(motion);
+                }
+                belief.add(&heard.reading, sensor);
                 Ok(belief.answer(N_MODES))
             }
         }
@@ -289,8 +292,8 @@ impl Sessions<'_> {
     ) -> anyhow::Result<Vec<Vec<f64>>> {
         let mut belief = recogniser.begin()?;
         let mut stated = Vec::with_capacity(self.readings);
-        for (reading, _) in self.presented(object, trial) {
-            let mut answer = belief.add(&reading, self.sensor)?;
+        for heard in self.presented(object, trial) {
+            let mut answer = belief.add(&heard, self.sensor)?;
             answer.probabilities.push(answer.unknown);
             stated.push(answer.probabilities);
         }
@@ -307,10 +310,10 @@ impl Sessions<'_> {
         Pose::from_parts(stream.rotation(), position)
     }
 
-    /// The readings of a trial, each with where the object was. None comes twice before all have
+    /// The readings of a trial as the session hears them. None comes twice before all have
     /// come: a robot does not touch one place twice in just the same way.
     #[must_use]
-    pub fn presented(&self, object: usize, trial: usize) -> Vec<(Reading, Pose)> {
+    pub fn presented(&self, object: usize, trial: usize) -> Vec<Presented> {
         let index = self.index(object, trial);
         let mut choice = Stream::new(self.seed, Purpose::ReadingChoice, index);
         let test = &self.test[object];
@@ -345,17 +348,18 @@ impl Sessions<'_> {
         recogniser: &Recogniser,
         object: usize,
         trial: usize,
-        presented: &[(Reading, Pose)],
+        presented: &[Presented],
     ) -> anyhow::Result<Vec<Step>> {
         let mut belief = recogniser.begin()?;
         let mut steps = Vec::with_capacity(presented.len());
-        for (before, (reading, truth)) in presented.iter().enumerate() {
+        for (before, heard) in presented.iter().enumerate() {
             let started = Instant::now();
-            let answer = belief.add(reading, self.sensor)?;
+            let answer = belief.add(heard, self.sensor)?;
             let wall_ms = started.elapsed().as_secs_f64() * 1e3;
             let named = answer.best_object().unwrap_or(ObjectIdx(0)).0 as usize;
             let mode = answer.modes.iter().find(|mode| mode.object.0 as usize == object);
             let found = mode.filter(|_| named == object).map(|mode| mode.session_from_object);
+            let truth = &heard.session_from_object;
             let error = found.map(|found| self.error_from(object, truth, &found));
             let (readings, probability) = (before + 1, answer.probabilities[named]);
             steps.push(Step { object, trial, readings, named, probability, error, wall_ms });

@@ -205,8 +205,8 @@ fn write_touches(
     }
     for done in 0..config.trials * n_objects {
         let (object, trial) = (done % n_objects, done / n_objects);
-        for (reading, _) in sessions.presented(object, trial) {
-            let touch = observe_touch(&reading, &config.sensor, &model.space)
+        for heard in sessions.presented(object, trial) {
+            let touch = observe_touch(&heard.reading, &config.sensor, &model.space)
                 .context("a converged touch touches")?;
             writeln!(scenes, "{object},{trial}{}", numbers(touch.position, touch.normal))?;
         }

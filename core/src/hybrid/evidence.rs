@@ -6,6 +6,7 @@ use super::HybridOptions;
 use super::carried::Carried;
 use super::hypothesis::Hypothesis;
 use super::pattern::Pattern;
+use super::propose::Proposal;
 use super::refine::refine;
 use super::score::{Kernel, Turned};
 use super::sighting::Sighting;
@@ -61,6 +62,30 @@ impl Evidence<'_> {
         Some(sum)
     }
 
+    /// Leaves the `n` proposals of a pair that the other touches and the pair itself weigh most;
+    /// all of them while there are no others. What a pair proposes fits the pair anyway.
+    pub(super) fn keep_best_by(
+        &self,
+        others: &[&Sighting],
+        proposals: &mut Vec<Proposal>,
+        n: usize,
+        map: &SurfaceMap,
+    ) {
+        if proposals.len() <= n || others.is_empty() {
+            return;
+        }
+        let rate = |proposal: &Proposal| {
+            let pose = Turned::new(proposal.rotation, proposal.translation);
+            let scores = others.iter().map(|touch| self.kernel.score(map, &pose, touch));
+            proposal.weight.ln() + scores.sum::<f32>()
+        };
+        let mut rated: Vec<(f32, Proposal)> = proposals.iter().map(|p| (rate(p), *p)).collect();
+        // A stable sort: of equal ones the pair's order decides.
+        rated.sort_by(|a, b| b.0.total_cmp(&a.0));
+        proposals.clear();
+        proposals.extend(rated.iter().take(n).map(|(_, proposal)| *proposal));
+    }
+
     /// What the newest `touch` and its pattern add to a pose's score.
     pub(super) fn newest(&self, map: &SurfaceMap, pose: &Turned) -> f32 {
         let touch = self.touches.last().map_or(0.0, |touch| self.kernel.score(map, pose, touch));
@@ -83,5 +108,41 @@ impl Evidence<'_> {
         {
             *hypothesis = Hypothesis { score, ..tried };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hybrid::test_support::{belief_over, error, places, seen, single, some_pose};
+
+    #[test]
+    fn of_a_pairs_proposals_those_stay_that_fit_the_other_touches() {
+        let places = places(400, 0);
+        let truth = some_pose(3);
+        let mut belief = belief_over(std::slice::from_ref(&places), HybridOptions::default());
+        belief.touches = [5, 50, 90].map(|touch| seen(&places[touch], &truth)).to_vec();
+        let (_, evidence) = belief.parts();
+        let proposal = |index: u64, weight: f32| {
+            let (rotation, translation) = single(&some_pose(index));
+            Proposal { rotation, translation, weight }
+        };
+        // The true one is the pair's last choice.
+        let all: Vec<Proposal> = [(7, 9.0), (8, 8.0), (9, 7.0), (3, 0.5)]
+            .map(|(index, weight)| proposal(index, weight))
+            .to_vec();
+        let kept = |others: &[&Sighting], n: usize| {
+            let mut proposals = all.clone();
+            evidence.keep_best_by(others, &mut proposals, n, &evidence.maps[0]);
+            proposals
+        };
+        let other = [&evidence.touches[0]];
+        let best = kept(&other, 1);
+        assert_eq!(best.len(), 1);
+        assert!(error(best[0].rotation, best[0].translation, &truth).0 < 1e-5, "{best:?}");
+        // Poses on which the other touch lies nowhere stay in the pair's order.
+        let weights: Vec<f32> = kept(&other, 3).iter().map(|p| p.weight).collect();
+        assert_eq!(weights, [0.5, 9.0, 8.0]);
+        assert_eq!((kept(&other, 4).len(), kept(&[], 1).len()), (4, 4), "nothing to choose by");
     }
 }

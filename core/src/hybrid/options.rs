@@ -49,13 +49,6 @@ pub struct RefinementScale {
 pub struct Budget {
     /// Poses that one pair may propose for an object.
     pub proposals_per_object: usize,
-    /// The same in a large catalogue.
-    pub proposals_if_many: usize,
-    /// There from the third touch on pairs of so many patches of an object propose.
-    pub paired_if_many: usize,
-    /// There, after the second touch, poses are proposed of at most so many objects: most of
-    /// them will not last.
-    pub listed_for_pair: usize,
     /// Earlier touches that a new one is paired with while no pose is likelier than not.
     pub partners: usize,
     /// The same once one is.
@@ -64,11 +57,6 @@ pub struct Budget {
     pub partners_if_poor: usize,
     /// Objects that a pair proposes poses for after the second touch, likeliest first.
     pub objects: usize,
-    /// The same in a large catalogue, besides those that are listed.
-    pub explored_if_many: usize,
-    /// In a large catalogue, objects that the table of all pairs lists for proposals: so many
-    /// times the root of the number of objects.
-    pub listed_per_root: usize,
     /// Hypotheses that an object keeps.
     pub per_object: usize,
     /// Hypotheses that all objects keep together.
@@ -79,6 +67,35 @@ pub struct Budget {
     pub refined_objects: usize,
     /// Proposals of a pair that are refined for each of them.
     pub refined_proposals: usize,
+    /// In a large catalogue.
+    pub many: ManyBudget,
+}
+
+/// How much is looked at in a large catalogue, where a table of all pairs lists objects for
+/// proposals. However common what was felt is, a touch costs no more than this.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ManyBudget {
+    /// Objects are listed so many times the root of their number.
+    pub listed_per_root: usize,
+    /// From the fourth touch on so many in eight of them: more partners ask each.
+    pub listed_later_in_eight: usize,
+    /// After the second touch poses are proposed of at most so many objects: most of them will
+    /// not last.
+    pub listed_for_pair: usize,
+    /// Likeliest objects that are asked besides those that are listed.
+    pub explored: usize,
+    /// Earlier touches that a new one is paired with while no pose is likelier than not.
+    pub partners: usize,
+    /// Poses that one pair may propose for an object.
+    pub proposals: usize,
+    /// Of them, those that fit the other touches best are judged by all.
+    pub judged: usize,
+    /// From the third touch on pairs of so many patches of an object propose,
+    pub paired: usize,
+    /// fewer where more than this many stored pairs of an object are about the observed one,
+    pub visited: usize,
+    /// and of those that look alike so many are compared in their geometry, likeliest first.
+    pub fitted: usize,
 }
 
 impl Budget {
@@ -86,7 +103,7 @@ impl Budget {
     #[must_use]
     pub fn n_listed(&self, n: usize) -> usize {
         let root = (n as f64).sqrt().ceil() as usize;
-        self.listed_per_root.saturating_mul(root).min(n)
+        self.many.listed_per_root.saturating_mul(root).min(n)
     }
 }
 
@@ -131,18 +148,24 @@ pub struct HybridOptions {
 }
 
 impl HybridOptions {
-    /// How far each object is asked for a pair of touches, after so many touches, in a
-    /// catalogue that has `many` objects or few.
-    pub(super) fn effort(&self, many: bool, n_touches: usize) -> Effort {
+    /// How far each object is asked for a pair of touches, after so many touches. In a large
+    /// catalogue `common` is the share of an object's pairs that are about the observed one, in
+    /// the mean over objects; `None` in a small one.
+    pub(super) fn effort(&self, common: Option<f32>, n_touches: usize) -> Effort {
         let (budget, all) = (&self.budget, usize::MAX);
-        if !many {
+        let Some(common) = common else {
             let (proposals, appearance_min) = (budget.proposals_per_object, self.appearance_min);
-            return Effort { proposals, patches: all, appearance_min };
-        }
-        // How dense pairs are about the first two touches tells objects apart: all are asked.
-        let patches = if n_touches > 2 { budget.paired_if_many } else { all };
+            return Effort { proposals, judged: all, patches: all, fitted: all, appearance_min };
+        };
+        let ManyBudget { proposals, judged, paired, visited, fitted, .. } = budget.many;
         let appearance_min = self.appearance_min_if_many;
-        Effort { proposals: budget.proposals_if_many, patches, appearance_min }
+        // How dense pairs are about the first two touches tells objects apart: all are asked.
+        if n_touches <= 2 {
+            return Effort { proposals, judged, patches: all, fitted: all, appearance_min };
+        }
+        // n patches have some n² pairs.
+        let patches = (visited as f32 / common.max(f32::MIN_POSITIVE)).sqrt() as usize;
+        Effort { proposals, judged, patches: patches.min(paired), fitted, appearance_min }
     }
 
     /// For an object that may move between touches: by about `shift` (m) and `angle` (rad).
@@ -188,20 +211,27 @@ impl Default for HybridOptions {
             appearance_min_if_many: 1.0,
             budget: Budget {
                 proposals_per_object: 60,
-                proposals_if_many: 12,
-                paired_if_many: 400,
-                listed_for_pair: 64,
                 partners: 2,
                 partners_if_likely: 1,
                 partners_if_poor: 3,
                 objects: 300,
-                explored_if_many: 64,
-                listed_per_root: 8,
                 per_object: 60,
                 total: 1_000,
                 refined: 24,
                 refined_objects: 4,
                 refined_proposals: 8,
+                many: ManyBudget {
+                    listed_per_root: 16,
+                    listed_later_in_eight: 4,
+                    listed_for_pair: 64,
+                    explored: 64,
+                    partners: 4,
+                    proposals: 24,
+                    judged: 2,
+                    paired: 400,
+                    visited: 1_200,
+                    fitted: 96,
+                },
             },
             standing_floor: 0.3,
             merge_distance: 3.0 * mm,
@@ -220,21 +250,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn many_objects_are_asked_for_less_and_from_the_third_touch_on_for_fewer_patches() {
+    fn many_objects_are_asked_for_less_and_from_the_third_touch_on_for_fewer_pairs() {
         let options = HybridOptions::default();
-        let budget = options.budget;
-        let asked = |many, n_touches| {
-            let effort = options.effort(many, n_touches);
-            (effort.proposals, effort.patches)
-        };
+        let many = options.budget.many;
+        let all = usize::MAX;
         for n_touches in [2, 3, 9] {
-            assert_eq!(asked(false, n_touches), (budget.proposals_per_object, usize::MAX));
+            let few = options.effort(None, n_touches);
+            assert_eq!([few.patches, few.fitted, few.judged], [all; 3]);
+            assert_eq!(few.proposals, options.budget.proposals_per_object);
         }
-        assert_eq!(asked(true, 2), (budget.proposals_if_many, usize::MAX));
-        assert_eq!(asked(true, 3), (budget.proposals_if_many, budget.paired_if_many));
-        assert!(budget.proposals_if_many < budget.proposals_per_object);
-        let least = |many| options.effort(many, 3).appearance_min;
-        assert!(least(true) > least(false), "pairs have to look alike more");
+        let pair = options.effort(Some(0.5), 2);
+        assert_eq!([pair.patches, pair.fitted], [all; 2], "however common");
+        let rare = options.effort(Some(0.001), 3);
+        assert_eq!((rare.patches, rare.fitted), (many.paired, many.fitted));
+        assert_eq!((rare.proposals, rare.judged), (many.proposals, many.judged));
+        assert_eq!(options.effort(Some(0.0), 3).patches, many.paired);
+        // 1,200 of 3 % are 40,000 pairs, of 200 patches.
+        assert_eq!(options.effort(Some(0.03), 3).patches, 200);
+        assert!(many.proposals < options.budget.proposals_per_object);
+        let least = |common| options.effort(common, 3).appearance_min;
+        assert!(least(Some(0.01)) > least(None), "pairs have to look alike more");
     }
 
     #[test]

@@ -46,7 +46,8 @@ pub(super) fn fit(
     options: &HybridOptions,
 ) -> Option<f32> {
     let distance = (query.distance - stored.distance).abs();
-    let [first, second] = [0, 1].map(|end| query.cosines[end] - stored.cosines[end]);
+    let difference = |end: usize| query.cosines[end] - stored.cosines[end];
+    let (first, second) = (difference(0), difference(1));
     let tolerance = options.pairs;
     if distance > tolerance.distance || first.abs().max(second.abs()) > tolerance.cosine {
         return None;
@@ -55,7 +56,7 @@ pub(super) fn fit(
     let deviation = options.pair_deviation;
     // Half of it is the reading's, half what stored cosines miss.
     let least = (0.5 * deviation.cosine).powi(2);
-    let scatter = [0, 1].map(|end| {
+    let scatter = |end: usize| {
         let (patch, [along, across]) = (patches[end], bends[end].normal_variances);
         let own = least + touches[end].steadiness.normal_variance;
         let (along, across) = (SCATTER_SHARE * along + own, SCATTER_SHARE * across + own);
@@ -66,8 +67,8 @@ pub(super) fn fit(
         let about = axis.cross(patch.normal);
         let sine = about.length_squared().max(ALONG_AXIS);
         (towards(axis) + least, towards(about) / (sine * sine))
-    });
-    let [(variance_first, turn_first), (variance_second, turn_second)] = scatter;
+    };
+    let ((variance_first, turn_first), (variance_second, turn_second)) = (scatter(0), scatter(1));
     // The two normals seen along the axis, one against the other, times both sines.
     let turned = |pair: &PairGeometry| {
         let [first, second, between] = pair.cosines;

@@ -5,6 +5,8 @@
 //! middle onto middle. Its weight is what the two appearances and the misfit of the geometry
 //! say. When both normals lie along the axis the turn about it is open and is sampled.
 
+use std::cmp::Ordering;
+
 use glam::{Mat3, Quat, Vec3};
 
 use super::options::HybridOptions;
@@ -28,6 +30,8 @@ const UNSTEADY_MAX: f32 = 0.3;
 pub(super) struct Proposal {
     pub(super) rotation: Quat,
     pub(super) translation: Vec3,
+    /// What appearance and geometry of the stored pair weigh.
+    pub(super) weight: f32,
 }
 
 /// What a pair of touches says of one object.
@@ -50,38 +54,72 @@ struct Match {
     patches: [u16; 2],
 }
 
+impl Match {
+    /// Likelier pairs first.
+    fn likelier(&self, other: &Self) -> Ordering {
+        other.weight.total_cmp(&self.weight).then(self.patches.cmp(&other.patches))
+    }
+}
+
+/// Leaves the `n` likeliest, in any order.
+fn keep_likeliest(matches: &mut Vec<Match>, n: usize) {
+    if matches.len() > n {
+        matches.select_nth_unstable_by(n, Match::likelier);
+        matches.truncate(n);
+    }
+}
+
 /// How far an object is asked for a pair of touches.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
     /// At most so many of its pairs propose.
     pub(super) proposals: usize,
+    /// At most so many proposals are judged by all touches.
+    pub(super) judged: usize,
     /// They are pairs of its first so many patches, which cover its surface evenly.
     pub(super) patches: usize,
+    /// Of the pairs that look alike so many are compared in their geometry, likeliest first.
+    pub(super) fitted: usize,
     /// Pairs whose two appearances together are less likely, relative to touches anywhere,
     /// propose nothing.
     pub(super) appearance_min: f32,
 }
 
-/// Proposes poses of an object for two touches; `None` when they are at one place.
+impl Effort {
+    /// How many of the map's patches, the first ones, are asked.
+    fn n_asked(&self, map: &SurfaceMap) -> usize {
+        n_tabled(map).min(self.patches)
+    }
+
+    /// What a touch looks like beside each of the patches that are asked.
+    pub(super) fn looks(&self, map: &SurfaceMap, touch: &Sighting) -> Vec<f32> {
+        let mut looks = Vec::new();
+        touch.appearances(map.features(), 0..self.n_asked(map), &mut looks);
+        looks
+    }
+}
+
+/// Of how many of a map's patches, the first ones, pairs are tabled.
+fn n_tabled(map: &SurfaceMap) -> usize {
+    map.layout().pair_patches_max.min(map.patches().len())
+}
+
+/// Proposes poses of an object for two touches; `None` when they are at one place. `looks` are
+/// what they look like beside the patches that are asked ([`Effort::looks`]).
 pub(super) fn propose(
     map: &SurfaceMap,
     touches: [&Sighting; 2],
+    looks: [&[f32]; 2],
     effort: Effort,
     options: &HybridOptions,
 ) -> Option<Proposed> {
     let place = |touch: &Sighting| (touch.position, touch.normal);
     let options = &loosened(options, touches);
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
-    let (patches, bends) = (map.patches(), map.bends());
-    let n_tabled = map.layout().pair_patches_max.min(patches.len());
-    let paired = &patches[..n_tabled.min(effort.patches)];
-    let looks = touches.map(|touch| {
-        let mut looks = Vec::new();
-        touch.appearances(map.features(), 0..paired.len(), &mut looks);
-        looks
-    });
-    let mut matches = Vec::new();
-    let (mut total, mut n_visited) = (0.0, 0);
+    let (patches, bends, n_tabled) = (map.patches(), map.bends(), n_tabled(map));
+    let paired = &patches[..effort.n_asked(map)];
+    let mut alike = Vec::new();
+    let mut n_visited = 0;
     map.pairs().matches(query, options.pairs, |first, second| {
         let [Some(a), Some(b)] =
             [looks[0].get(usize::from(first)), looks[1].get(usize::from(second))]
@@ -89,40 +127,41 @@ pub(super) fn propose(
             return;
         };
         n_visited += 1;
-        let appearance = a * b;
-        if appearance < effort.appearance_min {
-            return;
+        let weight = a * b;
+        if weight >= effort.appearance_min {
+            alike.push(Match { weight, patches: [first, second] });
         }
-        let (a, b) = (&patches[usize::from(first)], &patches[usize::from(second)]);
+    });
+    keep_likeliest(&mut alike, effort.fitted);
+    let mut matches = Vec::with_capacity(alike.len());
+    let mut total = 0.0;
+    for Match { weight: appearance, patches: [first, second] } in alike {
+        let [first, second] = [usize::from(first), usize::from(second)];
+        let (a, b) = (&patches[first], &patches[second]);
         let Some(stored) = PairGeometry::new((a.position, a.normal), (b.position, b.normal)) else {
-            return;
+            continue;
         };
-        let bends = [first, second].map(|patch| &bends[usize::from(patch)]);
-        let Some(fit) = fit(touches, &query, &stored, [a, b], bends, options) else { return };
+        let bends = [&bends[first], &bends[second]];
+        let Some(fit) = fit(touches, &query, &stored, [a, b], bends, options) else { continue };
         let weight = appearance * fit * alignment(touches, [a, b], options);
         total += weight;
-        matches.push(Match { weight, patches: [first, second] });
-    });
+        matches.push(Match { weight, patches: [first as u16, second as u16] });
+    }
     let n_pairs = if paired.len() < n_tabled {
         paired.len() * paired.len().saturating_sub(1)
     } else {
         2 * map.pairs().len()
     };
     let n_pairs = n_pairs.max(1) as f32;
-    let order =
-        |a: &Match, b: &Match| b.weight.total_cmp(&a.weight).then(a.patches.cmp(&b.patches));
-    if matches.len() > effort.proposals {
-        matches.select_nth_unstable_by(effort.proposals, order);
-        matches.truncate(effort.proposals);
-    }
-    matches.sort_unstable_by(order);
+    keep_likeliest(&mut matches, effort.proposals);
+    matches.sort_unstable_by(Match::likelier);
     let mut proposals = Vec::with_capacity(matches.len());
     for found in &matches {
         let stored = found.patches.map(|patch| {
             let patch = &patches[usize::from(patch)];
             (patch.position, patch.normal)
         });
-        poses(touches.map(place), stored, &mut proposals);
+        poses(touches.map(place), stored, found.weight, &mut proposals);
     }
     let geometry = n_visited as f32 / n_pairs;
     let looks = looks.map(|looks| looks.iter().sum::<f32>() / looks.len() as f32);
@@ -172,8 +211,13 @@ pub(super) fn partners(touches: &[Sighting], n: usize) -> Vec<usize> {
     rated.into_iter().take(n).map(|(_, index)| index).collect()
 }
 
-/// The poses that lay a stored pair onto an observed one.
-fn poses(observed: [(Vec3, Vec3); 2], stored: [(Vec3, Vec3); 2], found: &mut Vec<Proposal>) {
+/// The poses that lay a stored pair, which weighs so much, onto an observed one.
+fn poses(
+    observed: [(Vec3, Vec3); 2],
+    stored: [(Vec3, Vec3); 2],
+    weight: f32,
+    found: &mut Vec<Proposal>,
+) {
     let axis = (observed[1].0 - observed[0].0).normalize();
     let onto_axis = Quat::from_rotation_arc((stored[1].0 - stored[0].0).normalize(), axis);
     let (mut sin, mut cos) = (0.0, 0.0);
@@ -191,7 +235,7 @@ fn poses(observed: [(Vec3, Vec3); 2], stored: [(Vec3, Vec3); 2], found: &mut Vec
         let angle = angle + std::f32::consts::TAU * turn as f32 / turns as f32;
         let rotation = (Quat::from_axis_angle(axis, angle) * onto_axis).normalize();
         let translation = middle - Mat3::from_quat(rotation) * stored_middle;
-        found.push(Proposal { rotation, translation });
+        found.push(Proposal { rotation, translation, weight });
     }
 }
 
@@ -202,6 +246,7 @@ mod tests {
     use super::*;
     use crate::hybrid::test_support::{error, map_of, places, seen, single, some_pose};
     use crate::pose::Pose;
+    use crate::surface::SurfacePatch;
     use crate::surface::Touch;
 
     #[test]
@@ -214,7 +259,7 @@ mod tests {
             let [a, b] = [&pair[0], &pair[1]].map(|place| seen(place, &pose));
             // In either order of the touches.
             for touches in [[&a, &b], [&b, &a]] {
-                let proposed = propose(&map, touches, ALL, &options).unwrap();
+                let proposed = proposed_by(&map, touches, ALL, &options).unwrap();
                 let exact = proposed.proposals.iter().any(|proposal| {
                     let (moved, turned) = error(proposal.rotation, proposal.translation, &pose);
                     moved < 1e-5 && turned < 1e-3
@@ -226,7 +271,23 @@ mod tests {
         }
     }
 
-    const ALL: Effort = Effort { proposals: 60, patches: usize::MAX, appearance_min: 0.5 };
+    const ALL: Effort = Effort {
+        proposals: 60,
+        judged: usize::MAX,
+        patches: usize::MAX,
+        fitted: usize::MAX,
+        appearance_min: 0.5,
+    };
+
+    fn proposed_by(
+        map: &SurfaceMap,
+        touches: [&Sighting; 2],
+        effort: Effort,
+        options: &HybridOptions,
+    ) -> Option<Proposed> {
+        let [a, b] = touches.map(|touch| effort.looks(map, touch));
+        propose(map, touches, [&a, &b], effort, options)
+    }
 
     /// Two places 20 mm apart along x, with these normals.
     fn pair(normals: [DVec3; 2]) -> [Touch; 2] {
@@ -246,7 +307,7 @@ mod tests {
         let options = HybridOptions::default();
         let count = |places: &[Touch; 2]| {
             let touches = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
-            propose(&map, [&touches[0], &touches[1]], ALL, &options).unwrap().proposals.len()
+            proposed_by(&map, [&touches[0], &touches[1]], ALL, &options).unwrap().proposals.len()
         };
         // Its other end looks the same: a pose for either order.
         assert_eq!(count(&pair([DVec3::Z, tilted])), 2);
@@ -260,7 +321,7 @@ mod tests {
         let pose = some_pose(3);
         let touches = [&places[0], &places[1]].map(|place| seen(place, &pose));
         let options = HybridOptions::default();
-        let proposed = propose(&map, [&touches[0], &touches[1]], ALL, &options).unwrap();
+        let proposed = proposed_by(&map, [&touches[0], &touches[1]], ALL, &options).unwrap();
         // Eight turns for either order of the pair, which looks the same from both ends.
         assert_eq!(proposed.proposals.len(), 16);
         let errors = proposed.proposals.iter().map(|p| error(p.rotation, p.translation, &pose));
@@ -290,7 +351,7 @@ mod tests {
         let options = HybridOptions::default();
         let asked = |touches: [usize; 2], patches: usize| {
             let [a, b] = touches.map(|touch| seen(&places[touch], &Pose::IDENTITY));
-            propose(&map, [&a, &b], Effort { patches, ..ALL }, &options).unwrap()
+            proposed_by(&map, [&a, &b], Effort { patches, ..ALL }, &options).unwrap()
         };
         let is_exact = |proposed: &Proposed| {
             let errors = proposed
@@ -307,14 +368,41 @@ mod tests {
     }
 
     #[test]
+    fn of_pairs_that_look_alike_the_likeliest_are_compared_in_their_geometry() {
+        let places = places(300, 0);
+        let map = map_of(&places);
+        // Half a deviation off, all but two.
+        let look = |(index, patch): (usize, &SurfacePatch)| {
+            let feature = if index == 10 || index == 60 { patch.feature } else { [2; 8] };
+            SurfacePatch { feature, ..*patch }
+        };
+        let patches = map.patches().iter().enumerate().map(look).collect();
+        let map = SurfaceMap::new(DVec3::ZERO, patches, map.layout());
+        let options = HybridOptions::default();
+        let [a, b] = [10, 60].map(|touch| seen(&places[touch], &Pose::IDENTITY));
+        let fitted = |fitted| {
+            let effort = Effort { fitted, ..ALL };
+            proposed_by(&map, [&a, &b], effort, &options).unwrap().proposals
+        };
+        let exact = |proposals: &[Proposal]| {
+            let errors =
+                proposals.iter().map(|p| error(p.rotation, p.translation, &Pose::IDENTITY));
+            errors.map(|(moved, _)| moved).fold(f64::INFINITY, f64::min) < 1e-5
+        };
+        let (few, all) = (fitted(2), fitted(usize::MAX));
+        assert!(exact(&few) && few.len() <= 2, "{few:?}");
+        assert!(exact(&all) && all.len() > 10, "{}", all.len());
+    }
+
+    #[test]
     fn a_pair_at_one_place_is_none_and_the_best_few_are_kept() {
         let places = places(300, 0);
         let map = map_of(&places);
         let [a, b] = [&places[0], &places[1]].map(|place| seen(place, &Pose::IDENTITY));
         let options = HybridOptions::default();
-        assert!(propose(&map, [&a, &a], ALL, &options).is_none());
-        let all = propose(&map, [&a, &b], ALL, &options).unwrap();
-        let few = propose(&map, [&a, &b], Effort { proposals: 3, ..ALL }, &options).unwrap();
+        assert!(proposed_by(&map, [&a, &a], ALL, &options).is_none());
+        let all = proposed_by(&map, [&a, &b], ALL, &options).unwrap();
+        let few = proposed_by(&map, [&a, &b], Effort { proposals: 3, ..ALL }, &options).unwrap();
         assert_eq!(few.proposals.len(), 3);
         let (first, best) = (&few.proposals[0], &all.proposals[0]);
         assert_eq!(first.translation, best.translation);

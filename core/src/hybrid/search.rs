@@ -35,22 +35,27 @@ impl HybridBelief {
             return;
         }
         let budget = &self.options.budget;
-        let n_partners = match (poor, share > LIKELY) {
-            (true, _) => budget.partners_if_poor,
-            (false, false) => budget.partners,
-            (false, true) => budget.partners_if_likely,
+        let n_partners = match (self.n_listed(), poor, share > LIKELY) {
+            (_, false, true) => budget.partners_if_likely,
+            (Some(_), _, _) => budget.many.partners,
+            (None, true, _) => budget.partners_if_poor,
+            (None, false, false) => budget.partners,
         };
         let partners = partners(&self.touches, n_partners);
-        self.take_census(&partners, poor);
+        let common = self.take_census(&partners, poor);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
-        self.propose(&partners, reach, self.n_in_doubt(poor || share <= LIKELY));
+        self.propose(&partners, reach, self.n_in_doubt(poor || share <= LIKELY), common);
     }
 
-    /// How many objects are listed for proposals: once a pose is likely the list is shorter with
-    /// every touch.
+    /// How many objects are listed for proposals: after the third touch some of them, and once a
+    /// pose is likely fewer with every touch.
     fn n_in_doubt(&self, is_open: bool) -> Option<usize> {
-        let shorter = |most: usize| most / self.touches.len().saturating_sub(2).max(1);
-        self.n_listed().map(|most| if is_open { most } else { shorter(most) })
+        let n_touches = self.touches.len();
+        let in_eight =
+            if n_touches > 3 { self.options.budget.many.listed_later_in_eight } else { 8 };
+        let shorter = |most: usize| most / n_touches.saturating_sub(2).max(1);
+        let most = self.n_listed()? * in_eight / 8;
+        Some(if is_open { most } else { shorter(most) })
     }
 
     /// The probability of the likeliest object in its likeliest pose, or in one that looks like
@@ -72,15 +77,22 @@ impl HybridBelief {
 
     /// The newest touch and each partner propose poses of the objects that are at most
     /// `reach` (ln) less likely than the best, and of the `listed` ones that stand best, whether
-    /// or not poses of theirs are known: those proposed before may all be wrong.
-    pub(super) fn propose(&mut self, partners: &[usize], reach: f64, listed: Option<usize>) {
+    /// or not poses of theirs are known: those proposed before may all be wrong. `common` is what
+    /// the table said of the pairs ([`Self::take_census`]).
+    pub(super) fn propose(
+        &mut self,
+        partners: &[usize],
+        reach: f64,
+        listed: Option<usize>,
+        common: Option<f32>,
+    ) {
         let budget = &self.options.budget;
         let standing = listed.map_or(f64::INFINITY, |n| self.standing_of(n));
         let n_objects = match self.n_listed() {
-            Some(_) => budget.explored_if_many,
+            Some(_) => budget.many.explored,
             None => budget.objects,
         };
-        let effort = self.options.effort(self.n_listed().is_some(), self.touches.len());
+        let effort = self.options.effort(common, self.touches.len());
         let (bar, refining) = match self.touches.len() {
             0..=2 if listed.is_some() => (f64::INFINITY, f64::INFINITY),
             0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
@@ -105,17 +117,24 @@ impl HybridBelief {
                 return;
             }
             let known = Known { map, carried: &state.carried };
+            let looks_of_newest = effort.looks(map, newest);
             for (partner, in_turn) in partners.iter().zip(&turns) {
                 let pair = [newest, &earlier[*partner]];
-                let Some(proposed) = propose(map, pair, effort, options) else { continue };
+                let looks_of_partner = effort.looks(map, pair[1]);
+                let looks = [looks_of_newest.as_slice(), &looks_of_partner];
+                let Some(mut proposed) = propose(map, pair, looks, effort, options) else {
+                    continue;
+                };
                 state.pair = PairEvidence {
                     geometry: proposed.geometry,
                     evidence: proposed.evidence,
                     looks: proposed.looks[0] * proposed.looks[1],
                 };
+                let others = &in_turn[..in_turn.len() - pair.len()];
+                evidence.keep_best_by(others, &mut proposed.proposals, effort.judged, map);
                 let mut new = Vec::with_capacity(proposed.proposals.len());
                 let mut bar = hopeless;
-                for Proposal { rotation, translation } in proposed.proposals {
+                for Proposal { rotation, translation, .. } in proposed.proposals {
                     let pose = Turned::new(rotation, translation);
                     let in_turn = in_turn.iter().copied();
                     let Some(score) = evidence.score_in_turn(known, &pose, in_turn, bar) else {
@@ -255,11 +274,11 @@ mod tests {
     fn an_object_whose_poses_are_all_wrong_is_proposed_of_again_if_it_stands_well() {
         let options = HybridOptions::default();
         // Lists of seven of 40 objects, by their standing alone.
-        let budget = super::super::options::Budget {
-            listed_per_root: 1,
-            explored_if_many: 0,
-            ..options.budget
-        };
+        let mut budget = options.budget;
+        (budget.many.listed_per_root, budget.many.explored) = (1, 0);
+        budget.many.listed_later_in_eight = 8;
+        // All places look alike: who looks likeliest says nothing.
+        budget.many.fitted = usize::MAX;
         let after = |standing: f64| {
             let mut belief = touched(40, 4, 1.0, HybridOptions { budget, ..options });
             let (rotation, translation) = single(&some_pose(6));
@@ -270,7 +289,7 @@ mod tests {
                 state.log_evidence = if index == 0 { -20.0 } else { -10.0 };
             }
             belief.stage = 3;
-            belief.propose(&[0, 1], 0.0, belief.n_in_doubt(true));
+            belief.propose(&[0, 1], 0.0, belief.n_in_doubt(true), Some(0.01));
             is_found(&belief.objects[0])
         };
         assert!(after(-6.5), "the seventh");
@@ -282,9 +301,9 @@ mod tests {
         let listed = |touches: usize, is_open| {
             touched(40, touches, 1.0, HybridOptions::default()).n_in_doubt(is_open)
         };
-        // All forty: eight times the root of 40 is more.
-        assert_eq!([3, 5, 7].map(|touches| listed(touches, true)), [Some(40); 3]);
-        assert_eq!([3, 5, 7].map(|touches| listed(touches, false)), [Some(40), Some(13), Some(8)]);
+        // All forty, sixteen times the root of 40 is more; then half.
+        assert_eq!([3, 5, 7].map(|touches| listed(touches, true)), [40, 20, 20].map(Some));
+        assert_eq!([3, 5, 7].map(|touches| listed(touches, false)), [40, 6, 4].map(Some));
         let few = touched(20, 3, 1.0, HybridOptions::default());
         assert_eq!(few.n_in_doubt(true), None, "so few objects are all asked");
     }

@@ -38,21 +38,27 @@ impl HybridBelief {
 
     /// How many objects are listed after the second touch.
     pub(super) fn n_listed_for_pair(&self) -> Option<usize> {
-        self.n_listed().map(|most| most.min(self.options.budget.listed_for_pair))
+        self.n_listed().map(|most| most.min(self.options.budget.many.listed_for_pair))
     }
 
     /// The newest touch and each partner ask the table how each object stands: all of them, or
-    /// those that stand best. Whoever is not asked is taken to have no such pair.
-    pub(super) fn take_census(&mut self, partners: &[usize], all: bool) {
-        let Some(joint) = self.model.joint_pairs() else { return };
-        let [earlier @ .., newest] = self.touches.as_slice() else { return };
+    /// those that stand best. Whoever is not asked is taken to have no such pair. Says what share
+    /// of an object's pairs are about the commonest of those of the touches, in the mean over all
+    /// objects; `None` when there is no table.
+    pub(super) fn take_census(&mut self, partners: &[usize], all: bool) -> Option<f32> {
+        let joint = self.model.joint_pairs()?;
+        let [earlier @ .., newest] = self.touches.as_slice() else { return None };
+        let mut common = 0.0f32;
         let n_asked = self.n_listed().map_or(usize::MAX, |n| n.saturating_mul(ASKED));
         let bar = if all { f64::NEG_INFINITY } else { self.standing_of(n_asked) };
         let wanted: Vec<bool> = self.objects.iter().map(|state| state.standing >= bar).collect();
         let partners: Vec<&Sighting> = partners.iter().map(|n| &earlier[*n]).collect();
         for estimates in estimate(joint, newest, &partners, &wanted, &self.options) {
-            let total: f32 = estimates.iter().map(|estimate| estimate.evidence).sum();
-            let mean = total / estimates.len().max(1) as f32;
+            let n_objects = estimates.len().max(1) as f32;
+            let mean =
+                |value: fn(&Estimate) -> f32| estimates.iter().map(value).sum::<f32>() / n_objects;
+            common = common.max(mean(|estimate| estimate.geometry));
+            let mean = mean(|estimate| estimate.evidence);
             if mean <= 0.0 {
                 continue;
             }
@@ -66,6 +72,7 @@ impl HybridBelief {
                 }
             }
         }
+        Some(common)
     }
 
     /// The least standing of the `n` objects that stand best.
@@ -100,21 +107,24 @@ impl<'a> Query<'a> {
     /// the tabled ones.
     fn ask(&self, table: &JointTable, wanted: &[bool], looks: [&[f32]; 2]) -> Vec<Estimate> {
         let mut estimates = vec![Estimate::default(); table.n_objects()];
+        // Looks first: they differ more often.
+        let mut alike = Vec::new();
+        let least = self.options.appearance_min_if_many;
         table.matches(self.geometry, self.options.pairs, |object, [first, second]| {
-            let estimate = &mut estimates[object];
-            estimate.geometry += 1.0;
-            // Looks first: they differ more often.
+            estimates[object].geometry += 1.0;
             let looks = looks[0][first] * looks[1][second];
-            if looks < self.options.appearance_min_if_many {
-                return;
+            if looks >= least {
+                alike.push((object, looks, [first, second]));
             }
-            let Some((patches, stored)) = table.pair([first, second]) else { return };
+        });
+        for (object, looks, touches) in alike {
+            let Some((patches, stored)) = table.pair(touches) else { continue };
             let misfit = misfit(&self.geometry, &stored, self.unsteady, &self.options);
             if let Some(misfit) = misfit {
                 let turned = alignment(self.touches, patches, &self.options);
-                estimate.evidence += looks * exp(-0.5 * misfit) * turned;
+                estimates[object].evidence += looks * exp(-0.5 * misfit) * turned;
             }
-        });
+        }
         for (object, estimate) in estimates.iter_mut().enumerate() {
             let n_pairs = table.n_pairs(object).max(1) as f32;
             let Estimate { geometry, evidence } = *estimate;
@@ -241,11 +251,12 @@ mod tests {
     fn after_two_touches_few_objects_have_poses_and_all_have_a_standing() {
         let objects: Vec<Vec<Touch>> = (0..90).map(|index| places(60, index)).collect();
         let mut belief = belief_over(&objects, HybridOptions::default());
-        assert_eq!((belief.n_listed(), belief.n_listed_for_pair()), (Some(80), Some(64)));
+        assert_eq!((belief.n_listed(), belief.n_listed_for_pair()), (Some(90), Some(64)));
         let touches = [3, 50].map(|touch| seen(&objects[2][touch], &some_pose(5)));
         belief.touches = touches.to_vec();
-        belief.take_census(&[0], true);
-        belief.propose(&[0], f64::INFINITY, belief.n_listed_for_pair());
+        let common = belief.take_census(&[0], true);
+        assert!((1e-4..0.2).contains(&common.unwrap()), "{common:?}");
+        belief.propose(&[0], f64::INFINITY, belief.n_listed_for_pair(), common);
         let posed = belief.objects.iter().filter(|state| !state.hypotheses.is_empty()).count();
         assert!((32..=64).contains(&posed), "{posed}");
         let standing = |state: &ObjectState| state.standing.is_normal();
@@ -259,7 +270,7 @@ mod tests {
     #[test]
     fn the_list_grows_as_the_root_of_the_catalogue() {
         let budget = HybridOptions::default().budget;
-        // Eight times the root, never more than there are.
-        assert_eq!([9, 100, 1_000, 10_000].map(|n| budget.n_listed(n)), [9, 80, 256, 800]);
+        // Sixteen times the root, never more than there are.
+        assert_eq!([9, 400, 1_000, 10_000].map(|n| budget.n_listed(n)), [9, 320, 512, 1_600]);
     }
 }

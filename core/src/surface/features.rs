@@ -63,8 +63,11 @@ impl Features {
         let mut next = range.start;
         while next < range.end {
             let (block, first) = (next / LANES, next % LANES);
-            let ratio = |square| ratio_of(kernel_of(square, softness), density);
-            let ratios = squares(feature, &self.blocks[block]).map(ratio);
+            // Loops: `map` of an array would be called, not compiled into this one.
+            let mut ratios = squares(feature, &self.blocks[block]);
+            for ratio in &mut ratios {
+                *ratio = ratio_of(kernel_of(*ratio, softness), density);
+            }
             let last = LANES.min(range.end - block * LANES);
             found.extend_from_slice(&ratios[first..last]);
             next += last - first;
@@ -78,7 +81,10 @@ impl Features {
         let mut left = self.len;
         let mut sum = 0.0;
         for block in &self.blocks {
-            let agreements = squares(feature, block).map(|square| kernel_of(square, softness));
+            let mut agreements = squares(feature, block);
+            for agreement in &mut agreements {
+                *agreement = kernel_of(*agreement, softness);
+            }
             sum += agreements[..left.min(LANES)].iter().sum::<f32>();
             left = left.saturating_sub(LANES);
         }

@@ -2,6 +2,7 @@
 
 use anyhow::Context as _;
 use palpate_core::hybrid::HybridOptions;
+use palpate_core::reading::Looseness;
 use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
 use palpate_core::units::{DEG, INCH, KPA, MM};
@@ -13,6 +14,9 @@ use crate::sensing::Sensing;
 
 /// Taxels that fail: one in the middle, one near a corner (row-major of six by six).
 const FAILED: [usize; 2] = [14, 28];
+
+/// An object that moves once does so after so many readings.
+const JOLTED: usize = 10;
 
 /// How training readings are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +84,10 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
         let sensing = trained.sensing()?;
         Ok(Condition { key, name, trained, sensing, disturbance, options })
     };
+    let base = Looseness { position: 5.0 * MM, angle: 3.0 * DEG };
+    let robots = |is_told| Disturbance::Robots { robots: 3, base, is_told };
+    let by = Perturbation { angle_max: 60.0 * DEG, shift_max: size };
+    let jolt = |is_told| Disturbance::Jolt { by, after: JOLTED, is_told };
     let moves = Perturbation { angle_max: 10.0 * DEG, shift_max: 0.1 * size };
     // A length drawn evenly has a root mean square of its maximum by √3.
     let typical = |most: f64| (most / 3f64.sqrt()) as f32;
@@ -102,6 +110,10 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
             options: told,
             ..disturbed("moving_told", "object moves, told", Disturbance::Moving(moves))
         },
+        disturbed("jolt", "moves once", jolt(false)),
+        disturbed("jolt_told", "moves once, told", jolt(true)),
+        disturbed("robots", "three robots, bases off", robots(false)),
+        disturbed("robots_told", "three robots, told", robots(true)),
         tested("fine_14x14", "14 x 14 taxels", Sensing::with(SensorDescription::fingertip_14x14())),
         tested("thin_covering", "covering 0.04 in", Sensing::with(covered(0.04 * INCH)?)),
         tested("thick_covering", "covering 0.20 in", Sensing::with(covered(0.20 * INCH)?)),
@@ -174,7 +186,7 @@ mod tests {
         let find = |key: &str| all.iter().find(|c| c.key == key).unwrap();
         let mut keys: Vec<&str> = all.iter().map(|c| c.key).collect();
         keys.dedup();
-        assert_eq!(keys.len(), 17);
+        assert_eq!(keys.len(), 21);
         let Disturbance::Moving(moves) = find("moving").disturbance else { panic!("moves") };
         assert!((moves.shift_max - 8.0 * MM).abs() < 1e-12);
         assert_eq!(find("fine_14x14").sensing.sensor.grid().n_taxels(), 196);

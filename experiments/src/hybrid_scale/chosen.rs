@@ -15,6 +15,7 @@ use palpate_sim::press::PressSimulator;
 use serde_json::json;
 
 use super::HybridScale;
+use crate::disturbance::Presented;
 use crate::next_touch::robot::{Policy, Robot};
 use crate::object_sessions::Sessions;
 use crate::objects::TestObject;
@@ -82,11 +83,11 @@ fn play(
     config: &HybridScale,
     model: &Arc<SurfaceModel>,
     simulator: &PressSimulator,
-    given: &[(Reading, Pose)],
+    given: &[Presented],
     object: usize,
     trial: usize,
 ) -> anyhow::Result<Chosen> {
-    let session_from_object = given[0].1;
+    let session_from_object = given[0].session_from_object;
     let robot = |policy| Robot { simulator, session_from_object, policy, seed: config.seed, trial };
     let (planner, guided) = (robot(Policy::Information), robot(Policy::Sampler));
     let mut belief = HybridBelief::new(Arc::clone(model), HybridOptions::default(), None)?;
@@ -94,7 +95,7 @@ fn play(
     let mut chosen = Chosen { right: Vec::with_capacity(READINGS), presses: 0 };
     while chosen.right.len() < READINGS {
         let touched = if contacts.len() < GIVEN {
-            Some(given[contacts.len()].0.clone())
+            Some(given[contacts.len()].reading.clone())
         } else {
             chosen_touch(&planner, &guided, &mut belief, &contacts, &mut chosen.presses)
         };
