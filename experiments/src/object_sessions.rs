@@ -59,7 +59,7 @@ pub enum Recogniser {
 
 enum Belief {
     Sva(SvaBelief),
-    Hybrid(HybridBelief),
+    Hybrid(Box<HybridBelief>),
 }
 
 impl Recogniser {
@@ -69,7 +69,7 @@ impl Recogniser {
                 Belief::Sva(SvaBelief::new(catalogue.clone(), *options, None)?)
             }
             Self::Hybrid { model, options } => {
-                Belief::Hybrid(HybridBelief::new(model.clone(), *options, None)?)
+                Belief::Hybrid(Box::new(HybridBelief::new(model.clone(), *options, None)?))
             }
         })
     }

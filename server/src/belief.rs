@@ -41,7 +41,7 @@ const MODES_OF_AN_ORBIT: usize = 4;
 /// A belief, by method. A copy takes in readings as what it was copied from, bit for bit.
 #[derive(Clone)]
 pub(crate) enum SessionBelief {
-    Hybrid(HybridBelief),
+    Hybrid(Box<HybridBelief>),
     /// With the symmetries of the objects; none as printed.
     Sva(SvaBelief, Arc<[Symmetry]>),
     Geometric(GeometricBelief),
@@ -83,7 +83,7 @@ impl SessionBelief {
             Method::Hybrid => {
                 let surfaces = Arc::clone(model.surfaces()?);
                 let options = hybrid_options(&options);
-                return Ok(Self::Hybrid(HybridBelief::new(surfaces, options, prior)?));
+                return Ok(Self::Hybrid(Box::new(HybridBelief::new(surfaces, options, prior)?)));
             }
             Method::Sva => {
                 let belief = SvaBelief::new(catalogue, SvaOptions::default(), prior)?;

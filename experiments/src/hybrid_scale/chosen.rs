@@ -9,7 +9,6 @@ use std::sync::Arc;
 
 use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::surface::SurfaceModel;
-use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_sim::press::PressSimulator;
 use serde_json::json;
