@@ -58,7 +58,7 @@ pub enum Recogniser {
 }
 
 enum Belief {
-    Sva(SvaBelief),
+    Sva(Box<SvaBelief>),
     Hybrid(Box<HybridBelief>),
 }
 
@@ -66,7 +66,7 @@ impl Recogniser {
     fn begin(&self) -> anyhow::Result<Belief> {
         Ok(match self {
             Self::Sva { catalogue, options } => {
-                Belief::Sva(SvaBelief::new(catalogue.clone(), *options, None)?)
+                Belief::Sva(Box::new(SvaBelief::new(catalogue.clone(), *options, None)?))
             }
             Self::Hybrid { model, options } => {
                 Belief::Hybrid(Box::new(HybridBelief::new(model.clone(), *options, None)?))

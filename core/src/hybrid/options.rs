@@ -221,7 +221,7 @@ impl Default for HybridOptions {
                 refined_objects: 4,
                 refined_proposals: 8,
                 many: ManyBudget {
-                    listed_per_root: 18,
+                    listed_per_root: 16,
                     listed_later_in_eight: 4,
                     listed_for_pair: 64,
                     explored: 64,

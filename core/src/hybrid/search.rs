@@ -301,7 +301,7 @@ mod tests {
         let listed = |touches: usize, is_open| {
             touched(40, touches, 1.0, HybridOptions::default()).n_in_doubt(is_open)
         };
-        // All forty, eighteen times the root of 40 is more; then half.
+        // All forty, sixteen times the root of 40 is more; then half.
         assert_eq!([3, 5, 7].map(|touches| listed(touches, true)), [40, 20, 20].map(Some));
         assert_eq!([3, 5, 7].map(|touches| listed(touches, false)), [40, 6, 4].map(Some));
         let few = touched(20, 3, 1.0, HybridOptions::default());

@@ -270,7 +270,7 @@ mod tests {
     #[test]
     fn the_list_grows_as_the_root_of_the_catalogue() {
         let budget = HybridOptions::default().budget;
-        // Eighteen times the root, never more than there are.
-        assert_eq!([9, 400, 1_000, 10_000].map(|n| budget.n_listed(n)), [9, 360, 576, 1_800]);
+        // Sixteen times the root, never more than there are.
+        assert_eq!([9, 400, 1_000, 10_000].map(|n| budget.n_listed(n)), [9, 320, 512, 1_600]);
     }
 }
