@@ -18,6 +18,7 @@ mod hypothesis;
 pub mod options;
 mod outlook;
 mod pair_fit;
+mod partners;
 mod pattern;
 mod propose;
 mod refine;

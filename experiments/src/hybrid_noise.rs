@@ -254,6 +254,25 @@ mod tests {
     }
 
     #[test]
+    fn who_is_told_of_a_motion_finds_the_object_again() {
+        let config = HybridNoise {
+            seed: 101,
+            only: "jolt".to_owned(),
+            trials: 1,
+            literal_sessions: 0,
+            train_readings: 200,
+            test_readings: 20,
+            readings: 15,
+            ..HybridNoise::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let off =
+            |key: &str| outcome.report.summary[&format!("position_error_mm_median_at_15_{key}")];
+        let (told, untold) = (off("jolt_told"), off("jolt"));
+        assert!(5.0 * told < untold, "{told} {untold} mm");
+    }
+
+    #[test]
     fn a_condition_that_does_not_exist_is_an_error() {
         let config = HybridNoise { only: "none".to_owned(), ..HybridNoise::default() };
         let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();

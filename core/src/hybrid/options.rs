@@ -72,7 +72,7 @@ pub struct Budget {
 }
 
 /// How much is looked at in a large catalogue, where a table of all pairs lists objects for
-/// proposals. However common what was felt is, a touch costs no more than this.
+/// proposals. From the third touch on it bounds what is looked at, however common what was felt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ManyBudget {
     /// Objects are listed so many times the root of their number.
@@ -90,11 +90,12 @@ pub struct ManyBudget {
     pub proposals: usize,
     /// Of them, those that fit the other touches best are judged by all.
     pub judged: usize,
-    /// From the third touch on pairs of so many patches of an object propose,
+    /// From the third touch on pairs of at most so many patches of an object propose.
     pub paired: usize,
-    /// fewer where more than this many stored pairs of an object are about the observed one,
+    /// Of fewer patches where, in the mean over objects, more than so many stored pairs would be
+    /// about the observed one.
     pub visited: usize,
-    /// and of those that look alike so many are compared in their geometry, likeliest first.
+    /// Of the pairs that look alike so many are compared in their geometry, likeliest first.
     pub fitted: usize,
 }
 

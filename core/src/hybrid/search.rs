@@ -3,7 +3,8 @@
 use super::answer::looks_like;
 use super::evidence::Known;
 use super::hypothesis::{Hypothesis, merge};
-use super::propose::{Proposal, partners, propose};
+use super::partners::partners;
+use super::propose::{Proposal, propose};
 use super::score::Turned;
 use super::sighting::Sighting;
 use super::{HybridBelief, ObjectState, PairEvidence, for_each_object};
@@ -213,6 +214,7 @@ impl HybridBelief {
 mod tests {
     use super::*;
     use crate::hybrid::HybridOptions;
+    use crate::hybrid::options::ManyBudget;
     use crate::hybrid::test_support::{belief_over, error, places, seen, single, some_pose};
     use crate::pose::Pose;
     use crate::surface::Touch;
@@ -294,6 +296,26 @@ mod tests {
         };
         assert!(after(-6.5), "the seventh");
         assert!(!after(-7.5), "the eighth");
+    }
+
+    #[test]
+    fn of_many_objects_so_many_partners_and_judged_poses_and_pairs_are_looked_at() {
+        let options = HybridOptions::default();
+        let looked_at = |partners, judged, visited| {
+            let mut budget = options.budget;
+            budget.many = ManyBudget { partners, judged, visited, ..budget.many };
+            let mut belief = touched(40, 4, 1.0, HybridOptions { budget, ..options });
+            belief.propose_in_doubt();
+            let posed = belief.objects.iter().map(|state| state.hypotheses.len());
+            (posed.clone().max(), posed.sum::<usize>())
+        };
+        let all = usize::MAX;
+        // Each partner proposes, and of each as many stay as are judged.
+        assert_eq!(looked_at(1, 1, all).0, Some(1));
+        assert!((2..=3).contains(&looked_at(3, 1, all).0.unwrap()));
+        assert_eq!(looked_at(1, 2, all).0, Some(2));
+        let (every, few) = (looked_at(1, 2, all).1, looked_at(1, 2, 2).1);
+        assert!(2 * few < every, "{few} of {every}");
     }
 
     #[test]
