@@ -46,7 +46,7 @@ pub(super) struct Growth {
     test_readings: usize,
     /// Objects that the appearance space is learnt from.
     space_objects: usize,
-    /// Sessions with each catalogue; with a thousand objects not every object has one.
+    /// Sessions with each catalogue, unless it has more objects: then one with each of them.
     sessions: usize,
 }
 
@@ -208,7 +208,8 @@ fn measure(
         threads: 1,
         disturbance: Disturbance::None,
     };
-    let played = sessions.play(&hybrid, count, growth.sessions, progress)?;
+    let n_sessions = growth.sessions.max(count);
+    let played = sessions.play(&hybrid, count, n_sessions, progress)?;
     let wall = mean(&played.wall_ms());
     let ms = played.cpu_ms.unwrap_or(wall);
     for readings in 1..=READINGS {
@@ -227,7 +228,7 @@ fn measure(
     }
     if count == growth.largest() {
         sessions.threads = 2;
-        let shared = sessions.play(&hybrid, count, growth.sessions, progress)?;
+        let shared = sessions.play(&hybrid, count, n_sessions, progress)?;
         for readings in [2, 3, 4, READINGS] {
             let key = format!("accuracy_{count}_at_{readings}");
             report.summarise(&key, played.accuracy(readings));
@@ -298,7 +299,7 @@ mod tests {
             pair_readings: 100,
             test_readings: 10,
             space_objects: 3,
-            sessions: 16,
+            sessions: 6,
         };
         let parents = objects::load(None, config.size).unwrap().into_iter().take(4).collect();
         let mut report = Report::new("test", "test".to_owned(), config.seed);
@@ -314,6 +315,9 @@ mod tests {
         let exponent = summary["memory_exponent"];
         assert!((0.7..1.3).contains(&exponent), "{exponent}");
         assert_eq!(report.rows.len(), 2 * READINGS);
+        // With more objects than sessions asked for, each object has its own.
+        let trials = |at: usize| report.rows[at]["trials"].clone();
+        assert_eq!((trials(0), trials(READINGS)), (json!(6), json!(8)));
         assert_eq!((panels.len(), panels[0].lines[0].points.len()), (3, 2));
     }
 
