@@ -15,11 +15,13 @@ mod conclusions;
 mod evidence;
 mod fit;
 mod hypothesis;
+mod motion;
 pub mod options;
 mod outlook;
 mod pair_fit;
 mod partners;
 mod pattern;
+mod placement;
 mod propose;
 mod refine;
 mod score;
@@ -45,14 +47,14 @@ pub use usual::prepare;
 
 use crate::log_prob::log_sum_exp;
 use crate::model::surface::SurfaceModel;
-use crate::reading::{Looseness, Reading};
+use crate::reading::Reading;
 use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 use crate::surface::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::surface::touch::observe_touch;
 use carried::Carried;
-use evidence::{Evidence, Known};
+use evidence::Evidence;
 use hypothesis::{Hypothesis, merge};
 use pattern::{Miss, Pattern};
 use score::Kernel;
@@ -66,9 +68,6 @@ const PAIR_OUTLIERS: f32 = 0.03;
 
 /// Of the stored pairs whose cells a query visits, what their geometry weighs in the mean.
 const VISITED_WEIGHT: f32 = 0.03;
-
-/// No object is ruled out for good when what is known is carried over.
-const SURE: f64 = 1e-12;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
@@ -92,6 +91,8 @@ pub struct HybridBelief {
     unknown: f64,
     /// Whether the object may have moved since its first touch.
     may_have_moved: bool,
+    /// Whether it seems to move between touches though nobody said so.
+    is_restless: bool,
 }
 
 /// What is believed of one object.
@@ -148,6 +149,7 @@ impl HybridBelief {
             n_readings: 0,
             unknown: options.unknown,
             may_have_moved: false,
+            is_restless: false,
             model,
             options,
         })
@@ -190,6 +192,7 @@ impl HybridBelief {
                 self.propose_in_doubt();
                 self.refine();
                 self.weigh();
+                self.doubt_rest();
             }
         }
         self.bound();
@@ -202,7 +205,8 @@ impl HybridBelief {
             if self.touches.is_empty() {
                 self.misses.push(Miss { reading: reading.clone(), sensor: sensor.clone() });
             } else {
-                self.patterns.push(Pattern::of_miss(reading, sensor, self.anchor));
+                let pattern = Pattern::of_miss(reading, sensor, self.anchor);
+                self.patterns.push(pattern.after(self.touches.len()));
             }
             return false;
         };
@@ -213,62 +217,13 @@ impl HybridBelief {
             let misses = std::mem::take(&mut self.misses);
             self.patterns.extend(misses.iter().map(|miss| miss.pattern(self.anchor)));
         }
-        self.patterns.push(Pattern::of_touch(reading, sensor, self.anchor));
+        let pattern = Pattern::of_touch(reading, sensor, self.anchor);
+        self.patterns.push(pattern.after(self.touches.len() + 1));
         let (space, scale) = (&self.model.space, &self.options.scale);
         let sighting = Sighting::new(&touch, self.anchor, space, scale).with_base(reading.base());
         self.touches.push(sighting.weighed(&self.touches));
+        self.age();
         true
-    }
-
-    /// The object may have moved since the last touch, by deviations of `motion`: which one it
-    /// is stays as probable, its pose becomes loose by so much.
-    pub fn loosen(&mut self, motion: &Looseness) {
-        if self.touches.is_empty() {
-            self.witness_motion();
-            self.objects.iter_mut().for_each(|state| state.carried.loosen(motion));
-            return;
-        }
-        let mut probabilities = self.probabilities();
-        self.unknown = probabilities.pop().unwrap_or(0.0).clamp(SURE, 1.0 - SURE);
-        let known: f64 = probabilities.iter().sum();
-        let share = |p: f64| (p / known.max(f64::MIN_POSITIVE)).max(SURE).ln();
-        self.log_prior = probabilities.into_iter().map(share).collect();
-        for state in &mut self.objects {
-            state.carried = Carried::of(&state.hypotheses, motion);
-            state.hypotheses.truncate(carried::POSES_MAX);
-            let best = state.hypotheses.first().map_or(0.0, |best| best.score);
-            state.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
-            (state.log_evidence, state.standing) = (0.0, 0.0);
-            state.pair = PairEvidence::default();
-        }
-        self.witness_motion();
-        self.stage = 0;
-    }
-
-    /// Takes note of a motion: what was touched before it is elsewhere now.
-    fn witness_motion(&mut self) {
-        if self.touches.is_empty() {
-            self.misses.clear();
-        } else {
-            self.may_have_moved = true;
-            self.touches.clear();
-            self.patterns.clear();
-        }
-    }
-
-    /// Lays the poses of before a motion onto the touches since.
-    fn follow(&mut self) {
-        let (objects, evidence) = self.parts();
-        for_each_object(objects, evidence.maps, |state, map| {
-            let ObjectState { hypotheses, carried, .. } = state;
-            let known = Known { map, carried };
-            for hypothesis in &mut *hypotheses {
-                let score = evidence.score(known, &hypothesis.pose(), f32::NEG_INFINITY);
-                hypothesis.score = score.unwrap_or(f32::NEG_INFINITY);
-                evidence.settle(hypothesis, known);
-            }
-            merge(hypotheses, evidence.options);
-        });
     }
 
     /// A press that met nothing makes poses less likely that had something there.
@@ -326,6 +281,10 @@ impl HybridBelief {
 
     /// The newest touch scores every hypothesis.
     fn verify(&mut self) {
+        if self.options.motion.is_some() {
+            self.judge_anew();
+            return;
+        }
         let (objects, evidence) = self.parts();
         for_each_object(objects, evidence.maps, |state, map| {
             for hypothesis in &mut state.hypotheses {
@@ -355,7 +314,8 @@ impl HybridBelief {
             return;
         }
         self.stage = 3;
-        let floor = f64::from(self.kernel.floor()) * self.n_counted();
+        let lost = |touch| f64::from(self.kernel.floor_of(touch));
+        let floor: f64 = self.touches.iter().map(lost).sum();
         for state in &mut self.objects {
             let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
             state.log_evidence = log_sum_exp(scores.chain([floor]));

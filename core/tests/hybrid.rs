@@ -2,94 +2,25 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-use std::sync::{Arc, LazyLock};
+mod ellipsoids;
 
-use glam::{DMat3, DQuat, DVec3};
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
 use palpate_core::belief::answer::Answer;
-use palpate_core::hybrid::{HybridBelief, HybridOptions, NotConclusions};
+use palpate_core::hybrid::{HybridBelief, HybridOptions};
 use palpate_core::model::ObjectIdx;
-use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
+use palpate_core::model::surface::SurfaceModel;
 use palpate_core::pose::Pose;
-use palpate_core::reading::{Base, Looseness, Reading, SensorId};
+use palpate_core::reading::{Reading, SensorId};
 use palpate_core::recognise::RecogniseError;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::surface::touch::observe_touch;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::surface::{SAME_PLACE, SurfaceConfig, learn_space, map_surface};
+use palpate_core::train::surface::SAME_PLACE;
 use palpate_core::units::MM;
 
-const N_OBJECTS: usize = 3;
-
-/// Half axes of the ellipsoids, metres.
-const HALF_AXES: [DVec3; N_OBJECTS] = [
-    DVec3::new(0.040, 0.020, 0.012),
-    DVec3::new(0.040, 0.032, 0.014),
-    DVec3::new(0.040, 0.015, 0.030),
-];
-
-fn six_by_six() -> SensorDescription {
-    SensorDescription::digitacts_6x6()
-}
-
-/// A touch of an ellipsoid: a blob that is longest along the object's z as seen on the surface,
-/// and whose size varies along x and y.
-fn touch(object: usize, sensor: &SensorDescription, stream: &mut Stream) -> Reading {
-    let half = HALF_AXES[object];
-    let on_sphere = stream.direction();
-    let normal = (on_sphere / half).normalize();
-    let along = (DVec3::Z - normal * normal.z).normalize_or(DVec3::X);
-    // The sensor's frame before it is spun: x along the blob, z into the object.
-    let facing = DQuat::from_mat3(&DMat3::from_cols(along, (-normal).cross(along), -normal));
-    let spin = stream.uniform(0.0, std::f64::consts::TAU);
-    let (width, height) = (3.4 + 1.6 * on_sphere.x, 2.0 + 0.9 * on_sphere.y);
-    let pressures: Vec<Option<f64>> = (0..sensor.grid().n_taxels())
-        .map(|taxel| {
-            let (x, y) =
-                sensor.grid().center(taxel / sensor.grid().cols, taxel % sensor.grid().cols);
-            let (sin, cos) = spin.sin_cos();
-            let (u, v) = ((cos * x - sin * y) / MM / width, (sin * x + cos * y) / MM / height);
-            Some(12_000.0 * (-0.5 * (u * u + v * v)).exp() + 40.0 * stream.normal())
-        })
-        .collect();
-    let pose = Pose::from_parts(facing * DQuat::from_rotation_z(spin), on_sphere * half);
-    Reading::new(SensorId(0), sensor, &pressures, pose).unwrap()
-}
-
-fn touches(object: usize, n: usize, seed: u64) -> Vec<Reading> {
-    let mut stream = Stream::new(seed, Purpose::Sampling, object as u64);
-    (0..n).map(|_| touch(object, &six_by_six(), &mut stream)).collect()
-}
-
-static MODEL: LazyLock<Arc<SurfaceModel>> = LazyLock::new(|| {
-    let sensor = six_by_six();
-    let readings: Vec<Vec<Reading>> =
-        (0..N_OBJECTS).map(|object| touches(object, 600, 1)).collect();
-    let sets: Vec<TrainingSet<'_>> =
-        readings.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
-    let space = learn_space(&sets, 1).unwrap();
-    let config = SurfaceConfig::default();
-    let map = |set| Arc::new(map_surface(set, &space, &config, Some(DVec3::ZERO)).unwrap());
-    let maps = sets.iter().map(map).collect();
-    Arc::new(SurfaceModel::new(space, EvidenceCalibration::default(), maps))
-});
-
-fn belief() -> HybridBelief {
-    HybridBelief::new(MODEL.clone(), HybridOptions::default(), None).unwrap()
-}
-
-fn recognise(object: usize, session_from_object: Pose, n: usize) -> HybridBelief {
-    let mut belief = belief();
-    for reading in touches(object, n, 2) {
-        belief.add(&reading.moved_by(session_from_object), &six_by_six());
-    }
-    belief
-}
-
-fn some_pose(index: u64) -> Pose {
-    let mut stream = Stream::new(3, Purpose::ObjectPose, index);
-    Pose::from_parts(stream.rotation(), 0.5 * stream.direction())
-}
+use ellipsoids::*;
 
 #[test]
 fn unseen_touches_name_the_object_and_its_place() {
@@ -300,116 +231,4 @@ fn two_touches_of_one_place_differ_by_one_deviation_along_each_axis() {
     assert!(n > 100.0, "{n} pairs");
     let deviation = f64::sqrt(squares / n);
     assert!((0.5..2.0).contains(&deviation), "{deviation}");
-}
-
-/// What is done to a belief: a reading comes, or the object may have moved.
-enum Step {
-    Touch(Reading),
-    Moved(Looseness),
-}
-
-/// Touches, a press that meets nothing, and motions, before the first touch and later.
-fn steps() -> Vec<Step> {
-    let pose = some_pose(1);
-    let sensor = six_by_six();
-    let away = Pose::from_parts(DQuat::IDENTITY, pose.translation + DVec3::X);
-    let miss = || Step::Touch(Reading::new(SensorId(0), &sensor, &[Some(0.0); 36], away).unwrap());
-    let touched = |n, seed| touches(1, n, seed).into_iter().map(|r| Step::Touch(r.moved_by(pose)));
-    let motion = || Step::Moved(Looseness { position: 5.0 * MM, angle: 0.1 });
-    let mut steps = vec![miss(), motion(), miss()];
-    steps.extend(touched(6, 2));
-    steps.push(miss());
-    steps.extend([motion(), miss(), motion()]);
-    steps.extend(touched(5, 3));
-    steps
-}
-
-#[test]
-fn a_belief_that_is_resumed_goes_on_bit_for_bit() {
-    let (steps, sensor) = (steps(), six_by_six());
-    let step = |belief: &mut HybridBelief, step: &Step| match step {
-        Step::Touch(reading) => belief.add(reading, &sensor),
-        Step::Moved(motion) => belief.loosen(motion),
-    };
-    let mut whole = belief();
-    let mut kept = Vec::new();
-    for each in &steps {
-        kept.push(whole.conclusions());
-        step(&mut whole, each);
-    }
-    for n in 0..steps.len() {
-        let mut resumed = belief();
-        for each in &steps[..n] {
-            match each {
-                Step::Touch(reading) => resumed.retrace(reading, &sensor),
-                Step::Moved(_) => resumed.retrace_motion(),
-            }
-        }
-        assert_eq!(resumed.clone().resume(&kept[n][..kept[n].len() - 1]), Err(NotConclusions));
-        if n > 0 {
-            assert_eq!(belief().resume(&kept[n]), Err(NotConclusions), "of {n} steps, with none");
-        }
-        resumed.resume(&kept[n]).unwrap();
-        assert_eq!(resumed.conclusions(), kept[n]);
-        steps[n..].iter().for_each(|each| step(&mut resumed, each));
-        assert_eq!(resumed.conclusions(), whole.conclusions(), "from {n} steps");
-        assert_eq!(format!("{:?}", resumed.answer(5)), format!("{:?}", whole.answer(5)));
-    }
-}
-
-#[test]
-fn an_object_that_may_have_moved_keeps_its_name_and_is_found_again() {
-    let before = some_pose(1);
-    let mut belief = recognise(1, before, 10);
-    let sure = belief.answer(1);
-    let motion = Looseness { position: 5.0 * MM, angle: 0.1 };
-    belief.loosen(&motion);
-    let loose = belief.answer(3);
-    assert!((loose.probabilities[1] - sure.probabilities[1]).abs() < 1e-6, "{loose:?}");
-    assert!((loose.unknown - sure.unknown).abs() < 1e-6);
-    let deviation = loose.modes[0].covariance[(0, 0)].sqrt();
-    assert!(deviation > 5.0 * MM, "{deviation} m");
-    assert!(loose.modes[0].session_from_object.distance_to(&before) < 1.0 * MM);
-    // It moved by 4 mm and 5°: five touches of where it is now.
-    let turn = DQuat::from_rotation_z(0.087) * before.rotation;
-    let after = Pose::from_parts(turn, before.translation + DVec3::X * 4.0 * MM);
-    for (n, reading) in touches(1, 5, 3).into_iter().enumerate() {
-        belief.add(&reading.moved_by(after), &six_by_six());
-        let answer = belief.answer(1);
-        assert!(answer.probabilities[1] > 0.9, "after {} touches: {answer:?}", n + 1);
-    }
-    let mode = belief.answer(1).modes.remove(0);
-    let error = mode.session_from_object.distance_to(&after);
-    assert!(error < 1.5 * MM, "{error} m");
-    assert_eq!(belief.answer(1).n_readings, 15);
-}
-
-#[test]
-fn a_base_that_is_off_spoils_nothing_when_its_looseness_is_stated() {
-    let truth = some_pose(2);
-    let off = Pose::from_parts(DQuat::from_rotation_z(0.03), DVec3::new(0.003, -0.003, 0.002));
-    let looseness = Looseness { position: 3.0 * MM, angle: 0.05 };
-    let run = |stated: bool| {
-        let mut belief = belief();
-        for (n, reading) in touches(2, 16, 4).into_iter().enumerate() {
-            let seen = reading.moved_by(truth);
-            // The second robot's readings are all shifted about the object by one wrong base.
-            let shifted = Pose::from_parts(DQuat::IDENTITY, truth.translation)
-                * off
-                * Pose::from_parts(DQuat::IDENTITY, -truth.translation);
-            let seen = match (n % 2, stated) {
-                (0, _) => seen,
-                (_, true) => seen.moved_by(shifted).with_base(Base { robot: 1, looseness }),
-                (_, false) => seen.moved_by(shifted),
-            };
-            belief.add(&seen, &six_by_six());
-        }
-        belief.answer(1)
-    };
-    let (stated, silent) = (run(true), run(false));
-    assert_eq!(stated.best_object(), Some(ObjectIdx(2)));
-    assert!(stated.probabilities[2] > 0.99, "{stated:?}");
-    let error = |answer: &Answer| answer.modes[0].session_from_object.distance_to(&truth);
-    assert!(error(&stated) < 1.0 * MM, "{} m", error(&stated));
-    assert!(error(&stated) < 0.6 * error(&silent), "{} {}", error(&stated), error(&silent));
 }

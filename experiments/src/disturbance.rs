@@ -113,7 +113,7 @@ impl Disturbance {
 
 /// The deviations of a motion along and about each axis: a length drawn evenly up to its maximum
 /// has a mean square of a third of the maximum's, and of that each axis has a third.
-fn stated(by: &Perturbation) -> Looseness {
+pub fn stated(by: &Perturbation) -> Looseness {
     Looseness { position: by.shift_max / 3.0, angle: by.angle_max / 3.0 }
 }
 

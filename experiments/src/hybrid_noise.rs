@@ -186,6 +186,7 @@ fn report_condition(
                 ("trials", json!(stated.len())),
                 ("accuracy", json!(played.accuracy(readings))),
                 ("stated_probability_mean", json!(mean(&stated))),
+                ("unknown_mean", json!(played.unknown(readings))),
                 ("position_error_mm_median", json!(median(&moved))),
                 (
                     "angle_error_deg_median",
@@ -202,6 +203,8 @@ fn report_condition(
     let moved = median(&hybrid.errors(config.readings, |e| e.translation / MM));
     let key = format!("position_error_mm_median_at_{}_{}", config.readings, condition.key);
     report.summarise(&key, moved);
+    let key = format!("unknown_at_{}_{}", config.readings, condition.key);
+    report.summarise(&key, hybrid.unknown(config.readings));
     for step in hybrid.after(config.readings).filter(|step| !step.is_right()) {
         report.row(vec![
             ("condition", json!(condition.key)),
@@ -270,6 +273,26 @@ mod tests {
             |key: &str| outcome.report.summary[&format!("position_error_mm_median_at_15_{key}")];
         let (told, untold) = (off("jolt_told"), off("jolt"));
         assert!(5.0 * told < untold, "{told} {untold} mm");
+    }
+
+    #[test]
+    fn who_is_told_that_the_object_moves_does_not_take_it_for_an_unknown_one() {
+        let config = HybridNoise {
+            seed: 101,
+            only: "moving".to_owned(),
+            trials: 1,
+            literal_sessions: 0,
+            train_readings: 200,
+            test_readings: 20,
+            readings: 15,
+            ..HybridNoise::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["accuracy_at_15_moving"] >= 0.8, "{summary:?}");
+        let (told, untold) =
+            (summary["unknown_at_15_moving_told"], summary["unknown_at_15_moving"]);
+        assert!(told < 0.5 && untold > told, "{told} {untold}");
     }
 
     #[test]

@@ -206,6 +206,8 @@ pub struct Step {
     pub named: usize,
     /// Its stated probability.
     pub probability: f64,
+    /// The stated probability of "none of these".
+    pub unknown: f64,
     /// Of the pose, when the right object was named.
     pub error: Option<PoseError>,
     /// Wall time of the reading, answer included, milliseconds.
@@ -361,8 +363,18 @@ impl Sessions<'_> {
             let found = mode.filter(|_| named == object).map(|mode| mode.session_from_object);
             let truth = &heard.session_from_object;
             let error = found.map(|found| self.error_from(object, truth, &found));
-            let (readings, probability) = (before + 1, answer.probabilities[named]);
-            steps.push(Step { object, trial, readings, named, probability, error, wall_ms });
+            let probability = answer.probabilities[named];
+            let (readings, unknown) = (before + 1, answer.unknown);
+            steps.push(Step {
+                object,
+                trial,
+                readings,
+                named,
+                probability,
+                unknown,
+                error,
+                wall_ms,
+            });
         }
         Ok(steps)
     }
@@ -383,6 +395,12 @@ impl Played {
                 .map(|step| f64::from(u8::from(step.is_right())))
                 .collect::<Vec<_>>(),
         )
+    }
+
+    /// The mean probability of "none of these" after so many readings.
+    #[must_use]
+    pub fn unknown(&self, readings: usize) -> f64 {
+        mean(&self.after(readings).map(|step| step.unknown).collect::<Vec<_>>())
     }
 
     /// A measure of the errors of pose after so many readings.

@@ -232,6 +232,7 @@ fn report_one(report: &mut Report, config: &OtherPhysics, one: &Tried, objects: 
             ("trials", json!(stated.len())),
             ("accuracy", json!(played.accuracy(readings))),
             ("stated_probability_mean", json!(mean(&stated))),
+            ("unknown_mean", json!(played.unknown(readings))),
             ("position_error_mm_median", json!(errors(|e| e.translation / MM))),
             ("angle_error_deg_median", json!(errors(|e| e.angle / DEG))),
         ]);
@@ -250,6 +251,7 @@ fn report_one(report: &mut Report, config: &OtherPhysics, one: &Tried, objects: 
     let last = config.readings.min(10);
     let moved = median(&played.errors(last, |e| e.translation / MM));
     report.summarise(&format!("{prefix}position_error_mm_median_at_{last}"), moved);
+    report.summarise(&format!("{prefix}unknown_at_{last}"), played.unknown(last));
     let angle = median(&played.errors(last, |e| e.angle / DEG));
     report.summarise(&format!("{prefix}angle_error_deg_median_at_{last}"), angle);
     for step in played.after(last).filter(|step| !step.is_right()) {

@@ -28,6 +28,7 @@ impl HybridBelief {
         for count in [self.objects.len(), self.n_readings, self.touches.len(), self.stage] {
             out.count(count);
         }
+        out.count(usize::from(self.is_restless));
         out.double(self.unknown);
         self.log_prior.iter().for_each(|log| out.double(*log));
         for state in &self.objects {
@@ -59,6 +60,11 @@ impl HybridBelief {
             }
         }
         self.stage = from.count()?;
+        match from.count()? {
+            0 => {}
+            1 => self.set_restless(),
+            _ => return Err(NotConclusions),
+        }
         self.unknown = from.double()?;
         for log in &mut self.log_prior {
             *log = from.double()?;

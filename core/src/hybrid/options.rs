@@ -2,6 +2,7 @@
 
 use super::pattern::PatternScale;
 use super::propose::Effort;
+use crate::reading::Looseness;
 use crate::surface::pair_geometry::PairTolerance;
 use crate::units::MM;
 
@@ -146,6 +147,8 @@ pub struct HybridOptions {
     /// A touch that the best hypothesis explains worse than this (ln, in the mean over the
     /// touches) makes it a poor explanation.
     pub poor: f32,
+    /// How far the object moves between any two touches: deviations along and about each axis.
+    pub motion: Option<Looseness>,
 }
 
 impl HybridOptions {
@@ -167,21 +170,6 @@ impl HybridOptions {
         // n patches have some n² pairs.
         let patches = (visited as f32 / common.max(f32::MIN_POSITIVE)).sqrt() as usize;
         Effort { proposals, judged, patches: patches.min(paired), fitted, appearance_min }
-    }
-
-    /// For an object that may move between touches: by about `shift` (m) and `angle` (rad).
-    /// Poses of touches are believed less by as much; what is known of the identity stays.
-    #[must_use]
-    pub fn loosened(mut self, shift: f32, angle: f32) -> Self {
-        let scale = &mut self.scale;
-        (scale.across, scale.along) = (scale.across.hypot(shift), scale.along.hypot(shift));
-        scale.normal = scale.normal.hypot(angle);
-        self.refinement.across = self.refinement.across.hypot(shift);
-        for (pair, by) in [(&mut self.pairs, 1.5), (&mut self.pair_deviation, 1.0)] {
-            pair.distance = pair.distance.hypot(by * shift);
-            pair.cosine = pair.cosine.hypot(by * angle);
-        }
-        self
     }
 }
 
@@ -242,6 +230,7 @@ impl Default for HybridOptions {
             certain: 0.99,
             unknown: 0.05,
             poor: 6.0,
+            motion: None,
         }
     }
 }
@@ -271,18 +260,5 @@ mod tests {
         assert!(many.proposals < options.budget.proposals_per_object);
         let least = |common| options.effort(common, 3).appearance_min;
         assert!(least(Some(0.01)) > least(None), "pairs have to look alike more");
-    }
-
-    #[test]
-    fn a_moving_object_loosens_places_and_normals_as_deviations_add_up() {
-        let rests = HybridOptions::default();
-        assert_eq!(rests.loosened(0.0, 0.0), rests);
-        let moves = rests.loosened(0.003, 0.24);
-        // 3-4-5 along the surface; 7-24-25 in the normal.
-        assert!((moves.scale.along - 0.005).abs() < 1e-7);
-        assert!((moves.scale.normal - 0.25).abs() < 1e-6);
-        assert!(moves.pairs.distance > rests.pairs.distance);
-        assert!(moves.pair_deviation.cosine > rests.pair_deviation.cosine);
-        assert!((moves.scale.outliers - rests.scale.outliers).abs() < 1e-9);
     }
 }

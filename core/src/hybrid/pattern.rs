@@ -8,7 +8,7 @@
 use glam::{DVec3, Vec3};
 
 use super::score::Turned;
-use crate::reading::Reading;
+use crate::reading::{Looseness, Reading};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;
 
@@ -30,11 +30,18 @@ const BODY: f64 = 0.004;
 const STEP: f64 = 0.005;
 const WAY_MAX: f64 = 0.3;
 
+/// Where the object may have moved by as much (m) a press says half of what it did of space.
+const HALF: f32 = 0.003;
+
 /// What presses say of free and of occupied space.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pattern {
     free: Vec<Vec3>,
     occupied: Vec<Vec3>,
+    /// How many touches there were, with its own.
+    touches: usize,
+    /// What it counts: less where the object may have moved since.
+    weight: f32,
 }
 
 /// How much a contradicted point says.
@@ -52,6 +59,22 @@ impl Pattern {
         (self.free.capacity() + self.occupied.capacity()) * size_of::<Vec3>()
     }
 
+    fn new(free: Vec<Vec3>) -> Self {
+        Self { free, occupied: Vec::new(), touches: 0, weight: 1.0 }
+    }
+
+    /// The pattern of a press when the session had so many touches.
+    pub(super) fn after(self, touches: usize) -> Self {
+        Self { touches, ..self }
+    }
+
+    /// There are so many touches now, and between any two the object may have moved so far.
+    pub(super) fn age(&mut self, touches: usize, motion: &Looseness) {
+        let moves = (touches - self.touches) as f32;
+        let moved = moves * motion.position.powi(2) as f32;
+        self.weight = 1.0 / (1.0 + moved / (HALF * HALF));
+    }
+
     /// The pattern of a press that touched.
     pub(super) fn of_touch(reading: &Reading, sensor: &SensorDescription, anchor: DVec3) -> Self {
         let session_from_sensor = reading.session_from_sensor();
@@ -59,7 +82,7 @@ impl Pattern {
             |x: f64, y: f64, z: f64| (session_from_sensor * DVec3::new(x, y, z) - anchor).as_vec3();
         let image = reading.image();
         let behind = -(sensor.parameters().covering_thickness + BODY);
-        let mut pattern = Self::default();
+        let mut pattern = Self::new(Vec::new());
         for (x, y, [low, high]) in samples(reading, sensor) {
             if high < FREE * image.max() {
                 pattern.free.push(place(x, y, 0.0));
@@ -87,7 +110,7 @@ impl Pattern {
                 }),
             );
         }
-        Self { free, occupied: Vec::new() }
+        Self::new(free)
     }
 
     /// What the press says against a pose: 0 for nothing, less than that in ln.
@@ -104,12 +127,12 @@ impl Pattern {
         for _point in free {
             sum += scale.point;
             if sum >= scale.press_max {
-                return -scale.press_max;
+                return -self.weight * scale.press_max;
             }
         }
         let occupied = self.occupied.iter().filter(|p| solid.is_vacant(pose.place(**p)));
         sum += scale.point * occupied.count() as f32;
-        -sum.min(scale.press_max)
+        -self.weight * sum.min(scale.press_max)
     }
 }
 

@@ -116,10 +116,10 @@ fn linearise(
     let session_from_object = pose.object_from_session.transpose();
     let along = kernel.along(map);
     let across = options.refinement.across.powi(-2);
-    for touch in touches {
+    for (index, touch) in touches.iter().enumerate() {
         let Some(place) = kernel.place(map, &pose, touch) else { continue };
         let (position, angle) = touch.looseness();
-        let system = system_of(touch, &mut exact, &mut loose);
+        let system = system_of(touch.placement.shifted_by(index), &mut exact, &mut loose);
         let outward = session_from_object * place.normal;
         let off = session_from_object * place.offset;
         // The surface at the touch moves by m + ω × arm; it is to move by `off`.
@@ -145,13 +145,13 @@ fn linearise(
     exact
 }
 
-/// Where a touch counts: with the exact ones, or with those of its base.
+/// Where a touch counts: with the exact ones, or with those that are shifted alike.
 fn system_of<'a>(
-    touch: &Sighting,
+    shifted_by: Option<Base>,
     exact: &'a mut System,
     loose: &'a mut Vec<(Base, System)>,
 ) -> &'a mut System {
-    let Some(base) = touch.base else { return exact };
+    let Some(base) = shifted_by else { return exact };
     let known = loose.iter().position(|(other, _)| other.robot == base.robot);
     let place = known.unwrap_or_else(|| {
         loose.push((base, System::default()));

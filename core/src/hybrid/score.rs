@@ -114,8 +114,8 @@ impl Kernel {
     }
 
     /// The score of a touch that fits nowhere.
-    pub(super) fn floor(&self) -> f32 {
-        self.outliers.ln()
+    pub(super) fn floor_of(&self, touch: &Sighting) -> f32 {
+        touch.weight * (self.outliers + touch.astray).ln()
     }
 
     /// The inverse variance along a map's surface: touches of a map that lie far apart explain
@@ -130,7 +130,7 @@ impl Kernel {
     fn about(&self, map: &SurfaceMap, touch: &Sighting) -> Width {
         let (across, along) = (self.across, self.along(map));
         let normal_variance = self.normal_variance + touch.steadiness.normal_variance;
-        if touch.base.is_none() {
+        if touch.placement.is_exact() {
             return Width { across, along, normal_variance };
         }
         let (position, angle) = touch.looseness();
@@ -171,7 +171,7 @@ impl Kernel {
         }
         let peak = self.peak * scale.along * (scale.across / self.across).sqrt();
         let peak = peak / patches.len() as f32;
-        touch.weight * (peak * sum + self.outliers).ln()
+        touch.weight * (peak * sum + self.outliers + touch.astray).ln()
     }
 
     /// The score of touches, one after the other; given up (`None`) once it cannot reach `bar`.
@@ -351,7 +351,7 @@ mod tests {
         place.position *= 3.0;
         let mut sighting = seen(&place, &pose);
         assert!((kernel.score(&map, &turned(&pose), &sighting) - 0.01f32.ln()).abs() < 1e-5);
-        assert!((kernel.floor() - 0.01f32.ln()).abs() < 1e-6);
+        assert!((kernel.floor_of(&sighting) - 0.01f32.ln()).abs() < 1e-6);
         assert!(kernel.place(&map, &turned(&pose), &sighting).is_none());
         sighting.weight = 0.25;
         let quarter = 0.25 * 0.01f32.ln();
@@ -370,7 +370,7 @@ mod tests {
         assert!((all - sum).abs() < 1e-3 * sum, "{all} {sum}");
         assert!(sum > 6.0 * 5.0, "{sum}");
         assert_eq!(kernel.score_all(&map, &turned(&wrong), touches.iter(), sum - 12.0), None);
-        let floor = 6.0 * kernel.floor();
+        let floor = 6.0 * kernel.floor_of(&touches[0]);
         let hopeless = kernel.score_all(&map, &turned(&wrong), touches.iter(), f32::NEG_INFINITY);
         assert!(hopeless.unwrap() < floor + 20.0);
     }

@@ -23,9 +23,7 @@ impl HybridBelief {
     /// Proposes poses unless one object is certain and explains the touches well.
     pub(super) fn propose_in_doubt(&mut self) {
         let n = self.touches.len();
-        let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
-        let best = best.fold(f32::NEG_INFINITY, f32::max);
-        let poor = f64::from(best) < f64::from(self.options.poor) * self.n_counted();
+        let poor = self.is_poor();
         let share = self.share_of_best_pose();
         if !poor && n > 3 && share >= self.options.certain {
             return;
@@ -46,6 +44,13 @@ impl HybridBelief {
         let common = self.take_census(&partners, poor);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
         self.propose(&partners, reach, self.n_in_doubt(poor || share <= LIKELY), common);
+    }
+
+    /// Whether even the best hypothesis explains the touches poorly.
+    pub(super) fn is_poor(&self) -> bool {
+        let best = self.objects.iter().filter_map(|o| Some(o.hypotheses.first()?.score));
+        let best = best.fold(f32::NEG_INFINITY, f32::max);
+        f64::from(best) < f64::from(self.options.poor) * self.n_counted()
     }
 
     /// How many objects are listed for proposals: after the third touch some of them, and once a
@@ -155,6 +160,13 @@ impl HybridBelief {
             }
             merge(&mut state.hypotheses, options);
         });
+    }
+
+    /// The newest touch and its partners propose poses of the `n` likeliest objects.
+    pub(super) fn propose_of_likeliest(&mut self, n: usize) {
+        let partners = partners(&self.touches, self.options.budget.partners_if_poor);
+        let reach = self.bar(f64::INFINITY, 1) - self.bar(f64::INFINITY, n);
+        self.propose(&partners, reach, None, None);
     }
 
     /// Poses that score less are given up: some other object's best is that much better.

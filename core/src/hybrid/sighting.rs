@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 
 use super::options::TouchScale;
+use super::placement::{Placement, Variances};
 use super::steadiness::Steadiness;
 use crate::reading::{Base, Looseness};
 use crate::surface::appearance::{Feature, StoredFeature, ratio};
@@ -29,8 +30,12 @@ pub(super) struct Sighting {
     pub(super) elongation: f32,
     /// How much its evidence counts: 1 for a new place, less where it was touched before.
     pub(super) weight: f32,
-    /// Whose robot's base shifts it, when that is not exact.
-    pub(super) base: Option<Base>,
+    /// The same before the object moved.
+    novelty: f32,
+    /// How loosely it is placed, and what follows for where it may be out of reach
+    /// ([`Placement::astray`]).
+    pub(super) placement: Placement,
+    pub(super) astray: f32,
     /// How far its normal and its stretch can be trusted.
     pub(super) steadiness: Steadiness,
     feature: Feature,
@@ -70,7 +75,9 @@ impl Sighting {
             direction: touch.direction.as_vec3(),
             elongation: touch.elongation as f32,
             weight: 1.0,
-            base: None,
+            novelty: 1.0,
+            placement: Placement::default(),
+            astray: 0.0,
             steadiness: Steadiness::new(touch.evenness),
             feature: touch.feature,
             sharp,
@@ -80,25 +87,37 @@ impl Sighting {
 
     /// The touch of a robot whose base is known so well.
     pub(super) fn with_base(mut self, base: Option<Base>) -> Self {
-        self.base = base;
+        self.place(Placement::of_base(base));
         self
     }
 
-    /// Variances that the base adds: of positions (m²) and of normals (rad²).
-    #[inline]
-    pub(super) fn looseness(&self) -> (f32, f32) {
-        let Some(base) = self.base else { return (0.0, 0.0) };
-        let Looseness { position, angle } = base.looseness;
-        (position.powi(2) as f32, angle.powi(2) as f32)
+    /// The object may have moved so many times since, each time by so much: the touch says the
+    /// less of where it is now.
+    pub(super) fn age(&mut self, moves: usize, motion: &Looseness) {
+        self.place(self.placement.after(moves, motion));
+        self.weight = self.novelty * self.placement.recency();
     }
 
-    /// Variances between this touch and another one: none when one base shifts both.
-    pub(super) fn looseness_to(&self, other: &Self) -> (f32, f32) {
-        if self.base.map(|base| base.robot) == other.base.map(|base| base.robot) {
-            return (0.0, 0.0);
-        }
-        let ((a, b), (c, d)) = (self.looseness(), other.looseness());
-        (a + c, b + d)
+    fn place(&mut self, placement: Placement) {
+        self.placement = placement;
+        self.astray = placement.astray();
+    }
+
+    /// Variances that base and motion add: of positions (m²) and of normals (rad²).
+    #[inline]
+    pub(super) fn looseness(&self) -> Variances {
+        self.placement.variances()
+    }
+
+    /// The same between this touch and another one.
+    pub(super) fn looseness_to(&self, other: &Self) -> Variances {
+        self.placement.variances_to(&other.placement)
+    }
+
+    /// How much less well (ln) even its own place explains the touch than a steady one that is
+    /// exactly placed; `is_told` says whether the session was told how far the object moves.
+    pub(super) fn loss(&self, is_told: bool) -> f32 {
+        self.steadiness.loss() + self.placement.loss(is_told)
     }
 
     /// The touch with what it counts beside `earlier` ones.
@@ -108,7 +127,8 @@ impl Sighting {
             self.position.distance(other.position).hypot(turned)
         };
         let nearest = earlier.iter().map(apart).fold(f32::INFINITY, f32::min);
-        self.weight = (nearest / SAME_PLACE).clamp(REPEATED, 1.0);
+        self.novelty = (nearest / SAME_PLACE).clamp(REPEATED, 1.0);
+        self.weight = self.novelty;
         self
     }
 

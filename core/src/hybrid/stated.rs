@@ -49,9 +49,9 @@ impl HybridBelief {
         f64::from(map.usual_score(find))
     }
 
-    /// The touches, by what they count and how unsteady they are.
+    /// The touches, by what they count and how unsteady and loosely placed they are.
     pub(super) fn counted(&self) -> Counted {
-        let loss = |touch: &Sighting| f64::from(touch.weight * touch.steadiness.loss());
+        let loss = |touch: &Sighting| f64::from(touch.weight * touch.loss(!self.is_restless));
         Counted { touches: self.n_counted(), unsteadiness: self.touches.iter().map(loss).sum() }
     }
 

@@ -31,7 +31,8 @@ const LEAST: f64 = 0.01;
 pub(super) struct Counted {
     /// How many there are, by what they count.
     pub(super) touches: f64,
-    /// How much less well (ln) any object explains them since sensors stood unsteadily.
+    /// How much less well (ln) any object explains them since sensors stood unsteadily, or are
+    /// loosely placed.
     pub(super) unsteadiness: f64,
 }
 

@@ -9,7 +9,7 @@ use palpate_core::units::{DEG, INCH, KPA, MM};
 use palpate_sim::explore::Perturbation;
 use palpate_sim::noise::NoiseLevel;
 
-use crate::disturbance::Disturbance;
+use crate::disturbance::{Disturbance, stated};
 use crate::sensing::Sensing;
 
 /// Taxels that fail: one in the middle, one near a corner (row-major of six by six).
@@ -89,9 +89,7 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
     let by = Perturbation { angle_max: 60.0 * DEG, shift_max: size };
     let jolt = |is_told| Disturbance::Jolt { by, after: JOLTED, is_told };
     let moves = Perturbation { angle_max: 10.0 * DEG, shift_max: 0.1 * size };
-    // A length drawn evenly has a root mean square of its maximum by √3.
-    let typical = |most: f64| (most / 3f64.sqrt()) as f32;
-    let told = options.loosened(typical(moves.shift_max), typical(moves.angle_max));
+    let told = HybridOptions { motion: Some(stated(&moves)), ..options };
     Ok(vec![
         tested("clean", "nothing wrong", preset.clone()),
         noisy("noise_10", "noise 10 %", 0.1)?,

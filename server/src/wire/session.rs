@@ -314,10 +314,11 @@ fn unknown_prior(given: f64) -> Result<f64, Refusal> {
 pub(crate) fn hybrid_options(options: &Options) -> HybridOptions {
     let usual = HybridOptions::default();
     let unknown = options.unknown_prior.unwrap_or(usual.unknown);
-    let rests = HybridOptions { unknown, ..usual };
-    options
-        .object_moves
-        .map_or(rests, |moves| rests.loosened(moves.position_m as f32, moves.angle_rad as f32))
+    let motion = options.object_moves.map(|wire::Looseness { position_m, angle_rad }| Looseness {
+        position: position_m,
+        angle: angle_rad,
+    });
+    HybridOptions { unknown, motion, ..usual }
 }
 
 /// The base of the robot that took a reading, when it is not exact.
