@@ -125,12 +125,23 @@ impl HybridBelief {
         moving.propose_of_likeliest(OBJECTS_MAX);
         moving.refine();
         moving.weigh();
-        let faded = ANYWHERE_ON_IT * (self.n_counted() - moving.n_counted());
-        let gain = moving.log_evidence() + faded - self.log_evidence();
-        let odds = (UNTOLD_SHARE / (1.0 - UNTOLD_SHARE)).ln();
-        if gain / self.model.calibration.stage(3).temperature + odds > 0.0 {
+        let gain = moving.log_evidence() - self.log_evidence();
+        let temperature = self.model.calibration.stage(3).temperature;
+        if gain / temperature + moving.log_untold_motion() > 0.0 {
             *self = moving;
         }
+    }
+
+    /// What is added to the evidence of objects that move untold, beside that of "none of these":
+    /// how seldom they do, and what touches are taken to say as far as the motion took their
+    /// weight.
+    pub(super) fn log_untold_motion(&self) -> f64 {
+        if !self.is_restless {
+            return 0.0;
+        }
+        let faded = self.counted().touches - self.n_counted();
+        let temperature = self.model.calibration.stage(3).temperature;
+        ANYWHERE_ON_IT * faded / temperature + (UNTOLD_SHARE / (1.0 - UNTOLD_SHARE)).ln()
     }
 
     /// The object moves though nobody said so.

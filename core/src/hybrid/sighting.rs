@@ -114,6 +114,12 @@ impl Sighting {
         self.placement.variances_to(&other.placement)
     }
 
+    /// What it counts for whether it is an object at all that is known: a motion that nobody
+    /// stated takes nothing of it.
+    pub(super) fn counts(&self, is_told: bool) -> f32 {
+        if is_told { self.weight } else { self.novelty }
+    }
+
     /// How much less well (ln) even its own place explains the touch than a steady one that is
     /// exactly placed; `is_told` says whether the session was told how far the object moves.
     pub(super) fn loss(&self, is_told: bool) -> f32 {

@@ -26,9 +26,11 @@ impl HybridBelief {
         let stage = self.model.calibration.stage(self.stage);
         let known = (1.0 - self.unknown).ln() + (self.objects.len() as f64).ln();
         let both = self.objects.iter().zip(&self.log_prior);
-        let logs =
-            both.map(|(state, prior)| state.log_evidence / stage.temperature + prior + known);
-        let unknown = (stage.log_unknown(self.n_counted()) + self.unusual()) / stage.temperature;
+        let untold = self.log_untold_motion();
+        let logs = both
+            .map(|(state, prior)| state.log_evidence / stage.temperature + untold + prior + known);
+        let counted = self.counted().touches;
+        let unknown = (stage.log_unknown(counted) + self.unusual()) / stage.temperature;
         normalize(&logs.chain([unknown + self.unknown.ln()]).collect::<Vec<f64>>())
     }
 
@@ -51,8 +53,10 @@ impl HybridBelief {
 
     /// The touches, by what they count and how unsteady and loosely placed they are.
     pub(super) fn counted(&self) -> Counted {
-        let loss = |touch: &Sighting| f64::from(touch.weight * touch.loss(!self.is_restless));
-        Counted { touches: self.n_counted(), unsteadiness: self.touches.iter().map(loss).sum() }
+        let counts = |touch: &Sighting| f64::from(touch.counts(!self.is_restless));
+        let loss = |touch| counts(touch) * f64::from(touch.loss(!self.is_restless));
+        let touches = self.touches.iter().map(counts).sum();
+        Counted { touches, unsteadiness: self.touches.iter().map(loss).sum() }
     }
 
     /// How many touches there are, by what they count.
