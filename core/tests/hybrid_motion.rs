@@ -134,10 +134,15 @@ fn steps() -> Vec<Step> {
 
 /// Touches of an object that moves though nobody says so, between which a press meets nothing.
 fn restless_steps() -> Vec<Step> {
-    let mut steps: Vec<Step> = Moving::new(1, 6).readings.into_iter().map(Step::Touch).collect();
+    let moving = Moving::new(1, 6);
+    let mut steps: Vec<Step> = moving.readings.into_iter().map(Step::Touch).collect();
     let away = Pose::from_parts(DQuat::IDENTITY, some_pose(1).translation + DVec3::X);
     let miss = Reading::new(SensorId(0), &six_by_six(), &[Some(0.0); 36], away).unwrap();
     steps.insert(9, Step::Touch(miss));
+    // Told in the end, after which it rests.
+    let rests = touches(1, 5, 3).into_iter().map(|reading| reading.moved_by(moving.last));
+    steps.push(Step::Moved(MOTION));
+    steps.extend(rests.map(Step::Touch));
     steps
 }
 

@@ -58,6 +58,7 @@ impl HybridBelief {
             state.pair = PairEvidence::default();
         }
         self.witness_motion();
+        self.set_at_rest();
         self.stage = 0;
     }
 
@@ -144,6 +145,15 @@ impl HybridBelief {
         ANYWHERE_ON_IT * faded / temperature + (UNTOLD_SHARE / (1.0 - UNTOLD_SHARE)).ln()
     }
 
+    /// What it did unasked is settled with the touches that said so: whether it goes on is asked
+    /// of those to come.
+    fn set_at_rest(&mut self) {
+        if self.is_restless {
+            self.is_restless = false;
+            self.options.motion = None;
+        }
+    }
+
     /// The object moves though nobody said so.
     pub(super) fn set_restless(&mut self) {
         self.is_restless = true;
@@ -155,5 +165,29 @@ impl HybridBelief {
     fn log_evidence(&self) -> f64 {
         let both = self.objects.iter().zip(&self.log_prior);
         log_sum_exp(both.map(|(state, prior)| state.log_evidence + prior))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hybrid::test_support::{belief_over, places, seen, some_pose};
+
+    #[test]
+    fn after_a_told_motion_what_was_untold_before_is_not_held_against_the_object_again() {
+        let places = places(200, 0);
+        let mut belief = belief_over(std::slice::from_ref(&places), HybridOptions::default());
+        belief.touches = [5, 50, 90, 120].map(|touch| seen(&places[touch], &some_pose(3))).to_vec();
+        belief.stage = 3;
+        belief.set_restless();
+        let known = belief.probabilities()[0];
+        belief.loosen(&UNTOLD);
+        assert!((belief.probabilities()[0] - known).abs() < 1e-9);
+        assert_eq!((belief.is_restless, belief.options.motion), (false, None));
+        // A motion that the session was told of from the beginning goes on.
+        belief.options.motion = Some(UNTOLD);
+        belief.touches = vec![seen(&places[5], &some_pose(3))];
+        belief.loosen(&UNTOLD);
+        assert_eq!(belief.options.motion, Some(UNTOLD));
     }
 }
