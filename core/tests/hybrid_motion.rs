@@ -240,3 +240,23 @@ fn a_base_that_is_off_spoils_nothing_when_its_looseness_is_stated() {
     assert!(error(&stated) < 1.0 * MM, "{} m", error(&stated));
     assert!(error(&stated) < 0.6 * error(&silent), "{} {}", error(&stated), error(&silent));
 }
+
+#[test]
+fn what_loosely_placed_robots_touch_is_not_taken_for_an_unknown_object() {
+    // Each reading is of a robot of its own, whose base is off by as much as is stated.
+    let looseness = Looseness { position: 3.0 * MM, angle: 0.02 };
+    let mut stated = 0.0;
+    for object in 0..N_OBJECTS {
+        let mut stream = Stream::new(8, Purpose::Perturbation, object as u64);
+        let truth = some_pose(object as u64);
+        let mut belief = belief();
+        for (robot, reading) in touches(object, 12, 9).into_iter().enumerate() {
+            let off = DVec3::from_array([0; 3].map(|_| stream.normal())) * looseness.position;
+            let seen = Pose::from_parts(truth.rotation, truth.translation + off);
+            let base = Base { robot: robot as u32, looseness };
+            belief.add(&reading.moved_by(seen).with_base(base), &six_by_six());
+        }
+        stated += belief.answer(1).probabilities[object] / N_OBJECTS as f64;
+    }
+    assert!(stated > 0.8, "{stated}");
+}

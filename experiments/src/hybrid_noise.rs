@@ -231,6 +231,8 @@ fn panels(lines: Vec<Line>) -> Vec<Panel> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
 
     #[test]
@@ -256,11 +258,11 @@ mod tests {
         }
     }
 
-    #[test]
-    fn who_is_told_of_a_motion_finds_the_object_again() {
+    /// What fifteen touches of each object give under conditions whose keys begin so.
+    fn figures(only: &str) -> BTreeMap<String, f64> {
         let config = HybridNoise {
             seed: 101,
-            only: "jolt".to_owned(),
+            only: only.to_owned(),
             trials: 1,
             literal_sessions: 0,
             train_readings: 200,
@@ -268,27 +270,20 @@ mod tests {
             readings: 15,
             ..HybridNoise::default()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
-        let off =
-            |key: &str| outcome.report.summary[&format!("position_error_mm_median_at_15_{key}")];
+        run(&config, "test".to_owned(), &|_, _, _| ()).unwrap().report.summary
+    }
+
+    #[test]
+    fn who_is_told_of_a_motion_finds_the_object_again() {
+        let summary = figures("jolt");
+        let off = |key: &str| summary[&format!("position_error_mm_median_at_15_{key}")];
         let (told, untold) = (off("jolt_told"), off("jolt"));
         assert!(5.0 * told < untold, "{told} {untold} mm");
     }
 
     #[test]
     fn who_is_told_that_the_object_moves_does_not_take_it_for_an_unknown_one() {
-        let config = HybridNoise {
-            seed: 101,
-            only: "moving".to_owned(),
-            trials: 1,
-            literal_sessions: 0,
-            train_readings: 200,
-            test_readings: 20,
-            readings: 15,
-            ..HybridNoise::default()
-        };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
-        let summary = &outcome.report.summary;
+        let summary = figures("moving");
         assert!(summary["accuracy_at_15_moving"] >= 0.8, "{summary:?}");
         let (told, untold) =
             (summary["unknown_at_15_moving_told"], summary["unknown_at_15_moving"]);

@@ -325,6 +325,7 @@ mod tests {
             "literal_accuracy_at_4",
             "layer_contact_shift_mm_median",
             "half_space_height_mm_mean",
+            "unknown_at_4",
         ] {
             assert!(summary.contains_key(key), "{key}: {summary:?}");
         }

@@ -66,7 +66,7 @@ pub struct CreateSession {
     #[schema(max_items = 100)]
     pub robots: Option<Vec<RobotBase>>,
     /// How far the object moves between any two touches, for `hybrid`: being pressed shifts it a
-    /// little, or a hand holds it. Places of touches are believed less by as much. For one known
+    /// little, or a hand holds it. Earlier touches say the less of where it is. For one known
     /// motion see `object_moved` of a reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_moves: Option<Looseness>,

@@ -3,13 +3,12 @@
 //!
 //! What nobody said is tried when even the best explanation is poor: that the object moves
 //! between touches by about as much as section 4.4.2.4 perturbs it is held against that it
-//! rests. Which object it is and where it is now are then answered as of one that moves. Its
-//! share of "none of these" stays as it was: touches of an unknown object are explained as badly
-//! by one that rests and as well by one that moves.
+//! rests. Which object it is and where it is now are then answered as of one that moves. "None of
+//! these" keeps its weight: an object that moves explains touches of an unknown one as well.
 
 use super::carried::{self, Carried};
-use super::evidence::Known;
-use super::hypothesis::merge;
+use super::evidence::{Evidence, Known};
+use super::hypothesis::{Hypothesis, merge};
 use super::{HybridBelief, HybridOptions, ObjectState, PairEvidence, for_each_object};
 use crate::log_prob::log_sum_exp;
 use crate::reading::Looseness;
@@ -75,6 +74,20 @@ impl HybridBelief {
 
     /// Lays the poses of before a motion onto the touches since.
     pub(super) fn follow(&mut self) {
+        self.judge_by_all(|evidence, hypothesis, known| evidence.settle(hypothesis, known));
+    }
+
+    /// Every touch scores every hypothesis: what each says changes as the object moves.
+    pub(super) fn judge_anew(&mut self) {
+        self.judge_by_all(|_, _, _| ());
+        self.weigh();
+    }
+
+    /// Scores every hypothesis by all touches, and does with it what is to be done `then`.
+    fn judge_by_all(
+        &mut self,
+        then: impl Fn(&Evidence<'_>, &mut Hypothesis, Known<'_>) + Sync + Send,
+    ) {
         let (objects, evidence) = self.parts();
         for_each_object(objects, evidence.maps, |state, map| {
             let ObjectState { hypotheses, carried, .. } = state;
@@ -82,7 +95,7 @@ impl HybridBelief {
             for hypothesis in &mut *hypotheses {
                 let score = evidence.score(known, &hypothesis.pose(), f32::NEG_INFINITY);
                 hypothesis.score = score.unwrap_or(f32::NEG_INFINITY);
-                evidence.settle(hypothesis, known);
+                then(&evidence, hypothesis, known);
             }
             merge(hypotheses, evidence.options);
         });
@@ -97,21 +110,6 @@ impl HybridBelief {
             touch.age(n - 1 - index, &motion);
         }
         self.patterns.iter_mut().for_each(|pattern| pattern.age(n, &motion));
-    }
-
-    /// Every touch scores every hypothesis: what each says changes as the object moves.
-    pub(super) fn judge_anew(&mut self) {
-        let (objects, evidence) = self.parts();
-        for_each_object(objects, evidence.maps, |state, map| {
-            let ObjectState { hypotheses, carried, .. } = state;
-            let known = Known { map, carried };
-            for hypothesis in &mut *hypotheses {
-                let score = evidence.score(known, &hypothesis.pose(), f32::NEG_INFINITY);
-                hypothesis.score = score.unwrap_or(f32::NEG_INFINITY);
-            }
-            merge(hypotheses, evidence.options);
-        });
-        self.weigh();
     }
 
     /// Takes the object to move from now on if its touches say so, and nobody has.

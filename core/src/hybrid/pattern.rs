@@ -7,6 +7,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::placement::left;
 use super::score::Turned;
 use crate::reading::{Looseness, Reading};
 use crate::sensor::SensorDescription;
@@ -72,7 +73,7 @@ impl Pattern {
     pub(super) fn age(&mut self, touches: usize, motion: &Looseness) {
         let moves = (touches - self.touches) as f32;
         let moved = moves * motion.position.powi(2) as f32;
-        self.weight = 1.0 / (1.0 + moved / (HALF * HALF));
+        self.weight = left(moved, HALF);
     }
 
     /// The pattern of a press that touched.

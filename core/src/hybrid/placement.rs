@@ -90,7 +90,7 @@ impl Placement {
 
     /// What is left of its weight when the object moves.
     pub(super) fn recency(&self) -> f32 {
-        1.0 / (1.0 + self.moved.0 / (HALF * HALF))
+        left(self.moved.0, HALF)
     }
 
     /// The density of the touch on the object out of the kernel's reach, over that of one
@@ -111,6 +111,12 @@ impl Placement {
         let (position, _) = if is_told { self.variances() } else { self.of_base_alone() };
         LOSS * (1.0 + position / (LOOSE * LOOSE)).ln()
     }
+}
+
+/// What is left of what was said of a place that may have moved by a variance (m²), when at a
+/// deviation of `half` (m) it is half.
+pub(super) fn left(variance: f32, half: f32) -> f32 {
+    1.0 / (1.0 + variance / (half * half))
 }
 
 fn variances(deviations: &Looseness) -> Variances {
