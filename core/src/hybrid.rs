@@ -33,6 +33,7 @@ mod steadiness;
 mod stretch;
 #[cfg(test)]
 mod test_support;
+mod turned;
 mod usual;
 
 use std::sync::Arc;

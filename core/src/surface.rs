@@ -9,6 +9,7 @@
 
 pub mod appearance;
 pub mod bend;
+pub mod facet;
 pub mod features;
 pub mod joint_pairs;
 pub mod map;

@@ -7,7 +7,7 @@
 use nalgebra::Matrix6;
 
 use super::hypothesis::Hypothesis;
-use super::score::Turned;
+use super::turned::Turned;
 use crate::reading::Looseness;
 
 /// So many poses of an object are carried over.

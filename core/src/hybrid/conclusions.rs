@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use super::carried::Carried;
 use super::hypothesis::Hypothesis;
-use super::score::Turned;
+use super::turned::Turned;
 use super::{HybridBelief, ObjectState, PairEvidence};
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;

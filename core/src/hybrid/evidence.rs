@@ -8,8 +8,9 @@ use super::hypothesis::Hypothesis;
 use super::pattern::Pattern;
 use super::propose::Proposal;
 use super::refine::refine;
-use super::score::{Kernel, Turned};
+use super::score::Kernel;
 use super::sighting::Sighting;
+use super::turned::Turned;
 use crate::surface::SurfaceMap;
 
 /// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
@@ -74,12 +75,11 @@ impl Evidence<'_> {
         if proposals.len() <= n || others.is_empty() {
             return;
         }
-        let rate = |proposal: &Proposal| {
-            let pose = Turned::new(proposal.rotation, proposal.translation);
-            let scores = others.iter().map(|touch| self.kernel.score(map, &pose, touch));
-            proposal.weight.ln() + scores.sum::<f32>()
-        };
-        let mut rated: Vec<(f32, Proposal)> = proposals.iter().map(|p| (rate(p), *p)).collect();
+        let pose = |proposal: &Proposal| Turned::new(proposal.rotation, proposal.translation);
+        let poses: Vec<Turned> = proposals.iter().map(pose).collect();
+        let scores = self.kernel.score_each(map, &poses, others);
+        let rated = proposals.iter().zip(scores).map(|(p, score)| (p.weight.ln() + score, *p));
+        let mut rated: Vec<(f32, Proposal)> = rated.collect();
         // A stable sort: of equal ones the pair's order decides.
         rated.sort_by(|a, b| b.0.total_cmp(&a.0));
         proposals.clear();

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::options::HybridOptions;
-use super::score::Turned;
+use super::turned::Turned;
 
 /// A pose of an object, relative to the session's anchor, and how well it explains all
 /// touches so far.

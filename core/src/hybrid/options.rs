@@ -215,7 +215,7 @@ impl Default for HybridOptions {
                     listed_for_pair: 64,
                     explored: 64,
                     partners: 4,
-                    proposals: 24,
+                    proposals: 16,
                     judged: 2,
                     paired: 400,
                     visited: 1_200,

@@ -12,8 +12,7 @@ use super::options::HybridOptions;
 use super::sighting::Sighting;
 use super::stretch::aligned;
 use crate::exponential::exp;
-use crate::surface::SurfacePatch;
-use crate::surface::bend::Bend;
+use crate::surface::facet::Facet;
 use crate::surface::pair_geometry::PairGeometry;
 
 /// The part of the scatter of normals by which an observed pair misses the nearest stored ones:
@@ -33,7 +32,7 @@ const ALONG_AXIS: f32 = 1e-3;
 /// pair that fits exactly weighs 1.
 const USUAL_DEVIATIONS: f32 = 1e-3;
 
-/// How well the geometry of the pair of `patches`, `stored`, fits that of `touches`: the density
+/// How well the geometry of the pair of `facets`, `stored`, fits that of `touches`: the density
 /// of its distance, the angles of both normals with the axis and the turn about it, relative to
 /// that of an exact fit at usual deviations. `None` beyond the tolerance.
 #[inline]
@@ -41,8 +40,7 @@ pub(super) fn fit(
     touches: [&Sighting; 2],
     query: &PairGeometry,
     stored: &PairGeometry,
-    patches: [&SurfacePatch; 2],
-    bends: [&Bend; 2],
+    facets: [&Facet; 2],
     options: &HybridOptions,
 ) -> Option<f32> {
     let distance = (query.distance - stored.distance).abs();
@@ -52,19 +50,19 @@ pub(super) fn fit(
     if distance > tolerance.distance || first.abs().max(second.abs()) > tolerance.cosine {
         return None;
     }
-    let axis = (patches[1].position - patches[0].position) / stored.distance;
+    let axis = (facets[1].position - facets[0].position) / stored.distance;
     let deviation = options.pair_deviation;
     // Half of it is the reading's, half what stored cosines miss.
     let least = (0.5 * deviation.cosine).powi(2);
     let scatter = |end: usize| {
-        let (patch, [along, across]) = (patches[end], bends[end].normal_variances);
+        let (facet, [along, across]) = (facets[end], facets[end].normal_variances());
         let own = least + touches[end].steadiness.normal_variance;
         let (along, across) = (SCATTER_SHARE * along + own, SCATTER_SHARE * across + own);
-        let side = patch.normal.cross(patch.direction);
+        let side = facet.normal.cross(facet.direction);
         // Variance with which the normal turns towards a direction.
         let towards =
-            |v: Vec3| along * patch.direction.dot(v).powi(2) + across * side.dot(v).powi(2);
-        let about = axis.cross(patch.normal);
+            |v: Vec3| along * facet.direction.dot(v).powi(2) + across * side.dot(v).powi(2);
+        let about = axis.cross(facet.normal);
         let sine = about.length_squared().max(ALONG_AXIS);
         (towards(axis) + least, towards(about) / (sine * sine))
     };
@@ -94,19 +92,19 @@ pub(super) fn fit(
 /// stored pair than in any direction.
 pub(super) fn alignment(
     touches: [&Sighting; 2],
-    patches: [&SurfacePatch; 2],
+    facets: [&Facet; 2],
     options: &HybridOptions,
 ) -> f32 {
     let seen_axis = touches[1].position - touches[0].position;
-    let axis = patches[1].position - patches[0].position;
+    let axis = facets[1].position - facets[0].position;
     let mut likelier = 1.0;
-    for (touch, patch) in touches.into_iter().zip(patches) {
-        let stretch = options.scale.direction * touch.elongation * patch.elongation;
+    for (touch, facet) in touches.into_iter().zip(facets) {
+        let stretch = options.scale.direction * touch.elongation * facet.elongation();
         let along = |normal: Vec3, direction: Vec3, axis: Vec3| {
             Vec2::new(direction.dot(axis), direction.dot(normal.cross(axis))).normalize_or_zero()
         };
         let seen = along(touch.normal, touch.direction, seen_axis);
-        let known = along(patch.normal, patch.direction, axis);
+        let known = along(facet.normal, facet.direction, axis);
         let cosine = seen.dot(known);
         likelier *= aligned(stretch, cosine, touch.steadiness.stretch_outliers);
     }
@@ -145,6 +143,7 @@ mod tests {
     use crate::hybrid::propose::loosened;
     use crate::hybrid::test_support::{map_of, places, seen};
     use crate::pose::Pose;
+    use crate::surface::bend::Bend;
     use crate::surface::{SurfaceMap, Touch};
 
     /// Two touches 20 mm apart along x whose normals are at right angles to the axis and to each
@@ -178,16 +177,12 @@ mod tests {
         let stored = PairGeometry::new(ends[0], ends[1]).unwrap();
         let turned = (turn * patches[0].normal.as_dvec3()).as_vec3();
         let query = PairGeometry::new((ends[0].0, turned), ends[1]).unwrap();
-        let bends = [0, 1].map(|end| {
-            let mut bend = map.bends()[end];
-            bend.normal_variances = variances;
-            bend
-        });
-        let bends = [&bends[0], &bends[1]];
+        let bend = Bend { form: [0.0; 3], normal_variances: variances };
+        let facets = patches.map(|patch| Facet::new(patch, &bend));
         let touch = seen(&Touch { evenness, ..places(1, 0).remove(0) }, &Pose::IDENTITY);
         let touches = [&touch, &touch];
         let options = loosened(&HybridOptions::default(), touches);
-        fit(touches, &query, &stored, patches, bends, &options)
+        fit(touches, &query, &stored, facets.each_ref(), &options)
     }
 
     #[test]

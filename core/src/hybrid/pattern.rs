@@ -8,7 +8,7 @@
 use glam::{DVec3, Vec3};
 
 use super::placement::left;
-use super::score::Turned;
+use super::turned::Turned;
 use crate::reading::{Looseness, Reading};
 use crate::sensor::SensorDescription;
 use crate::surface::SurfaceMap;

@@ -113,8 +113,7 @@ pub(super) fn propose(
     let place = |touch: &Sighting| (touch.position, touch.normal);
     let options = &loosened(options, touches);
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
-    let (patches, bends, n_tabled) = (map.patches(), map.bends(), n_tabled(map));
-    let paired = &patches[..effort.n_asked(map)];
+    let (facets, n_tabled, n_asked) = (map.facets(), n_tabled(map), effort.n_asked(map));
     let mut alike = Vec::new();
     let mut n_visited = 0;
     map.pairs().matches(query, options.pairs, |first, second| {
@@ -133,19 +132,17 @@ pub(super) fn propose(
     let mut matches = Vec::with_capacity(alike.len());
     let mut total = 0.0;
     for Match { weight: appearance, patches: [first, second] } in alike {
-        let [first, second] = [usize::from(first), usize::from(second)];
-        let (a, b) = (&patches[first], &patches[second]);
+        let (a, b) = (&facets[usize::from(first)], &facets[usize::from(second)]);
         let Some(stored) = PairGeometry::new((a.position, a.normal), (b.position, b.normal)) else {
             continue;
         };
-        let bends = [&bends[first], &bends[second]];
-        let Some(fit) = fit(touches, &query, &stored, [a, b], bends, options) else { continue };
+        let Some(fit) = fit(touches, &query, &stored, [a, b], options) else { continue };
         let weight = appearance * fit * alignment(touches, [a, b], options);
         total += weight;
-        matches.push(Match { weight, patches: [first as u16, second as u16] });
+        matches.push(Match { weight, patches: [first, second] });
     }
-    let n_pairs = if paired.len() < n_tabled {
-        paired.len() * paired.len().saturating_sub(1)
+    let n_pairs = if n_asked < n_tabled {
+        n_asked * n_asked.saturating_sub(1)
     } else {
         2 * map.pairs().len()
     };
@@ -155,8 +152,8 @@ pub(super) fn propose(
     let mut proposals = Vec::with_capacity(matches.len());
     for found in &matches {
         let stored = found.patches.map(|patch| {
-            let patch = &patches[usize::from(patch)];
-            (patch.position, patch.normal)
+            let facet = &facets[usize::from(patch)];
+            (facet.position, facet.normal)
         });
         poses(touches.map(place), stored, found.weight, &mut proposals);
     }

@@ -9,8 +9,9 @@ use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
 use super::hypothesis::Hypothesis;
 use super::options::HybridOptions;
-use super::score::{Kernel, Turned};
+use super::score::Kernel;
 use super::sighting::Sighting;
+use super::turned::Turned;
 use crate::reading::Base;
 use crate::surface::SurfaceMap;
 

@@ -5,8 +5,8 @@ use super::evidence::Known;
 use super::hypothesis::{Hypothesis, merge};
 use super::partners::partners;
 use super::propose::{Proposal, propose};
-use super::score::Turned;
 use super::sighting::Sighting;
+use super::turned::Turned;
 use super::{HybridBelief, ObjectState, PairEvidence, for_each_object};
 
 /// Poses of less than this (ln) beside the best add nothing to its share.

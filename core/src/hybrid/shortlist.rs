@@ -118,10 +118,10 @@ impl<'a> Query<'a> {
             }
         });
         for (object, looks, touches) in alike {
-            let Some((patches, stored)) = table.pair(touches) else { continue };
+            let Some((facets, stored)) = table.pair(touches) else { continue };
             let misfit = misfit(&self.geometry, &stored, self.unsteady, &self.options);
             if let Some(misfit) = misfit {
-                let turned = alignment(self.touches, patches, &self.options);
+                let turned = alignment(self.touches, facets, &self.options);
                 estimates[object].evidence += looks * exp(-0.5 * misfit) * turned;
             }
         }

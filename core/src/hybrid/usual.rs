@@ -8,8 +8,9 @@ use glam::{DVec3, Quat, Vec3};
 use rayon::prelude::*;
 
 use super::options::HybridOptions;
-use super::score::{Kernel, Turned};
+use super::score::Kernel;
 use super::sighting::Sighting;
+use super::turned::Turned;
 use crate::model::surface::SurfaceModel;
 use crate::surface::appearance::unstored;
 use crate::surface::{AppearanceSpace, SurfaceMap, Touch};

@@ -30,45 +30,20 @@ const BEND_USUAL: f32 = 100.0;
 const MISS_USUAL: f32 = 0.1;
 const KNOWN: f32 = 2.0;
 
-/// Normals scatter along either axis at least and at most by this variance, rad².
-const VARIANCE: std::ops::RangeInclusive<f32> = 0.002_5..=0.25;
+/// Normals scatter along either axis at least by this variance, rad².
+const VARIANCE_MIN: f32 = 0.002_5;
 
-/// The normal turns by no more than this on the way to what is near (tangent of the angle).
-const TURN_MAX: f32 = 1.0;
+/// Normals scatter along either axis at most by this variance, rad².
+pub const VARIANCE_MAX: f32 = 0.25;
 
 /// How the surface bends about one touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bend {
     /// xx, xy and yy of S, rad/m, along the touch's direction and across it.
-    form: [f32; 3],
+    pub form: [f32; 3],
     /// How far normals scatter about the one expected: variances of the tangent of their angle
     /// along the touch's direction and across it, about rad².
     pub normal_variances: [f32; 2],
-}
-
-impl Bend {
-    /// The surface near a touch, seen from a point that is `off` it (m, object frame): how high
-    /// the point is above the surface (m), and the surface's normal there.
-    #[inline]
-    #[must_use]
-    pub fn surface_at(&self, patch: &SurfacePatch, off: Vec3) -> (f32, Vec3) {
-        let [xx, xy, yy] = self.form;
-        let across = patch.normal.cross(patch.direction);
-        let (x, y) = (off.dot(patch.direction), off.dot(across));
-        let turn = Vec2::new(xx * x + xy * y, xy * x + yy * y);
-        let fall = 0.5 * turn.dot(Vec2::new(x, y));
-        let turn = turn.clamp(Vec2::splat(-TURN_MAX), Vec2::splat(TURN_MAX));
-        let normal = patch.normal + patch.direction * turn.x + across * turn.y;
-        (off.dot(patch.normal) + fall, normal.normalize())
-    }
-
-    /// How far normals scatter in all about the one expected, rad.
-    #[inline]
-    #[must_use]
-    pub fn normal_deviation(&self) -> f32 {
-        let [along, across] = self.normal_variances;
-        (along + across).sqrt()
-    }
 }
 
 /// How the surface bends about each of `patches`, which lie `spacing` metres apart.
@@ -110,7 +85,7 @@ fn bend(patch: &SurfacePatch, all: &[SurfacePatch], spacing: f32) -> Bend {
         squares += *weight * missed * missed;
         weights += weight;
     }
-    let variance = |sum: f32| (sum / weights).clamp(*VARIANCE.start(), *VARIANCE.end());
+    let variance = |sum: f32| (sum / weights).clamp(VARIANCE_MIN, VARIANCE_MAX);
     Bend { form: [xx, xy, yy], normal_variances: squares.to_array().map(variance) }
 }
 
@@ -133,6 +108,7 @@ fn neighbour(patch: &SurfacePatch, other: &SurfacePatch, spacing: f32) -> Option
 mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
+    use crate::surface::facet::Facet;
 
     fn patch(position: Vec3, normal: Vec3) -> SurfacePatch {
         SurfacePatch {
@@ -161,8 +137,8 @@ mod tests {
         let alone = patch(Vec3::ZERO, Vec3::Z);
         let bend = bends(&[alone], 0.004)[0];
         assert!(bend.normal_variances.iter().all(|variance| (variance - 0.01).abs() < 1e-8));
-        assert!((bend.normal_deviation() - 0.02f32.sqrt()).abs() < 1e-6);
-        let (height, normal) = bend.surface_at(&alone, Vec3::new(0.003, -0.002, 0.001));
+        let facet = Facet::new(&alone, &bend);
+        let (height, normal) = facet.surface_at(Vec3::new(0.003, -0.002, 0.001));
         assert!((height - 0.001).abs() < 1e-9 && normal.distance(Vec3::Z) < 1e-6);
     }
 
@@ -176,7 +152,7 @@ mod tests {
             // A quarter of a radian further around: 2.5 mm, where the plane is 0.31 mm off.
             let normal = glam::Quat::from_rotation_z(0.25) * patch.normal;
             let off = 0.010 * (normal - patch.normal);
-            let (height, expected) = bend.surface_at(patch, off);
+            let (height, expected) = Facet::new(patch, bend).surface_at(off);
             planes = planes.max(off.dot(patch.normal).abs());
             heights = heights.max(height.abs());
             turns = turns.max(expected.angle_between(normal));
@@ -189,7 +165,8 @@ mod tests {
     fn normals_scatter_at_edges_and_not_where_the_surface_merely_bends() {
         let smooth = bends(&cylinder(600), 0.0025);
         let mean = |bends: &[Bend]| {
-            bends.iter().map(Bend::normal_deviation).sum::<f32>() / bends.len() as f32
+            bends.iter().map(|b| b.normal_variances.iter().sum::<f32>().sqrt()).sum::<f32>()
+                / bends.len() as f32
         };
         assert!(mean(&smooth) < 0.1, "{}", mean(&smooth));
         // Both sides of a ridge of 90° along y, 1 mm and 4 mm off it.

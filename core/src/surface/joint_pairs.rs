@@ -9,10 +9,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::SurfaceMap;
+use super::facet::Facet;
 use super::features::Features;
 use super::pair_cells::{N_DISTANCES_MAX, PairCells};
 use super::pair_geometry::{PairGeometry, PairTolerance};
-use super::{SurfaceMap, SurfacePatch};
 
 /// Touches of an object whose pairs are tabled; one byte names them.
 pub const TOUCHES_PER_OBJECT: usize = 128;
@@ -34,7 +35,7 @@ pub struct JointPairs {
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointTable {
     cells: PairCells<JointPair, N_COSINES>,
-    patches: Vec<SurfacePatch>,
+    facets: Vec<Facet>,
     features: Features,
     /// Where each object's patches begin; one more than there are objects.
     starts: Vec<u32>,
@@ -67,7 +68,7 @@ impl JointPairs {
     pub fn bytes(&self) -> usize {
         let bytes = |table: &JointTable| {
             table.cells.bytes()
-                + size_of_val(table.patches.as_slice())
+                + size_of_val(table.facets.as_slice())
                 + table.features.bytes()
                 + size_of_val(table.starts.as_slice())
         };
@@ -77,30 +78,31 @@ impl JointPairs {
 
 impl JointTable {
     fn build(maps: &[Arc<SurfaceMap>]) -> Self {
-        let (mut patches, mut starts) = (Vec::new(), vec![0]);
+        let (mut facets, mut starts) = (Vec::new(), vec![0]);
         let (mut min, mut edge) = (f32::INFINITY, f32::INFINITY);
         for map in maps {
-            patches.extend(map.patches().iter().take(TOUCHES_PER_OBJECT).copied());
-            starts.push(patches.len() as u32);
+            facets.extend(map.facets().iter().take(TOUCHES_PER_OBJECT).copied());
+            starts.push(facets.len() as u32);
             min = min.min(map.layout().pair_distance_min);
             edge = edge.min(map.layout().pair_distance_edge);
         }
-        let farthest = patches.iter().map(|patch| patch.position.length()).fold(0.0, f32::max);
+        let farthest =
+            facets.iter().map(|facet: &Facet| facet.position.length()).fold(0.0, f32::max);
         let edge = edge.max(2.0 * farthest / N_DISTANCES_MAX);
-        let objects = starts.windows(2).map(|bounds| &patches[range(bounds)]).enumerate();
-        let pairs = objects.flat_map(|(object, patches)| {
+        let objects = starts.windows(2).map(|bounds| &facets[range(bounds)]).enumerate();
+        let pairs = objects.flat_map(|(object, facets)| {
             let pair = move |first: usize, second: usize| {
-                let [a, b] = [&patches[first], &patches[second]];
+                let [a, b] = [&facets[first], &facets[second]];
                 let geometry = PairGeometry::new((a.position, a.normal), (b.position, b.normal))?;
                 let (first, second) = (first as u8, second as u8);
                 Some((geometry, JointPair { object: object as u8, first, second }))
             };
-            let n = patches.len();
+            let n = facets.len();
             (0..n).flat_map(move |a| (a + 1..n).filter_map(move |b| pair(a, b)))
         });
         let cells = PairCells::build(pairs, min, edge);
-        let features = Features::new(patches.iter().map(|patch| &patch.feature));
-        Self { cells, patches, features, starts }
+        let features = Features::new(facets.iter().map(|facet| &facet.feature));
+        Self { cells, facets, features, starts }
     }
 
     /// What the tabled touches look like, for comparing a touch with all of them.
@@ -136,8 +138,8 @@ impl JointTable {
     /// Two of the tabled touches, and their geometry; `None` when they are at one place.
     #[inline]
     #[must_use]
-    pub fn pair(&self, touches: [usize; 2]) -> Option<([&SurfacePatch; 2], PairGeometry)> {
-        let [a, b] = touches.map(|touch| &self.patches[touch]);
+    pub fn pair(&self, touches: [usize; 2]) -> Option<([&Facet; 2], PairGeometry)> {
+        let [a, b] = touches.map(|touch| &self.facets[touch]);
         let geometry = PairGeometry::new((a.position, a.normal), (b.position, b.normal))?;
         Some(([a, b], geometry))
     }
@@ -168,6 +170,7 @@ mod tests {
 
     use super::*;
     use crate::rng::{Purpose, Stream};
+    use crate::surface::SurfacePatch;
     use crate::surface::map::SurfaceLayout;
 
     const TOLERANCE: PairTolerance = PairTolerance { distance: 0.002_5, cosine: 0.22 };
@@ -196,8 +199,8 @@ mod tests {
             && cosines.into_iter().all(|(a, b)| (a - b).abs() < TOLERANCE.cosine)
     }
 
-    fn named(object: usize, patches: [&SurfacePatch; 2]) -> (usize, [u32; 2]) {
-        (object, patches.map(|patch| patch.position.x.to_bits()))
+    fn named(object: usize, positions: [Vec3; 2]) -> (usize, [u32; 2]) {
+        (object, positions.map(|position| position.x.to_bits()))
     }
 
     /// What the table answers, kept to what is within the tolerance.
@@ -207,7 +210,10 @@ mod tests {
             assert!(touches.iter().all(|touch| table.touches(object).contains(touch)));
             let (patches, stored) = table.pair(touches).unwrap();
             if is_within(&query, &stored) {
-                assert!(pairs.insert(named(object, patches)), "found twice");
+                assert!(
+                    pairs.insert(named(object, patches.map(|patch| patch.position))),
+                    "found twice"
+                );
             }
         });
         pairs
@@ -232,7 +238,7 @@ mod tests {
                 for (a, b) in patches.iter().flat_map(|a| patches.iter().map(move |b| (a, b))) {
                     let Some(stored) = PairGeometry::new(place(a), place(b)) else { continue };
                     if stored.distance >= 0.004 && is_within(&query, &stored) {
-                        expected.insert(named(object, [a, b]));
+                        expected.insert(named(object, [a.position, b.position]));
                     }
                 }
             }

@@ -5,7 +5,8 @@ use std::sync::OnceLock;
 use glam::{DVec3, Vec3};
 
 use super::appearance::StoredFeature;
-use super::bend::{Bend, bends};
+use super::bend::bends;
+use super::facet::Facet;
 use super::features::Features;
 use super::pair_table::PairTable;
 use super::solid::Solid;
@@ -69,7 +70,7 @@ pub struct SurfaceMap {
     origin_in_training: DVec3,
     patches: Vec<SurfacePatch>,
     features: Features,
-    bends: Vec<Bend>,
+    facets: Vec<Facet>,
     layout: SurfaceLayout,
     spacing: f32,
     voxels: Voxels,
@@ -111,14 +112,14 @@ impl SurfaceMap {
         let edge = layout.voxel.max(EDGE_SPACINGS * spacing);
         let voxels = Voxels::build(&positions, edge, reach);
         let pairs = PairTable::build(&places, layout.pair_distance_min, layout.pair_distance_edge);
-        let bends = bends(&patches, spacing);
+        let facets = Facet::all(&patches, &bends(&patches, spacing));
         let features = Features::new(patches.iter().map(|patch| &patch.feature));
         let solid = Solid::of_patches(&patches, spacing, reach);
         Self {
             origin_in_training,
             patches,
             features,
-            bends,
+            facets,
             layout,
             spacing,
             voxels,
@@ -159,10 +160,10 @@ impl SurfaceMap {
         &self.features
     }
 
-    /// How the surface bends about each of them.
+    /// The same touches in the same order, each with the surface bent about it.
     #[must_use]
-    pub fn bends(&self) -> &[Bend] {
-        &self.bends
+    pub fn facets(&self) -> &[Facet] {
+        &self.facets
     }
 
     /// How the map is laid out.
@@ -207,7 +208,7 @@ impl SurfaceMap {
         size_of::<Self>()
             + size_of_val(self.patches.as_slice())
             + self.features.bytes()
-            + size_of_val(self.bends.as_slice())
+            + size_of_val(self.facets.as_slice())
             + size_of_val(self.symmetry.axes.as_slice())
             + self.voxels.bytes()
             + self.solid.bytes()
@@ -252,7 +253,7 @@ mod tests {
         assert_eq!((map.patches(), map.layout()), (patches.as_slice(), layout));
         assert_eq!(map.origin_in_training(), DVec3::Y);
         assert_eq!(
-            map.voxels().near(patches[4].position).next(),
+            map.voxels().near(patches[4].position).touches().next(),
             Some(4),
             "looked up all the same"
         );
@@ -262,9 +263,9 @@ mod tests {
     fn bytes_count_what_the_map_holds() {
         let patches: Vec<SurfacePatch> = (0..5).map(|n| patch(0.01 * n as f32)).collect();
         let map = SurfaceMap::new(DVec3::ZERO, patches, SurfaceLayout::default());
-        // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch; how the surface
-        // bends there is five numbers more, and the 8 are there once more in a block for eight.
-        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 72 + 64;
+        // Three vectors of 12 bytes, two numbers of 4 and 8 of 1 make 52 a patch; with the surface
+        // about it it is 64 more, and the 8 are there once more in a block for eight.
+        let parts = map.voxels().bytes() + map.solid().bytes() + map.pairs().bytes() + 5 * 116 + 64;
         assert_eq!(map.bytes(), parts + size_of::<SurfaceMap>());
         assert!(map.pairs().bytes() >= 10 * 4, "ten pairs of two numbers");
     }
