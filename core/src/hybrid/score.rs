@@ -135,11 +135,11 @@ impl Kernel {
         for pose in poses {
             met.extend(touches.iter().map(|touch| Met::new(map, pose, touch)));
         }
-        let of_pose = |met: &[Met]| {
-            let met = met.iter().zip(touches);
+        let of_pose = |pose: usize| {
+            let met = met[pose * touches.len()..].iter().zip(touches);
             met.map(|(met, touch)| self.score_met(map, met, touch, usize::MAX)).sum()
         };
-        met.chunks(touches.len().max(1)).map(of_pose).collect()
+        (0..poses.len()).map(of_pose).collect()
     }
 
     #[inline]

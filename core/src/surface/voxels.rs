@@ -3,7 +3,7 @@
 //! The map's box, grown by `reach`, is cut into cubes; a cube whose centre is within reach of a
 //! touch lists the nearest few, nearest first. Cubes far from the surface have no list. Cubes
 //! stand together in bricks of 4 × 4 × 4, which know by a bit each which of them have a list:
-//! an object's bricks are so few that they stay in the cache.
+//! an object's bricks are a few kilobytes, which neighbouring look-ups share.
 //! The cubes are bounded in number: of large objects they are larger, and reach grows with them.
 
 use glam::{UVec3, Vec3};
