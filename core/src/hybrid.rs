@@ -57,6 +57,7 @@ use crate::surface::touch::observe_touch;
 use carried::Carried;
 use evidence::Evidence;
 use hypothesis::{Hypothesis, merge};
+use partners::in_turn;
 use pattern::{Miss, Pattern};
 use score::Kernel;
 use sighting::Sighting;
@@ -184,8 +185,9 @@ impl HybridBelief {
             }
             2 => {
                 self.follow();
-                let common = self.take_census(&[0], true);
-                self.propose(&[0], f64::INFINITY, self.n_listed_for_pair(), common);
+                let shares = self.take_census(&[0], true);
+                let asked = in_turn(&[0], shares.as_deref(), 2, &self.options);
+                self.propose(&asked, f64::INFINITY, self.n_listed_for_pair());
                 self.compare_pairs();
             }
             _ => {

@@ -96,6 +96,9 @@ pub struct ManyBudget {
     /// Of fewer patches where, in the mean over objects, more than so many stored pairs would be
     /// about the observed one.
     pub visited: usize,
+    /// The rarest pairs of a touch are asked first, as many as have together so many stored pairs
+    /// about them.
+    pub visited_in_all: usize,
     /// Of the pairs that look alike so many are compared in their geometry, likeliest first.
     pub fitted: usize,
 }
@@ -153,11 +156,11 @@ pub struct HybridOptions {
 
 impl HybridOptions {
     /// How far each object is asked for a pair of touches, after so many touches. In a large
-    /// catalogue `common` is the share of an object's pairs that are about the observed one, in
-    /// the mean over objects; `None` in a small one.
-    pub(super) fn effort(&self, common: Option<f32>, n_touches: usize) -> Effort {
+    /// catalogue `share` is that of an object's pairs that are about the observed one, in the mean
+    /// over objects; `None` in a small one.
+    pub(super) fn effort(&self, share: Option<f32>, n_touches: usize) -> Effort {
         let (budget, all) = (&self.budget, usize::MAX);
-        let Some(common) = common else {
+        let Some(share) = share else {
             let (proposals, appearance_min) = (budget.proposals_per_object, self.appearance_min);
             return Effort { proposals, judged: all, patches: all, fitted: all, appearance_min };
         };
@@ -168,7 +171,7 @@ impl HybridOptions {
             return Effort { proposals, judged, patches: all, fitted: all, appearance_min };
         }
         // n patches have some n² pairs.
-        let patches = (visited as f32 / common.max(f32::MIN_POSITIVE)).sqrt() as usize;
+        let patches = (visited as f32 / share.max(f32::MIN_POSITIVE)).sqrt() as usize;
         Effort { proposals, judged, patches: patches.min(paired), fitted, appearance_min }
     }
 }
@@ -219,6 +222,7 @@ impl Default for HybridOptions {
                     judged: 2,
                     paired: 400,
                     visited: 1_200,
+                    visited_in_all: 3_600,
                     fitted: 96,
                 },
             },
@@ -258,7 +262,7 @@ mod tests {
         // 1,200 of 3 % are 40,000 pairs, of 200 patches.
         assert_eq!(options.effort(Some(0.03), 3).patches, 200);
         assert!(many.proposals < options.budget.proposals_per_object);
-        let least = |common| options.effort(common, 3).appearance_min;
+        let least = |share| options.effort(share, 3).appearance_min;
         assert!(least(Some(0.01)) > least(None), "pairs have to look alike more");
     }
 }

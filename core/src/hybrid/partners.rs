@@ -1,7 +1,11 @@
-//! Which earlier touches a new one is paired with.
+//! Which earlier touches a new one is paired with, and which of the pairs are asked first.
+//!
+//! Source: section 5.6.4 names the idea for the table of pairs: rare ones say most and cost least.
 
 use glam::Vec3;
 
+use super::options::HybridOptions;
+use super::propose::Effort;
 use super::sighting::Sighting;
 
 /// Where two bases may be so far apart (m) a pair of theirs is worth half of one of a single base.
@@ -27,6 +31,45 @@ pub(super) fn partners(touches: &[Sighting], n: usize) -> Vec<usize> {
     rated.into_iter().take(n).map(|(_, index)| index).collect()
 }
 
+/// An earlier touch that the newest is paired with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Partner {
+    /// Which of the touches it is.
+    pub(super) index: usize,
+    /// How far objects are asked for the pair.
+    pub(super) effort: Effort,
+}
+
+/// The partners in the order in which they are asked. Where the shares of an object's pairs that
+/// are about each observed one are known, rarest first, until the budget of stored pairs
+/// ([`super::options::ManyBudget::visited_in_all`]) is spent; one is asked in any case.
+pub(super) fn in_turn(
+    partners: &[usize],
+    shares: Option<&[f32]>,
+    n_touches: usize,
+    options: &HybridOptions,
+) -> Vec<Partner> {
+    let Some(shares) = shares else {
+        let effort = options.effort(None, n_touches);
+        return partners.iter().map(|index| Partner { index: *index, effort }).collect();
+    };
+    let mut rarest: Vec<(f32, usize)> = shares.iter().copied().zip(partners.to_vec()).collect();
+    // A stable sort: of equally rare ones the better placed comes first.
+    rarest.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let many = &options.budget.many;
+    let (mut asked, mut visited) = (Vec::with_capacity(rarest.len()), 0.0);
+    for (share, index) in rarest {
+        let effort = options.effort(Some(share), n_touches);
+        // n patches have some n² pairs.
+        visited += (effort.patches.min(many.paired) as f32).powi(2) * share;
+        if !asked.is_empty() && visited > many.visited_in_all as f32 {
+            break;
+        }
+        asked.push(Partner { index, effort });
+    }
+    asked
+}
+
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
@@ -49,5 +92,22 @@ mod tests {
         assert_eq!(partners(&all, 2), [2, 0]);
         assert_eq!(partners(&all, 9), [2, 0, 1]);
         assert_eq!(partners(&all[..1], 2), [0; 0]);
+    }
+
+    #[test]
+    fn rare_pairs_are_asked_first_and_among_more_patches_until_the_budget_is_spent() {
+        let options = HybridOptions::default();
+        let asked = |shares: Option<&[f32]>, n_touches| -> Vec<(usize, usize)> {
+            let asked = in_turn(&[5, 3, 4, 1], shares, n_touches, &options);
+            asked.iter().map(|partner| (partner.index, partner.effort.patches)).collect()
+        };
+        // 0.1 % of 400² are 160 pairs; 3 % are 1,200 of 200 patches, 12 % of 100.
+        let mixed = asked(Some(&[0.03, 0.001, 0.12, 0.001]), 6);
+        assert_eq!(mixed, [(3, 400), (1, 400), (5, 200), (4, 100)]);
+        // A fourth pair of 1,200 is more than 3,600 in all.
+        assert_eq!(asked(Some(&[0.12; 4]), 6), [(5, 100), (3, 100), (4, 100)]);
+        // The first pair of a session is asked whatever it costs, and so is all of few objects.
+        assert_eq!(asked(Some(&[0.5]), 2), [(5, usize::MAX)]);
+        assert_eq!(asked(None, 6).len(), 4);
     }
 }

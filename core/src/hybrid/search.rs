@@ -3,7 +3,7 @@
 use super::answer::looks_like;
 use super::evidence::Known;
 use super::hypothesis::{Hypothesis, merge};
-use super::partners::partners;
+use super::partners::{Partner, in_turn, partners};
 use super::propose::{Proposal, propose};
 use super::sighting::Sighting;
 use super::turned::Turned;
@@ -41,9 +41,10 @@ impl HybridBelief {
             (None, false, false) => budget.partners,
         };
         let partners = partners(&self.touches, n_partners);
-        let common = self.take_census(&partners, poor);
+        let shares = self.take_census(&partners, poor);
+        let asked = in_turn(&partners, shares.as_deref(), n, &self.options);
         let reach = if poor { f64::INFINITY } else { f64::from(self.options.drop_between) };
-        self.propose(&partners, reach, self.n_in_doubt(poor || share <= LIKELY), common);
+        self.propose(&asked, reach, self.n_in_doubt(poor || share <= LIKELY));
     }
 
     /// Whether even the best hypothesis explains the touches poorly.
@@ -83,22 +84,14 @@ impl HybridBelief {
 
     /// The newest touch and each partner propose poses of the objects that are at most
     /// `reach` (ln) less likely than the best, and of the `listed` ones that stand best, whether
-    /// or not poses of theirs are known: those proposed before may all be wrong. `common` is what
-    /// the table said of the pairs ([`Self::take_census`]).
-    pub(super) fn propose(
-        &mut self,
-        partners: &[usize],
-        reach: f64,
-        listed: Option<usize>,
-        common: Option<f32>,
-    ) {
+    /// or not poses of theirs are known: those proposed before may all be wrong.
+    pub(super) fn propose(&mut self, partners: &[Partner], reach: f64, listed: Option<usize>) {
         let budget = &self.options.budget;
         let standing = listed.map_or(f64::INFINITY, |n| self.standing_of(n));
         let n_objects = match self.n_listed() {
             Some(_) => budget.many.explored,
             None => budget.objects,
         };
-        let effort = self.options.effort(common, self.touches.len());
         let (bar, refining) = match self.touches.len() {
             0..=2 if listed.is_some() => (f64::INFINITY, f64::INFINITY),
             0..=2 => (f64::NEG_INFINITY, f64::INFINITY),
@@ -113,22 +106,25 @@ impl HybridBelief {
         let [earlier @ .., newest] = touches else { return };
         // The pair fits where it proposes: the others judge first.
         let others = |partner: usize| (0..earlier.len()).rev().filter(move |n| *n != partner);
-        let in_turn = |partner: usize| -> Vec<&Sighting> {
-            let others = others(partner).map(|n| &earlier[n]);
-            others.chain([&earlier[partner], newest]).collect()
+        let judges = |partner: &Partner| -> Vec<&Sighting> {
+            let others = others(partner.index).map(|n| &earlier[n]);
+            others.chain([&earlier[partner.index], newest]).collect()
         };
-        let turns: Vec<Vec<&Sighting>> = partners.iter().map(|p| in_turn(*p)).collect();
+        let judges: Vec<Vec<&Sighting>> = partners.iter().map(judges).collect();
+        let Some(widest) = partners.iter().map(|p| p.effort).max_by_key(|e| e.patches) else {
+            return;
+        };
         for_each_object(objects, evidence.maps, |state, map| {
             if state.log_evidence < bar && state.standing < standing {
                 return;
             }
             let known = Known { map, carried: &state.carried };
-            let looks_of_newest = effort.looks(map, newest);
-            for (partner, in_turn) in partners.iter().zip(&turns) {
-                let pair = [newest, &earlier[*partner]];
+            let looks_of_newest = widest.looks(map, newest);
+            for (Partner { index, effort }, judges) in partners.iter().zip(&judges) {
+                let pair = [newest, &earlier[*index]];
                 let looks_of_partner = effort.looks(map, pair[1]);
-                let looks = [looks_of_newest.as_slice(), &looks_of_partner];
-                let Some(mut proposed) = propose(map, pair, looks, effort, options) else {
+                let looks = [&looks_of_newest[..looks_of_partner.len()], &looks_of_partner];
+                let Some(mut proposed) = propose(map, pair, looks, *effort, options) else {
                     continue;
                 };
                 state.pair = PairEvidence {
@@ -136,14 +132,14 @@ impl HybridBelief {
                     evidence: proposed.evidence,
                     looks: proposed.looks[0] * proposed.looks[1],
                 };
-                let others = &in_turn[..in_turn.len() - pair.len()];
+                let others = &judges[..judges.len() - pair.len()];
                 evidence.keep_best_by(others, &mut proposed.proposals, effort.judged, map);
                 let mut new = Vec::with_capacity(proposed.proposals.len());
                 let mut bar = hopeless;
                 for Proposal { rotation, translation, .. } in proposed.proposals {
                     let pose = Turned::new(rotation, translation);
-                    let in_turn = in_turn.iter().copied();
-                    let Some(score) = evidence.score_in_turn(known, &pose, in_turn, bar) else {
+                    let judges = judges.iter().copied();
+                    let Some(score) = evidence.score_in_turn(known, &pose, judges, bar) else {
                         continue;
                     };
                     bar = bar.max(score - options.drop_within);
@@ -166,7 +162,8 @@ impl HybridBelief {
     pub(super) fn propose_of_likeliest(&mut self, n: usize) {
         let partners = partners(&self.touches, self.options.budget.partners_if_poor);
         let reach = self.bar(f64::INFINITY, 1) - self.bar(f64::INFINITY, n);
-        self.propose(&partners, reach, None, None);
+        let asked = in_turn(&partners, None, self.touches.len(), &self.options);
+        self.propose(&asked, reach, None);
     }
 
     /// Poses that score less are given up: some other object's best is that much better.
@@ -303,7 +300,8 @@ mod tests {
                 state.log_evidence = if index == 0 { -20.0 } else { -10.0 };
             }
             belief.stage = 3;
-            belief.propose(&[0, 1], 0.0, belief.n_in_doubt(true), Some(0.01));
+            let asked = in_turn(&[0, 1], Some(&[0.01; 2]), 4, &belief.options);
+            belief.propose(&asked, 0.0, belief.n_in_doubt(true));
             is_found(&belief.objects[0])
         };
         assert!(after(-6.5), "the seventh");

@@ -42,13 +42,13 @@ impl HybridBelief {
     }
 
     /// The newest touch and each partner ask the table how each object stands: all of them, or
-    /// those that stand best. Whoever is not asked is taken to have no such pair. Says what share
-    /// of an object's pairs are about the commonest of those of the touches, in the mean over all
+    /// those that stand best. Whoever is not asked is taken to have no such pair. Says of each
+    /// partner what share of an object's pairs are about the observed one, in the mean over all
     /// objects; `None` when there is no table.
-    pub(super) fn take_census(&mut self, partners: &[usize], all: bool) -> Option<f32> {
+    pub(super) fn take_census(&mut self, partners: &[usize], all: bool) -> Option<Vec<f32>> {
         let joint = self.model.joint_pairs()?;
         let [earlier @ .., newest] = self.touches.as_slice() else { return None };
-        let mut common = 0.0f32;
+        let mut shares = Vec::with_capacity(partners.len());
         let n_asked = self.n_listed().map_or(usize::MAX, |n| n.saturating_mul(ASKED));
         let bar = if all { f64::NEG_INFINITY } else { self.standing_of(n_asked) };
         let wanted: Vec<bool> = self.objects.iter().map(|state| state.standing >= bar).collect();
@@ -57,7 +57,7 @@ impl HybridBelief {
             let n_objects = estimates.len().max(1) as f32;
             let mean =
                 |value: fn(&Estimate) -> f32| estimates.iter().map(value).sum::<f32>() / n_objects;
-            common = common.max(mean(|estimate| estimate.geometry));
+            shares.push(mean(|estimate| estimate.geometry));
             let mean = mean(|estimate| estimate.evidence);
             if mean <= 0.0 {
                 continue;
@@ -72,7 +72,7 @@ impl HybridBelief {
                 }
             }
         }
-        Some(common)
+        Some(shares)
     }
 
     /// The least standing of the `n` objects that stand best.
@@ -138,8 +138,8 @@ impl<'a> Query<'a> {
     }
 }
 
-/// What the table says of all objects for the newest touch and each partner that is not at its
-/// place.
+/// What the table says of all objects for the newest touch and each partner: of one at its place
+/// nothing.
 fn estimate(
     joint: &JointPairs,
     newest: &Sighting,
@@ -148,7 +148,7 @@ fn estimate(
     options: &HybridOptions,
 ) -> Vec<Vec<Estimate>> {
     let pairs = partners.iter().map(|partner| [newest, *partner]);
-    let queries: Vec<Query<'_>> = pairs.filter_map(|pair| Query::new(pair, options)).collect();
+    let queries: Vec<Option<Query<'_>>> = pairs.map(|pair| Query::new(pair, options)).collect();
     let of_table = |(table, wanted): (&JointTable, &[bool])| -> Vec<Vec<Estimate>> {
         let looks = |touch: &Sighting| {
             let mut looks = Vec::with_capacity(table.features().len());
@@ -163,7 +163,10 @@ fn estimate(
             looks
         };
         let newest = looks(newest);
-        let ask = |query: &Query<'_>| query.ask(table, wanted, [&newest, &looks(query.touches[1])]);
+        let ask = |query: &Option<Query<'_>>| match query {
+            Some(query) => query.ask(table, wanted, [&newest, &looks(query.touches[1])]),
+            None => vec![Estimate::default(); table.n_objects()],
+        };
         queries.iter().map(ask).collect()
     };
     let tables = joint.tables().par_iter().zip(wanted.par_chunks(OBJECTS_PER_TABLE));
@@ -178,6 +181,7 @@ mod tests {
 
     use super::*;
     use crate::hybrid::ObjectState;
+    use crate::hybrid::partners::in_turn;
     use crate::hybrid::test_support::{belief_over, map_of, places, seen, some_pose};
     use crate::pose::Pose;
     use crate::surface::Touch;
@@ -244,7 +248,8 @@ mod tests {
         let touch = seen(&places(20, 0)[0], &Pose::IDENTITY);
         let joint = JointPairs::build(&[map]);
         let options = HybridOptions::default();
-        assert!(estimate(&joint, &touch, &[&touch], &[true], &options).is_empty());
+        let estimates = estimate(&joint, &touch, &[&touch], &[true], &options);
+        assert_eq!(estimates, [[Estimate::default()]]);
     }
 
     #[test]
@@ -254,9 +259,10 @@ mod tests {
         assert_eq!((belief.n_listed(), belief.n_listed_for_pair()), (Some(90), Some(64)));
         let touches = [3, 50].map(|touch| seen(&objects[2][touch], &some_pose(5)));
         belief.touches = touches.to_vec();
-        let common = belief.take_census(&[0], true);
-        assert!((1e-4..0.2).contains(&common.unwrap()), "{common:?}");
-        belief.propose(&[0], f64::INFINITY, belief.n_listed_for_pair(), common);
+        let shares = belief.take_census(&[0], true).unwrap();
+        assert!(shares.len() == 1 && (1e-4..0.2).contains(&shares[0]), "{shares:?}");
+        let asked = in_turn(&[0], Some(&shares), 2, &belief.options);
+        belief.propose(&asked, f64::INFINITY, belief.n_listed_for_pair());
         let posed = belief.objects.iter().filter(|state| !state.hypotheses.is_empty()).count();
         assert!((32..=64).contains(&posed), "{posed}");
         let standing = |state: &ObjectState| state.standing.is_normal();
