@@ -53,7 +53,8 @@ pub(super) fn in_turn(
         let effort = options.effort(None, n_touches);
         return partners.iter().map(|index| Partner { index: *index, effort }).collect();
     };
-    let mut rarest: Vec<(f32, usize)> = shares.iter().copied().zip(partners.to_vec()).collect();
+    let shares = shares.iter().copied();
+    let mut rarest: Vec<(f32, usize)> = shares.zip(partners.iter().copied()).collect();
     // A stable sort: of equally rare ones the better placed comes first.
     rarest.sort_by(|a, b| a.0.total_cmp(&b.0));
     let many = &options.budget.many;

@@ -223,7 +223,7 @@ impl HybridBelief {
 mod tests {
     use super::*;
     use crate::hybrid::HybridOptions;
-    use crate::hybrid::options::ManyBudget;
+    use crate::hybrid::options::{Budget, ManyBudget};
     use crate::hybrid::test_support::{belief_over, error, places, seen, single, some_pose};
     use crate::pose::Pose;
     use crate::surface::Touch;
@@ -311,20 +311,24 @@ mod tests {
     #[test]
     fn of_many_objects_so_many_partners_and_judged_poses_and_pairs_are_looked_at() {
         let options = HybridOptions::default();
-        let looked_at = |partners, judged, visited| {
-            let mut budget = options.budget;
-            budget.many = ManyBudget { partners, judged, visited, ..budget.many };
+        let looked_at = |many: ManyBudget| {
+            let budget = Budget { many, ..options.budget };
             let mut belief = touched(40, 4, 1.0, HybridOptions { budget, ..options });
             belief.propose_in_doubt();
             let posed = belief.objects.iter().map(|state| state.hypotheses.len());
             (posed.clone().max(), posed.sum::<usize>())
         };
         let all = usize::MAX;
+        let all = ManyBudget { visited: all, visited_in_all: all, ..options.budget.many };
         // Each partner proposes, and of each as many stay as are judged.
-        assert_eq!(looked_at(1, 1, all).0, Some(1));
-        assert!((2..=3).contains(&looked_at(3, 1, all).0.unwrap()));
-        assert_eq!(looked_at(1, 2, all).0, Some(2));
-        let (every, few) = (looked_at(1, 2, all).1, looked_at(1, 2, 2).1);
+        let one = ManyBudget { partners: 1, ..all };
+        assert_eq!(looked_at(ManyBudget { judged: 1, ..one }).0, Some(1));
+        let three = ManyBudget { partners: 3, judged: 1, ..all };
+        assert!((2..=3).contains(&looked_at(three).0.unwrap()));
+        assert_eq!(looked_at(ManyBudget { visited_in_all: 0, ..three }).0, Some(1), "the rarest");
+        assert_eq!(looked_at(ManyBudget { judged: 2, ..one }).0, Some(2));
+        let few = looked_at(ManyBudget { judged: 2, visited: 2, ..one }).1;
+        let every = looked_at(ManyBudget { judged: 2, ..one }).1;
         assert!(2 * few < every, "{few} of {every}");
     }
 
