@@ -1,6 +1,6 @@
 //! The hybrid recogniser: hypotheses are proposed, verified by every touch, and refined.
 //!
-//! Beyond the dissertation (sections 5.6.3–5.6.6 and 6.1 name the idea). A pair of touches
+//! Beyond the dissertation (sections 5.6.3–5.6.6 and 6.1 say what is wanted). A pair of touches
 //! proposes poses of every object that is not out of the question (`propose`), in a large
 //! catalogue of those that one table of all pairs lists (`shortlist`), each touch
 //! scores each surviving hypothesis (`score`), the best are refined (`refine`) and what is one

@@ -1,6 +1,7 @@
 //! Which earlier touches a new one is paired with, and which of the pairs are asked first.
 //!
-//! Source: section 5.6.4 names the idea for the table of pairs: rare ones say most and cost least.
+//! Beyond the dissertation, which notes that not all pairs have to be used (section 5.6.5). A
+//! pair that is rare on the objects leaves few poses and costs little to look up.
 
 use glam::Vec3;
 

@@ -1,6 +1,6 @@
 //! Proposals: poses of an object that a pair of touches may have come from.
 //!
-//! Source: section 5.6.4 names the idea; the key is that of Drost et al. (2010). Every stored
+//! Beyond the dissertation; the key is that of Drost et al. (2010). Every stored
 //! pair of like geometry gives one pose in closed form: axis onto axis, normals onto normals,
 //! middle onto middle. Its weight is what the two appearances and the misfit of the geometry
 //! say. When both normals lie along the axis the turn about it is open and is sampled.
