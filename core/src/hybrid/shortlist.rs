@@ -1,10 +1,10 @@
 //! The shortlist: of which of many objects poses are worth proposing.
 //!
-//! Section 5.6.4 leaves large sets of objects open. In a large catalogue each new touch, with
-//! earlier ones, asks the table of all objects' pairs (`surface::joint_pairs`) how dense each
-//! object's pairs are about what was felt. The estimates are multiplied up from touch to touch
-//! for every object, so that one that was left out before may come in later; poses are proposed
-//! for those that stand best. Their number grows as the root of the number of objects.
+//! Section 5.6.4 leaves large sets of objects open. In a large catalogue each new touch, paired
+//! with earlier ones, asks the table of all objects' pairs (`surface::joint_pairs`) how dense
+//! each object's pairs are about what was felt. The estimates are multiplied up from touch to
+//! touch for every object, so that one that was left out before may come in later; poses are
+//! proposed for those that stand best. Their number grows as the root of the number of objects.
 
 use rayon::prelude::*;
 
