@@ -1,6 +1,7 @@
 //! Bayes filters over identity and pose.
 
 pub mod adaptive;
+pub mod class_field;
 pub mod histogram;
 pub mod kld;
 pub mod particle;

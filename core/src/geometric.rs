@@ -15,6 +15,7 @@ mod polish;
 mod prepared;
 mod printed;
 mod solid;
+mod tables;
 
 use crate::belief::answer::Answer;
 use crate::log_prob::normalize;
@@ -26,6 +27,7 @@ pub use error::GeometricError;
 pub use marginals::{AxisMarginal, Marginals, PlaneMarginal};
 pub use options::{AdaptiveOptions, GeometricFilter, GeometricOptions, PosePrior, PrintedFilter};
 pub use prepared::PreparedGeometry;
+pub use tables::TableBudget;
 
 use planar::PlanarBelief;
 use printed::PrintedBelief;
@@ -37,6 +39,23 @@ pub struct GeometricBelief {
     pose: PosePrior,
     n_readings: usize,
     state: State,
+}
+
+/// The memory that a belief takes at its beginning, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BeliefMemory {
+    /// Its own.
+    pub own: usize,
+    /// Tables that it shares with other beliefs of the same kind.
+    pub tables: usize,
+    /// What of the tables no belief has yet.
+    pub missing: usize,
+}
+
+impl BeliefMemory {
+    fn new(own: usize, tables: usize, has_tables: bool) -> Self {
+        Self { own, tables, missing: if has_tables { 0 } else { tables } }
+    }
 }
 
 /// The filters that carry a belief.
@@ -59,6 +78,31 @@ impl GeometricBelief {
         size_of::<Self>() + state
     }
 
+    /// Whether a belief can be had, and the memory that it takes; nothing is made.
+    ///
+    /// # Errors
+    /// Those of [`GeometricBelief::new`].
+    pub fn memory(
+        geometry: &PreparedGeometry,
+        options: &GeometricOptions,
+        prior: Option<&[f64]>,
+    ) -> Result<BeliefMemory, GeometricError> {
+        let log_prior = log_prior(prior, geometry.model().maps.len())?;
+        options.check()?;
+        let n_alive = log_prior.iter().filter(|log| log.is_finite()).count();
+        match (&options.pose, &options.filter) {
+            (PosePrior::Planar { half_extent, half_angle, .. }, GeometricFilter::Adaptive(it)) => {
+                PlanarBelief::memory(geometry, *half_extent, *half_angle, it, n_alive)
+            }
+            (PosePrior::Bounded { half_extent, half_angle, .. }, GeometricFilter::Adaptive(_)) => {
+                SolidBelief::memory(geometry, *half_extent, *half_angle, n_alive)
+            }
+            (pose, GeometricFilter::Printed(filter)) => {
+                PrintedBelief::memory(geometry, pose, filter)
+            }
+        }
+    }
+
     /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
     /// is even.
     ///
@@ -70,9 +114,8 @@ impl GeometricBelief {
         options: GeometricOptions,
         prior: Option<&[f64]>,
     ) -> Result<Self, GeometricError> {
-        let model = geometry.model();
-        let log_prior = log_prior(prior, model.maps.len())?;
-        options.check()?;
+        Self::memory(geometry, &options, prior)?;
+        let log_prior = log_prior(prior, geometry.model().maps.len())?;
         let state = match (&options.pose, &options.filter) {
             (plane @ PosePrior::Planar { .. }, GeometricFilter::Adaptive(filter)) => {
                 State::Planar(Box::new(PlanarBelief::new(geometry, *plane, *filter, &log_prior)?))
@@ -82,7 +125,7 @@ impl GeometricBelief {
             }
             (pose, GeometricFilter::Printed(filter)) => {
                 let seed = options.seed;
-                let belief = PrintedBelief::new(model, pose, filter, seed, &log_prior)?;
+                let belief = PrintedBelief::new(geometry, pose, filter, seed, &log_prior)?;
                 State::Printed(Box::new(belief))
             }
         };

@@ -10,8 +10,8 @@ use palpate_core::belief::answer::Answer;
 use palpate_core::belief::orbits::{OrbitScale, merge_orbits};
 use palpate_core::filter::particle::ParticleOptions;
 use palpate_core::geometric::{
-    AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals,
-    PrintedFilter,
+    AdaptiveOptions, BeliefMemory, GeometricBelief, GeometricError, GeometricFilter,
+    GeometricOptions, Marginals, PrintedFilter,
 };
 use palpate_core::hybrid::HybridBelief;
 use palpate_core::model::ObjectIdx;
@@ -31,7 +31,7 @@ use crate::refusal::Refusal;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
-use crate::wire::session::{Options, hybrid_options, is_appearance, name, options};
+use crate::wire::session::{Options, hybrid_options, is_appearance, is_geometric, name, options};
 
 /// Poses of pair maps are one within half a bin and a few degrees: they are refined.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
@@ -79,41 +79,48 @@ impl SessionBelief {
         let prior = (!weights.is_empty()).then_some(weights.as_slice());
         let catalogue = Arc::clone(&model.core);
         let options = options(session);
-        let filter = match options.method {
+        match options.method {
             Method::Hybrid => {
                 let surfaces = Arc::clone(model.surfaces()?);
                 let options = hybrid_options(&options);
-                return Ok(Self::Hybrid(Box::new(HybridBelief::new(surfaces, options, prior)?)));
+                Ok(Self::Hybrid(Box::new(HybridBelief::new(surfaces, options, prior)?)))
             }
             Method::Sva => {
                 let belief = SvaBelief::new(catalogue, SvaOptions::default(), prior)?;
-                return Ok(Self::Sva(belief, Arc::clone(&model.symmetries)));
+                Ok(Self::Sva(belief, Arc::clone(&model.symmetries)))
             }
             Method::SvaLiteral => {
                 let belief = SvaBelief::new(catalogue, SvaOptions::literal(), prior)?;
-                return Ok(Self::Sva(belief, Arc::default()));
+                Ok(Self::Sva(belief, Arc::default()))
             }
             Method::Appearance => {
                 let options = AppearanceOptions::default();
-                return Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?));
+                Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?))
             }
             Method::AppearanceLiteral => {
                 let options = AppearanceOptions::literal();
-                return Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?));
+                Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?))
             }
-            Method::Geometric => GeometricFilter::Adaptive(AdaptiveOptions::default()),
-            Method::GeometricHistogram => {
-                let n = options.bins.ok_or(BeliefError::OptionMissing)?.map(|n| n as usize);
-                GeometricFilter::Printed(PrintedFilter::Histogram { n })
+            Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
+                let options = geometric_options(&options, session.seed)?;
+                Ok(Self::Geometric(GeometricBelief::new(model.prepared()?, options, prior)?))
             }
-            Method::GeometricParticles => {
-                let n = options.particles.ok_or(BeliefError::OptionMissing)? as usize;
-                GeometricFilter::Printed(PrintedFilter::Particles(ParticleOptions::literal(n)))
-            }
-        };
-        let pose = options.pose_prior.as_ref().ok_or(BeliefError::OptionMissing)?;
-        let options = GeometricOptions { pose: core_prior(pose)?, filter, seed: session.seed };
-        Ok(Self::Geometric(GeometricBelief::new(model.prepared()?, options, prior)?))
+        }
+    }
+
+    /// The memory that a belief by geometry takes, nothing being made; `None` by other methods.
+    pub(crate) fn memory(
+        session: &Session,
+        model: &Model,
+    ) -> Result<Option<BeliefMemory>, BeliefError> {
+        let options = options(session);
+        if !is_geometric(options.method) {
+            return Ok(None);
+        }
+        let weights: Vec<f64> = session.prior.iter().map(|(_, weight)| *weight).collect();
+        let prior = (!weights.is_empty()).then_some(weights.as_slice());
+        let options = geometric_options(&options, session.seed)?;
+        Ok(Some(GeometricBelief::memory(model.prepared()?, &options, prior)?))
     }
 
     /// Bytes of memory that it has for itself.
@@ -225,6 +232,26 @@ impl SessionBelief {
         let Self::Hybrid(belief) = self else { return None };
         rank(belief, question.approaches.as_deref(), &question.options, should_stop).ok()
     }
+}
+
+/// How a session by geometry works.
+fn geometric_options(options: &Options, seed: u64) -> Result<GeometricOptions, BeliefError> {
+    let filter = match (options.method, options.bins, options.particles) {
+        (Method::GeometricHistogram, Some(n), _) => {
+            let n = n.map(|n| n as usize);
+            GeometricFilter::Printed(PrintedFilter::Histogram { n })
+        }
+        (Method::GeometricParticles, _, Some(n)) => {
+            let options = ParticleOptions::literal(n as usize);
+            GeometricFilter::Printed(PrintedFilter::Particles(options))
+        }
+        (Method::GeometricHistogram | Method::GeometricParticles, ..) => {
+            return Err(BeliefError::OptionMissing);
+        }
+        _ => GeometricFilter::Adaptive(AdaptiveOptions::default()),
+    };
+    let pose = options.pose_prior.as_ref().ok_or(BeliefError::OptionMissing)?;
+    Ok(GeometricOptions { pose: core_prior(pose)?, filter, seed })
 }
 
 /// The answer of pair maps, poses that look alike by the objects' symmetries merged.

@@ -11,7 +11,7 @@ mod memory;
 use std::sync::Arc;
 
 use dashmap::DashMap;
-use palpate_core::geometric::PreparedGeometry;
+use palpate_core::geometric::{PreparedGeometry, TableBudget};
 use palpate_core::model::appearance::AppearanceModel;
 use palpate_core::model::geometry::GeometricModel;
 use palpate_core::model::surface::SurfaceModel;
@@ -103,6 +103,8 @@ pub(crate) struct Catalogues {
     table: Table,
     pool: Pool,
     memory: Memory<Key, Model>,
+    /// The memory of what sessions by geometry look up.
+    tables: Arc<TableBudget>,
     loading: tokio::sync::Mutex<()>,
     /// Versions that are damaged, and why.
     damaged: DashMap<(Uuid, u32), String>,
@@ -117,11 +119,22 @@ pub(crate) struct Pinned {
 }
 
 impl Catalogues {
-    /// Models are kept in at most `memory_bytes_max` bytes.
-    pub(crate) fn new(store: &Database, pool: Pool, memory_bytes_max: u64) -> Self {
-        let memory = Memory::new(memory_bytes_max);
+    /// Models are kept in at most `memory_bytes_max` bytes, and what beliefs make of them in
+    /// at most `tables_bytes_max`.
+    pub(crate) fn new(
+        store: &Database,
+        pool: Pool,
+        memory_bytes_max: u64,
+        tables_bytes_max: usize,
+    ) -> Self {
+        let (memory, tables) = (Memory::new(memory_bytes_max), TableBudget::new(tables_bytes_max));
         let (loading, damaged) = (tokio::sync::Mutex::new(()), DashMap::new());
-        Self { table: store.catalogues(), pool, memory, loading, damaged }
+        Self { table: store.catalogues(), pool, memory, tables, loading, damaged }
+    }
+
+    /// Bytes of what beliefs by geometry look up and share.
+    pub(crate) fn table_bytes(&self) -> usize {
+        self.tables.used()
     }
 
     /// The catalogue of a name.

@@ -103,6 +103,12 @@ impl Live {
         }
     }
 
+    /// Bytes of tables that its belief needs and that no other belief has.
+    pub(crate) fn bytes_missing(&self) -> usize {
+        let memory = SessionBelief::memory(&self.session, &self.model);
+        memory.ok().flatten().map_or(0, |memory| memory.missing)
+    }
+
     fn count(&self, state: &State) {
         self.account.set(ENTRY_BYTES + state.bytes());
     }

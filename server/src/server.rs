@@ -283,7 +283,8 @@ async fn assemble(
     sensors.add_presets().await?;
     let objects = Objects::new(store.clone(), Arc::clone(&sensors), pool.clone(), &config);
     let objects = Arc::new(objects);
-    let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), config.model_memory_bytes_max));
+    let (models_max, tables_max) = (config.model_memory_bytes_max, config.belief_memory_bytes_max);
+    let catalogues = Arc::new(Catalogues::new(&store, pool.clone(), models_max, tables_max));
     let jobs = Arc::new(Jobs::new(
         store.clone(),
         Arc::clone(&objects),

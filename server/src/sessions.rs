@@ -6,6 +6,7 @@
 //! no guard of the map lives across an await. What changes a session runs in a task of its
 //! own, so that a robot that hangs up does not leave it half done.
 
+mod fits;
 mod fleet;
 mod history;
 mod life;
@@ -178,7 +179,7 @@ impl Sessions {
 
     /// How many bytes of memory beliefs have.
     pub(crate) fn belief_bytes(&self) -> usize {
-        self.beliefs.bytes()
+        self.beliefs.bytes() + self.catalogues.table_bytes()
     }
 
     /// How many sessions are in memory.
@@ -230,9 +231,10 @@ impl Sessions {
 
     /// The session's entry in memory, made from the store if need be.
     async fn live(&self, id: Uuid) -> Result<Arc<Live>, Refusal> {
-        self.make_room()?;
+        self.make_room(0)?;
         if let Some(live) = self.live.get(&id).map(|live| Arc::clone(&live)) {
             live.used(self.uses.fetch_add(1, Ordering::Relaxed));
+            self.make_room(live.bytes_missing())?;
             return Ok(live);
         }
         let found = self.store.sessions().find(id)?;
@@ -240,7 +242,9 @@ impl Sessions {
             .ok_or_else(|| Refusal::NotFound { what: "session", reference: id.to_string() })?;
         let method = convert::session::options(&session).method;
         let model = self.model(session.catalogue, session.version, method).await?;
-        Ok(self.keep(id, Arc::new(Live::new(session, model, &self.beliefs))))
+        let live = self.keep(id, Arc::new(Live::new(session, model, &self.beliefs)));
+        self.make_room(live.bytes_missing())?;
+        Ok(live)
     }
 
     /// What a method recognises by. Sessions in memory that nobody uses make room for it:
@@ -261,12 +265,12 @@ impl Sessions {
         }
     }
 
-    /// Keeps the memory of beliefs within its budget: those that were not used for longest
-    /// are folded anew when they are needed. Refuses when those that are worked with right
-    /// now take it all.
-    fn make_room(&self) -> Result<(), Refusal> {
+    /// Keeps the memory of beliefs and their tables within its budget, with room for `more`
+    /// bytes: those that were not used for longest are folded anew when they are needed.
+    /// Refuses when those that are worked with right now take it all.
+    fn make_room(&self, more: usize) -> Result<(), Refusal> {
         let max = self.belief_bytes_max;
-        if self.beliefs.bytes() <= max {
+        if self.belief_bytes() + more <= max {
             return Ok(());
         }
         let mut uses: Vec<(u64, Arc<Live>)> =
@@ -274,12 +278,12 @@ impl Sessions {
         uses.sort_unstable_by_key(|(last_use, _)| *last_use);
         // A quarter at once, so that not every request has to look for room.
         for (_, live) in uses {
-            if self.beliefs.bytes() <= max - max / 4 {
+            if self.belief_bytes() + more <= max - max / 4 {
                 break;
             }
             live.forget();
         }
-        let bytes = self.beliefs.bytes();
+        let bytes = self.belief_bytes() + more;
         if bytes > max { Err(Refusal::BeliefsFull { bytes, max }) } else { Ok(()) }
     }
 

@@ -69,6 +69,7 @@ pub struct HistogramModel {
 
 impl HistogramModel {
     /// Prepares planar maps (object frames) for bins of these sides and number of angles.
+    /// Sides below [`SAMPLE_MIN`](super::planes::SAMPLE_MIN) take no more memory than that side.
     /// `share` says what a bin stands for; the literal extent always takes its centre.
     #[must_use]
     pub fn new(
@@ -87,6 +88,13 @@ impl HistogramModel {
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.planes.iter().map(ObjectPlanes::bytes).sum()
+    }
+
+    /// Bytes of the planes that one of `maps` adds to [`HistogramModel::new`] for these bins,
+    /// without making any.
+    #[must_use]
+    pub fn bytes_of(map: &OccupancyGrid, bins: &PlanarBins) -> usize {
+        ObjectPlanes::bytes_of(map, bins.sides(), bins.n[2])
     }
 }
 

@@ -310,16 +310,7 @@ fn drawn(region: &PoseRegion, n_objects: usize, stream: &mut Stream) -> Particle
         }
         PoseRegion::Solid { center, half, angle_max } => {
             let offset = within(half, stream);
-            let turned = loop {
-                let rotation = stream.rotation();
-                if angle_max >= PI
-                    || Pose::from_parts(rotation, DVec3::ZERO).angle_to(&Pose::IDENTITY)
-                        <= angle_max
-                {
-                    break rotation;
-                }
-            };
-            center * Pose::from_parts(turned, offset)
+            center * Pose::from_parts(stream.rotation_within(angle_max), offset)
         }
     };
     Particle { object, session_from_object, log_weight: 0.0 }

@@ -11,112 +11,18 @@ use std::f64::consts::TAU;
 use glam::DVec2;
 use rayon::prelude::*;
 
+use super::class_field::{N_CLASSES, Relative, radius};
 use crate::occupancy::{ClassTable, ClassifiedPress, ContactClass, OccupancyGrid};
-use crate::pose::Pose;
 use crate::units::MM;
 
 /// The largest distance between samples of a plane, metres; a taxel is looked up within half
 /// of it along each axis.
 pub const SAMPLE_MAX: f64 = 0.4 * MM;
 
-/// Distance between samples of a [`ClassField`], metres.
-const FIELD_SAMPLE: f64 = 0.2 * MM;
-
-const N_CLASSES: usize = 3;
-
-/// ln Pr(class | place) less ln Pr(class | a place the map does not know), for one object.
-#[derive(Clone, Debug)]
-struct Relative<'a> {
-    map: &'a OccupancyGrid,
-    table: &'a ClassTable,
-    unknown: [f64; N_CLASSES],
-}
-
-const CLASSES: [ContactClass; N_CLASSES] =
-    [ContactClass::InContact, ContactClass::NoContact, ContactClass::Unknown];
-
-impl<'a> Relative<'a> {
-    fn new(map: &'a OccupancyGrid, table: &'a ClassTable) -> Self {
-        let prior = (map.prior() / (1.0 - map.prior())).ln();
-        let unknown = CLASSES.map(|class| table.probability(class, prior).ln());
-        Self { map, table, unknown }
-    }
-
-    fn at(&self, place: DVec2) -> [f32; N_CLASSES] {
-        self.mean_at(std::iter::once(place))
-    }
-
-    /// The mean probability over several places, relative to one that the map does not know.
-    fn mean_at(&self, places: impl Iterator<Item = DVec2>) -> [f32; N_CLASSES] {
-        let (mut sums, mut n) = ([0.0; N_CLASSES], 0.0);
-        for place in places {
-            let log_odds = self.map.log_odds_at(place.extend(self.map.shape().min().z));
-            for (sum, class) in sums.iter_mut().zip(CLASSES) {
-                *sum += self.table.probability(class, log_odds);
-            }
-            n += 1.0;
-        }
-        std::array::from_fn(|class| ((sums[class] / n).ln() - self.unknown[class]) as f32)
-    }
-
-    /// How far from the object's origin the map says anything, metres.
-    fn radius(&self) -> f64 {
-        let shape = self.map.shape();
-        let low = shape.min().truncate() - 0.5 * shape.cell();
-        let n = DVec2::new(shape.n()[0] as f64, shape.n()[1] as f64);
-        let high = low + (n + 1.0) * shape.cell();
-        low.abs().max(high.abs()).length()
-    }
-}
-
-/// The class log-likelihoods of one planar map, for single look-ups.
-#[derive(Clone, Debug)]
-pub struct ClassField {
-    radius: f64,
-    side: usize,
-    values: Vec<[f32; N_CLASSES]>,
-    unknown: [f64; N_CLASSES],
-}
-
-impl ClassField {
-    /// Samples a map every 0.2 mm.
-    #[must_use]
-    pub fn new(map: &OccupancyGrid, table: &ClassTable) -> Self {
-        let relative = Relative::new(map, table);
-        let radius = relative.radius();
-        let side = (2.0 * radius / FIELD_SAMPLE).ceil() as usize + 1;
-        let mut values = vec![[0.0; N_CLASSES]; side * side];
-        values.par_chunks_mut(side).enumerate().for_each(|(row, values)| {
-            for (col, value) in values.iter_mut().enumerate() {
-                let place = DVec2::new(col as f64, row as f64) * FIELD_SAMPLE - radius;
-                *value = relative.at(place);
-            }
-        });
-        Self { radius, side, values, unknown: relative.unknown }
-    }
-
-    /// ln Pr(press | the object at a planar pose), each taxel at the nearest sample.
-    #[must_use]
-    pub fn log_likelihood(&self, press: &ClassifiedPress, session_from_object: &Pose) -> f64 {
-        let object_from_session = session_from_object.inverse();
-        let along_x = object_from_session.turn(glam::DVec3::X).truncate() / FIELD_SAMPLE;
-        let along_y = object_from_session.turn(glam::DVec3::Y).truncate() / FIELD_SAMPLE;
-        let first = object_from_session.translation.truncate() / FIELD_SAMPLE
-            + (self.radius / FIELD_SAMPLE + 0.5);
-        let mut sum = 0.0;
-        for (point, class) in press.taxels() {
-            let place = first + point.x * along_x + point.y * along_y;
-            let (col, row) = (place.x.floor(), place.y.floor());
-            sum += self.unknown[*class as usize];
-            let side = self.side as f64;
-            if col >= 0.0 && row >= 0.0 && col < side && row < side {
-                let value = &self.values[row as usize * self.side + col as usize];
-                sum += f64::from(value[*class as usize]);
-            }
-        }
-        sum
-    }
-}
+/// The smallest distance between samples of a plane, metres: bins that are narrower share
+/// samples. Chosen: a tenth of a map's usual cell, so that a look-up is as good as exact, and a
+/// plane's size is bounded whatever a client asks for.
+pub const SAMPLE_MIN: f64 = 0.1 * MM;
 
 /// What a bin stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,23 +49,72 @@ impl BinShare {
 struct Phases {
     per_bin: usize,
     step: f64,
+    bin: f64,
 }
 
 impl Phases {
     fn new(bin: f64) -> Self {
+        if bin < SAMPLE_MIN {
+            return Self { per_bin: 1, step: SAMPLE_MIN, bin };
+        }
         let per_bin = (bin / SAMPLE_MAX).ceil().max(1.0) as usize;
-        Self { per_bin, step: bin / per_bin as f64 }
+        Self { per_bin, step: bin / per_bin as f64, bin }
+    }
+
+    /// Whether several bins share a sample.
+    fn is_shared(&self) -> bool {
+        self.bin < self.step
+    }
+}
+
+/// How the planes of one object are laid out.
+#[derive(Clone, Copy, Debug)]
+struct Layout {
+    radius: f64,
+    x: Phases,
+    y: Phases,
+    /// Slots of a phase along x and y.
+    slots: [usize; 2],
+}
+
+impl Layout {
+    fn new(radius: f64, bin: DVec2) -> Self {
+        let (x, y) = (Phases::new(bin.x), Phases::new(bin.y));
+        let slots = [x, y].map(|axis| {
+            let samples = (2.0 * radius / axis.step).ceil() as usize + 1;
+            samples.div_ceil(axis.per_bin)
+        });
+        Self { radius, x, y, slots }
+    }
+
+    /// Samples along x.
+    fn row(&self) -> usize {
+        self.x.per_bin * self.slots[0]
+    }
+
+    /// Samples of a plane.
+    fn plane(&self) -> usize {
+        self.row() * self.y.per_bin * self.slots[1]
+    }
+
+    /// The phase and the slot (which may lie outside) of the sample next to a place.
+    fn place(&self, along: f64, axis: Phases) -> (usize, i64) {
+        let sample = ((along + self.radius) / axis.step).round() as i64;
+        let per_bin = axis.per_bin as i64;
+        (sample.rem_euclid(per_bin) as usize, sample.div_euclid(per_bin))
+    }
+
+    /// Where the sample next to a place is stored along one axis; `None` outside.
+    fn stored(&self, along: f64, axis: Phases, n_slots: usize) -> Option<usize> {
+        let (phase, slot) = self.place(along, axis);
+        (0..n_slots as i64).contains(&slot).then(|| phase * n_slots + slot as usize)
     }
 }
 
 /// The planes of one object at all angles.
 #[derive(Clone, Debug)]
 pub(super) struct ObjectPlanes {
-    radius: f64,
-    x: Phases,
-    y: Phases,
-    /// Slots of a phase along x and y.
-    slots: [usize; 2],
+    layout: Layout,
     /// Angle, class, phase of y, slot of y, phase of x, slot of x.
     values: Vec<f32>,
     unknown: [f64; N_CLASSES],
@@ -184,14 +139,9 @@ impl ObjectPlanes {
         share: BinShare,
     ) -> Self {
         let relative = Relative::new(map, table);
-        let radius = relative.radius();
-        let (x, y) = (Phases::new(bin.x), Phases::new(bin.y));
-        let slots = [x, y].map(|axis| {
-            let samples = (2.0 * radius / axis.step).ceil() as usize + 1;
-            samples.div_ceil(axis.per_bin)
-        });
-        let row = x.per_bin * slots[0];
-        let plane = row * y.per_bin * slots[1];
+        let layout = Layout::new(radius(map), bin);
+        let Layout { radius, x, y, slots } = layout;
+        let (row, plane) = (layout.row(), layout.plane());
         let mut values = vec![0.0f32; n_angles * N_CLASSES * plane];
         values.par_chunks_mut(N_CLASSES * plane).enumerate().for_each(|(k, planes)| {
             let turned = |step: f64| {
@@ -217,12 +167,18 @@ impl ObjectPlanes {
                 }
             }
         });
-        Self { radius, x, y, slots, values, unknown: relative.unknown }
+        Self { layout, values, unknown: relative.unknown }
     }
 
     /// Bytes of the planes.
     pub(super) fn bytes(&self) -> usize {
         self.values.len() * size_of::<f32>()
+    }
+
+    /// Bytes of the planes that [`ObjectPlanes::new`] would make.
+    pub(super) fn bytes_of(map: &OccupancyGrid, bin: DVec2, n_angles: usize) -> usize {
+        let plane = Layout::new(radius(map), bin).plane();
+        plane.saturating_mul(n_angles * N_CLASSES * size_of::<f32>())
     }
 
     /// ln Pr(press) under a map that knows nothing: what all values are relative to.
@@ -231,19 +187,19 @@ impl ObjectPlanes {
     }
 
     fn window(&self, angle: usize, class: ContactClass, first_bin_from_taxel: DVec2) -> Window<'_> {
-        let row = self.x.per_bin * self.slots[0];
-        let size = row * self.y.per_bin * self.slots[1];
-        let start = (angle * N_CLASSES + class as usize) * size;
-        let place = |along: f64, axis: Phases| {
-            let sample = ((along + self.radius) / axis.step).round() as i64;
-            let per_bin = axis.per_bin as i64;
-            (sample.rem_euclid(per_bin) as usize, sample.div_euclid(per_bin))
-        };
-        let (phase_x, first_x) = place(first_bin_from_taxel.x, self.x);
-        let (phase_y, first_y) = place(first_bin_from_taxel.y, self.y);
-        let offset = phase_y * self.slots[1] * row + phase_x * self.slots[0];
-        let plane = &self.values[start + offset..start + size];
+        let Layout { x, y, slots, .. } = self.layout;
+        let row = self.layout.row();
+        let (phase_x, first_x) = self.layout.place(first_bin_from_taxel.x, x);
+        let (phase_y, first_y) = self.layout.place(first_bin_from_taxel.y, y);
+        let offset = phase_y * slots[1] * row + phase_x * slots[0];
+        let plane = &self.plane(angle, class)[offset..];
         Window { plane, first: [first_x, first_y], row }
+    }
+
+    fn plane(&self, angle: usize, class: ContactClass) -> &[f32] {
+        let size = self.layout.plane();
+        let start = (angle * N_CLASSES + class as usize) * size;
+        &self.values[start..start + size]
     }
 
     /// Adds what a press says to all bins of an angle. `first_bin` is the translation of the
@@ -256,10 +212,13 @@ impl ObjectPlanes {
         n: [usize; 2],
         sums: &mut [f32],
     ) {
+        if self.layout.x.is_shared() || self.layout.y.is_shared() {
+            return self.gather_all(angle, press, first_bin, n, sums);
+        }
         for (point, class) in press.taxels() {
             let window = self.window(angle, *class, first_bin - point.truncate());
             let inside = |axis: usize| {
-                let (first, slots) = (window.first[axis], self.slots[axis] as i64);
+                let (first, slots) = (window.first[axis], self.layout.slots[axis] as i64);
                 let clip = |bin: i64| bin.clamp(0, n[axis] as i64) as usize;
                 clip(-first)..clip(slots - first)
             };
@@ -277,6 +236,37 @@ impl ObjectPlanes {
         }
     }
 
+    /// [`Self::add_all`] for bins that share samples: every bin takes the sample next to it.
+    fn gather_all(
+        &self,
+        angle: usize,
+        press: &ClassifiedPress,
+        first_bin: DVec2,
+        n: [usize; 2],
+        sums: &mut [f32],
+    ) {
+        let Layout { x, y, slots, .. } = self.layout;
+        let row = self.layout.row();
+        let (mut cols, mut lines) = (Vec::new(), Vec::new());
+        for (point, class) in press.taxels() {
+            let (plane, at) = (self.plane(angle, *class), first_bin - point.truncate());
+            let stored = |n: usize, first: f64, axis: Phases, n_slots: usize| {
+                let place = move |bin: usize| first + bin as f64 * axis.bin;
+                (0..n).map(move |bin| self.layout.stored(place(bin), axis, n_slots))
+            };
+            cols.clear();
+            cols.extend(stored(n[0], at.x, x, slots[0]));
+            lines.clear();
+            lines.extend(stored(n[1], at.y, y, slots[1]));
+            for (line, sums) in lines.iter().zip(sums.chunks_exact_mut(n[0])) {
+                let Some(line) = line else { continue };
+                for (col, sum) in cols.iter().zip(sums) {
+                    *sum += col.map_or(0.0, |col| plane[line * row + col]);
+                }
+            }
+        }
+    }
+
     /// The same for some bins of an angle: `sums[i]` belongs to the bin `bins[i]`.
     pub(super) fn add_some(
         &self,
@@ -286,13 +276,25 @@ impl ObjectPlanes {
         (n_x, bins): (usize, &[u32]),
         sums: &mut [f32],
     ) {
+        let Layout { x, y, slots, .. } = self.layout;
+        let row = self.layout.row();
         for (point, class) in press.taxels() {
             let window = self.window(angle, *class, first_bin - point.truncate());
+            let (plane, at) = (self.plane(angle, *class), first_bin - point.truncate());
             for (sum, bin) in sums.iter_mut().zip(bins) {
-                let slot_x = window.first[0] + i64::from(*bin) % n_x as i64;
-                let slot_y = window.first[1] + i64::from(*bin) / n_x as i64;
-                let inside = (0..self.slots[0] as i64).contains(&slot_x)
-                    && (0..self.slots[1] as i64).contains(&slot_y);
+                let [bin_x, bin_y] = [*bin as usize % n_x, *bin as usize / n_x];
+                if x.is_shared() || y.is_shared() {
+                    let col = self.layout.stored(at.x + bin_x as f64 * x.bin, x, slots[0]);
+                    let line = self.layout.stored(at.y + bin_y as f64 * y.bin, y, slots[1]);
+                    if let (Some(col), Some(line)) = (col, line) {
+                        *sum += plane[line * row + col];
+                    }
+                    continue;
+                }
+                let slot_x = window.first[0] + bin_x as i64;
+                let slot_y = window.first[1] + bin_y as i64;
+                let inside = (0..slots[0] as i64).contains(&slot_x)
+                    && (0..slots[1] as i64).contains(&slot_y);
                 if inside {
                     *sum += window.plane[slot_y as usize * window.row + slot_x as usize];
                 }

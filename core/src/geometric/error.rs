@@ -26,6 +26,16 @@ pub enum GeometricError {
         /// What was given, rad.
         found: f64,
     },
+    /// The tables that beliefs share have no room for one more.
+    #[error("a table of {needed} bytes is needed, and tables have {in_use} of {max} bytes")]
+    TablesFull {
+        /// Bytes of the table.
+        needed: usize,
+        /// Bytes of the tables that there are.
+        in_use: usize,
+        /// The most bytes of all tables.
+        max: usize,
+    },
     /// The prior over objects does not fit the catalogue.
     #[error(
         "prior over {found} objects, expected {expected} finite weights of at least 0, not all 0"

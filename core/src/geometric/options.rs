@@ -105,7 +105,8 @@ pub struct AdaptiveOptions {
 /// About the first bins of a box of ±10 mm and the full turn.
 const SCREENED_OF: usize = 700;
 
-/// No axis is divided into more first bins than this.
+/// No axis is divided into more first bins than this: wider boxes are refused. Chosen: ±170 mm,
+/// far beyond what a planar session has ever been measured on, at 8 MB an object.
 const FIRST_MAX: f64 = 100.0;
 
 impl AdaptiveOptions {
@@ -119,6 +120,12 @@ impl AdaptiveOptions {
             let n = (2.0 * half[axis] / widths[axis] - 1e-6).ceil();
             n.clamp(1.0, FIRST_MAX) as usize
         })
+    }
+
+    /// Refuses a box that the first bins cannot cover at their width.
+    pub(super) fn check_resolved(&self, half_extent: f64) -> Result<(), GeometricError> {
+        let high = 0.5 * FIRST_MAX * self.first_width;
+        within("half_extent", half_extent, 0.1 * MM, high)
     }
 
     /// How many bins of an object are evaluated in full when it has `first` first bins.

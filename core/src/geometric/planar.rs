@@ -12,7 +12,8 @@ use nalgebra::{Matrix3, Matrix6, Matrix6x3};
 use super::marginals::{self, Marginals};
 use super::polish::{Mode, PressAtPose, polish};
 use super::prepared::PreparedGeometry;
-use super::{AdaptiveOptions, GeometricError, PosePrior};
+use super::tables::Counted;
+use super::{AdaptiveOptions, BeliefMemory, GeometricError, PosePrior};
 use crate::belief::answer::{Answer, PoseMode};
 use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, Effort};
 use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
@@ -107,8 +108,8 @@ pub(super) struct PlanarModel {
 /// One object: its tiles by depth, and the height of its plane, metres.
 #[derive(Clone, Debug)]
 struct PlanarMap {
-    tiles: Vec<Arc<Tile>>,
-    screen: Arc<ScreenTile>,
+    tiles: Vec<Arc<Counted<Tile>>>,
+    screen: Arc<Counted<ScreenTile>>,
     height: f64,
 }
 
@@ -276,6 +277,23 @@ impl PlanarBelief {
     pub(super) fn bytes(&self) -> usize {
         let taxels: usize = self.model.readings.iter().map(|r| r.press.pressures.len()).sum();
         size_of::<Self>() + self.histogram.bytes() + taxels * size_of::<[f32; 3]>()
+    }
+
+    /// What [`PlanarBelief::new`] would take, without making it.
+    pub(super) fn memory(
+        prepared: &PreparedGeometry,
+        half_extent: f64,
+        half_angle: f64,
+        options: &AdaptiveOptions,
+        n_alive: usize,
+    ) -> Result<BeliefMemory, GeometricError> {
+        for object in 0..prepared.model().maps.len() {
+            prepared.mosaic(object)?;
+        }
+        options.check_resolved(half_extent)?;
+        let first = options.first_bins([half_extent, half_extent, half_angle]);
+        let own = first.iter().product::<usize>() * n_alive * size_of::<Bin<3>>();
+        Ok(BeliefMemory::new(own, prepared.tiles_bytes(), prepared.has_tiles()))
     }
 
     pub(super) fn new(

@@ -10,11 +10,11 @@ use std::sync::Arc;
 use glam::{DQuat, DVec2, DVec3};
 
 use super::marginals::{self, Marginals, Share};
-use super::{GeometricError, PosePrior, PrintedFilter};
+use super::prepared::{Planes, PreparedGeometry};
+use super::{BeliefMemory, GeometricError, PosePrior, PrintedFilter};
 use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
-use crate::filter::histogram::{Extent, HistogramModel, PlanarBins, PlanarHistogram};
+use crate::filter::histogram::{Extent, PlanarBins, PlanarHistogram};
 use crate::filter::particle::{Particle, ParticleFilter, PoseRegion};
-use crate::filter::planes::BinShare;
 use crate::model::ObjectIdx;
 use crate::model::geometry::{GeometricMap, GeometricModel};
 use crate::occupancy::{InverseModel, log_likelihood};
@@ -39,6 +39,8 @@ pub(super) struct PrintedBelief {
     space: Space,
     n_readings: usize,
     filter: Filter,
+    /// Counted while some belief holds them.
+    _planes: Option<Arc<Planes>>,
 }
 
 #[derive(Clone, Debug)]
@@ -68,21 +70,21 @@ impl PrintedBelief {
     }
 
     pub(super) fn new(
-        model: &Arc<GeometricModel>,
+        prepared: &PreparedGeometry,
         prior: &PosePrior,
         filter: &PrintedFilter,
         seed: u64,
         log_prior: &[f64],
     ) -> Result<Self, GeometricError> {
+        let model = prepared.model();
         let space = Space::new(model, prior)?;
+        let mut planes = None;
         let filter = match (filter, &space) {
             (PrintedFilter::Histogram { n }, Space::Plane { center, half, .. }) => {
                 let (center, half) = (DVec2::from_array(*center), DVec2::splat(*half));
                 let bins = PlanarBins { n: *n, center, half };
-                let maps = model.maps.iter().map(|map| map.occupancy.clone()).collect();
-                let planes =
-                    HistogramModel::new(maps, model.table.clone(), &bins, BinShare::Center);
-                let filter = PlanarHistogram::new(Arc::new(planes), bins, Extent::Exhaustive, 1.0);
+                let model = Arc::clone(&**planes.insert(prepared.planes(&bins)?));
+                let filter = PlanarHistogram::new(model, bins, Extent::Exhaustive, 1.0);
                 Filter::Histogram(filter, bins)
             }
             (PrintedFilter::Histogram { .. }, Space::Solid { .. }) => {
@@ -95,7 +97,40 @@ impl PrintedBelief {
             }
         };
         let (inverse, log_prior) = (InverseModel::default(), log_prior.to_vec());
-        Ok(Self { model: Arc::clone(model), inverse, log_prior, space, n_readings: 0, filter })
+        Ok(Self {
+            model: Arc::clone(model),
+            inverse,
+            log_prior,
+            space,
+            n_readings: 0,
+            filter,
+            _planes: planes,
+        })
+    }
+
+    /// What [`PrintedBelief::new`] would take, without making it.
+    pub(super) fn memory(
+        prepared: &PreparedGeometry,
+        prior: &PosePrior,
+        filter: &PrintedFilter,
+    ) -> Result<BeliefMemory, GeometricError> {
+        let space = Space::new(prepared.model(), prior)?;
+        let n_objects = prepared.model().maps.len();
+        match (filter, space) {
+            (PrintedFilter::Histogram { n }, Space::Plane { center, half, .. }) => {
+                let (center, half) = (DVec2::from_array(center), DVec2::splat(half));
+                let bins = PlanarBins { n: *n, center, half };
+                let own = bins.count() * n_objects * size_of::<f32>();
+                let (tables, has) = (prepared.planes_bytes(&bins), prepared.has_planes(&bins));
+                Ok(BeliefMemory::new(own, tables, has))
+            }
+            (PrintedFilter::Histogram { .. }, Space::Solid { .. }) => {
+                Err(GeometricError::PlanarOnly)
+            }
+            (PrintedFilter::Particles(options), _) => {
+                Ok(BeliefMemory::new(options.n * size_of::<Particle>(), 0, true))
+            }
+        }
     }
 
     pub(super) fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {

@@ -9,14 +9,14 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::marginals::{self, Marginals};
-use super::prepared::{BLURS, PreparedGeometry};
-use super::{AdaptiveOptions, GeometricError, PosePrior};
+use super::prepared::{BLURS, Blurs, PreparedGeometry};
+use super::{AdaptiveOptions, BeliefMemory, GeometricError, PosePrior};
 use crate::belief::answer::{Answer, ModeScale, WeightedPose, answer};
 use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, Effort};
 use crate::log_prob::log_sum_exp;
 use crate::model::ObjectIdx;
 use crate::model::geometry::GeometricModel;
-use crate::occupancy::{ClassifiedPress, InverseModel, OccupancyGrid, log_likelihood};
+use crate::occupancy::{ClassifiedPress, InverseModel, log_likelihood};
 use crate::pose::Pose;
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;
@@ -41,6 +41,24 @@ const ANSWERED_MAX: usize = 400;
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 48;
 
+/// Metres a unit of each axis.
+const LENGTHS: [f64; 6] = [1.0, 1.0, 1.0, LEVER, LEVER, LEVER];
+
+/// Half the sides of the box of poses, in the axes' own units.
+fn half_sides(half_extent: DVec3, half_angle: f64) -> [f64; 6] {
+    let [x, y, z] = half_extent.to_array();
+    [x, y, z, half_angle, half_angle, half_angle]
+}
+
+/// First bins along each axis.
+fn first_bins(half_extent: DVec3, half_angle: f64) -> [usize; 6] {
+    let half = half_sides(half_extent, half_angle);
+    std::array::from_fn(|axis| {
+        let width = 2.0 * half[axis] * LENGTHS[axis];
+        ((width / FIRST_WIDTH).round() as usize).clamp(1, FIRST_MAX)
+    })
+}
+
 const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
 /// A belief over identity and solid pose.
@@ -61,7 +79,7 @@ struct SolidModel {
     geometry: Arc<GeometricModel>,
     nominal: Pose,
     /// Maps of every object, by blur.
-    maps: Vec<Arc<[OccupancyGrid]>>,
+    maps: Vec<Arc<Blurs>>,
     /// Which blur serves a depth.
     blur_of: Vec<usize>,
     presses: Vec<ClassifiedPress>,
@@ -102,6 +120,21 @@ impl SolidBelief {
         size_of::<Self>() + self.histogram.bytes() + presses
     }
 
+    /// What [`SolidBelief::new`] would take, without making it.
+    pub(super) fn memory(
+        prepared: &PreparedGeometry,
+        half_extent: DVec3,
+        half_angle: f64,
+        n_alive: usize,
+    ) -> Result<BeliefMemory, GeometricError> {
+        if prepared.model().maps.iter().any(|map| map.occupancy.shape().is_planar()) {
+            return Err(GeometricError::NotSolid);
+        }
+        let first: usize = first_bins(half_extent, half_angle).iter().product();
+        let own = first * n_alive * size_of::<Bin<6>>();
+        Ok(BeliefMemory::new(own, prepared.blurs_bytes(), prepared.has_blurs()))
+    }
+
     pub(super) fn new(
         prepared: &PreparedGeometry,
         pose: PosePrior,
@@ -116,14 +149,9 @@ impl SolidBelief {
         if geometry.maps.iter().any(|map| map.occupancy.shape().is_planar()) {
             return Err(GeometricError::NotSolid);
         }
-        let [x, y, z] = half_extent.to_array();
-        let high = [x, y, z, half_angle, half_angle, half_angle];
+        let (high, lengths) = (half_sides(half_extent, half_angle), LENGTHS);
         let low = high.map(|half| -half);
-        let lengths = [1.0, 1.0, 1.0, LEVER, LEVER, LEVER];
-        let n: [usize; 6] = std::array::from_fn(|axis| {
-            let width = 2.0 * high[axis] * lengths[axis];
-            ((width / FIRST_WIDTH).round() as usize).clamp(1, FIRST_MAX)
-        });
+        let n = first_bins(half_extent, half_angle);
         let smallest = options.smallest.max(1.0 * MM);
         let division = Division::new(low, high, n, lengths, smallest, 1);
         let blur_of = (0..=division.depth_max())
@@ -135,7 +163,8 @@ impl SolidBelief {
                 BLURS.iter().rposition(|blur| *blur <= spread).unwrap_or(0)
             })
             .collect();
-        let maps = (0..geometry.maps.len()).map(|object| prepared.blurs(object)).collect();
+        let maps = (0..geometry.maps.len()).map(|object| prepared.blurs(object));
+        let maps = maps.collect::<Result<Vec<_>, _>>()?;
         let first: usize = n.iter().product();
         let n_alive = log_prior.iter().filter(|log| log.is_finite()).count();
         let effort = Effort {

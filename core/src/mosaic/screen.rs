@@ -12,6 +12,16 @@ use super::tile::Tile;
 /// From here on up, an f32 has no fraction.
 const WHOLE: f32 = 8_388_608.0;
 
+/// Cells of a tile beyond the mosaic on each side, so that its border expects nothing.
+const MARGIN: f64 = 2.0;
+
+/// Cells of a tile along x and y.
+fn counts(mosaic: &ForceMosaic, cell: f64) -> [usize; 2] {
+    let [cols, rows, _] = mosaic.shape().n();
+    let side = |n: usize| n as f64 * mosaic.shape().cell() + 2.0 * MARGIN * cell;
+    [cols, rows].map(|n| (side(n) / cell).ceil() as usize)
+}
+
 /// The quick look-up form of a [`ForceMosaic`].
 #[derive(Clone, Debug)]
 pub struct ScreenTile {
@@ -37,9 +47,8 @@ impl ScreenTile {
     #[must_use]
     pub fn new(mosaic: &ForceMosaic, cell: f64, reach: f64) -> Self {
         let tile = Tile::new(mosaic, reach);
-        let (shape, margin) = (mosaic.shape(), 2.0 * cell);
-        let count = |n: usize| ((n as f64 * shape.cell() + 2.0 * margin) / cell).ceil() as usize;
-        let [cols, rows] = [count(shape.n()[0]), count(shape.n()[1])];
+        let (shape, margin) = (mosaic.shape(), MARGIN * cell);
+        let [cols, rows] = counts(mosaic, cell);
         let first = [shape.min().x - margin, shape.min().y - margin];
         let mut cells = Vec::with_capacity(cols * rows);
         for y in 0..rows {
@@ -59,6 +68,12 @@ impl ScreenTile {
         let per_cell = (1.0 / cell) as f32;
         let limit = [cols, rows].map(|n| n as f32 - 1.0);
         Self { origin, per_cell, limit, cols, cells }
+    }
+
+    /// Bytes of the tile of a mosaic on cells of `cell` m.
+    #[must_use]
+    pub fn bytes_of(mosaic: &ForceMosaic, cell: f64) -> usize {
+        counts(mosaic, cell).iter().product::<usize>() * size_of::<Vec4>()
     }
 
     /// ln of the density of the press at `place`, with an amplitude of 1 ± `amplitude`.

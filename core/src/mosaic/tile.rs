@@ -83,6 +83,13 @@ impl Tile {
         Self { origin, per_cell, n, limit, cells }
     }
 
+    /// Bytes of the tile of a mosaic.
+    #[must_use]
+    pub fn bytes_of(mosaic: &ForceMosaic) -> usize {
+        let [cols, rows, _] = mosaic.shape().n();
+        (cols + 2) * (rows + 2) * size_of::<Vec4>()
+    }
+
     /// What is expected at (x, y), metres in the object's plane.
     #[must_use]
     pub fn at(&self, x: f32, y: f32) -> Expected {

@@ -4,13 +4,14 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
+use palpate_core::filter::class_field::ClassField;
 use palpate_core::filter::histogram::{
     Extent, HistogramModel, PlanarBins, PlanarHistogram, Reseed,
 };
 use palpate_core::filter::particle::{
     Injection, ParticleFilter, ParticleOptions, PoseRegion, Resampling,
 };
-use palpate_core::filter::planes::{BinShare, ClassField};
+use palpate_core::filter::planes::BinShare;
 use palpate_core::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
     PreparedGeometry,

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use palpate_core::geometric::PreparedGeometry;
+use palpate_core::geometric::{PreparedGeometry, TableBudget};
 use palpate_core::hybrid::{HybridOptions, prepare};
 use palpate_core::model::Catalogue as CoreCatalogue;
 use palpate_core::symmetry::Symmetry;
@@ -70,7 +70,8 @@ impl Catalogues {
         let expected = bytes_expected(&manifest, part);
         self.memory.make_room(expected).map_err(|why| no_room(expected, why))?;
         let (table, read_name) = (self.table.clone(), name.clone());
-        let read = move || read_part(&table, read_name, manifest, part);
+        let tables = Arc::clone(&self.tables);
+        let read = move || read_part(&table, read_name, manifest, part, &tables);
         let model = match self.pool.place()?.run(read).await? {
             Err(Refusal::Store(
                 error @ (StoreError::Damaged { .. } | StoreError::Model { .. }),
@@ -157,6 +158,7 @@ fn read_part(
     name: String,
     manifest: Manifest,
     part: ModelPart,
+    tables: &Arc<TableBudget>,
 ) -> Result<Model, Refusal> {
     let core = table.model_part(&manifest, part)?;
     let (catalogue, version, n_objects) =
@@ -171,7 +173,8 @@ fn read_part(
         (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };
-    let prepared = core.geometry.clone().map(PreparedGeometry::new);
+    let geometry = core.geometry.clone();
+    let prepared = geometry.map(|model| PreparedGeometry::within(model, Arc::clone(tables)));
     let (core, objects) = (Arc::new(core), manifest.objects);
     Ok(Model { catalogue, name, version, core, objects, symmetries, prepared })
 }

@@ -5,13 +5,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use palpate_core::geometric::GeometricError;
 use palpate_core::reading::Reading;
 use palpate_store::entity::{ReadingId, Sensor, Session, StoredReading};
 use palpate_store::journal::{Entry, Event, Journal};
 
 use super::memory::{Fold, Memory, Start};
 use super::order::Chronicle;
-use crate::belief::SessionBelief;
+use crate::belief::{BeliefError, SessionBelief};
 use crate::catalogues::Model;
 use crate::checkpoints::{Checkpoint, Checkpoints};
 use crate::refusal::Refusal;
@@ -145,8 +146,14 @@ impl Folding {
 
     /// The belief before any reading.
     pub(super) fn nothing(&self) -> Result<Fold, Refusal> {
-        let belief = SessionBelief::new(&self.session, &self.model);
-        Ok(Fold { belief: belief.map_err(|error| self.unusable(&error))?, n: 0 })
+        let belief =
+            SessionBelief::new(&self.session, &self.model).map_err(|error| match error {
+                BeliefError::Geometric(GeometricError::TablesFull { needed, in_use, max }) => {
+                    Refusal::BeliefsFull { bytes: in_use.saturating_add(needed), max }
+                }
+                error => self.unusable(&error),
+            })?;
+        Ok(Fold { belief, n: 0 })
     }
 
     /// Folds the readings of `order` that are missing; `each` sees the belief after each.

@@ -7,14 +7,13 @@ use std::time::Duration;
 
 use palpate_schemas as wire;
 use palpate_schemas::{SessionEvent, SessionState};
-use palpate_store::entity::Session;
 use tokio::sync::watch;
 use uuid::Uuid;
 
+use super::fits::fits;
 use super::open::Full;
 use super::{Sessions, status};
-use crate::belief::SessionBelief;
-use crate::catalogues::{DEFAULT, Model};
+use crate::catalogues::DEFAULT;
 use crate::clock::now_ms;
 use crate::live::Live;
 use crate::refusal::Refusal;
@@ -59,7 +58,7 @@ impl Sessions {
         let limits = Limits { time_to_live: self.time_to_live, now_ms: now_ms() };
         let session =
             convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
-        self.try_out(&session, &model).await?;
+        fits(&session, &model, self.belief_bytes_max)?;
         let status = status(&self.store, &session, limits.now_ms)?;
         self.enter(session.id, status.expires_at_ms)?;
         if let Err(error) = self.store.sessions().create(&session).await {
@@ -250,17 +249,5 @@ impl Sessions {
             });
             Refusal::SessionsFull { max, wait }
         })
-    }
-
-    /// Makes the belief of a geometric session once: a version that it cannot be had of is
-    /// refused now, not when readings are stored.
-    async fn try_out(&self, session: &Session, model: &Arc<Model>) -> Result<(), Refusal> {
-        if !convert::session::is_geometric(convert::session::options(session).method) {
-            return Ok(());
-        }
-        let (session, model) = (session.clone(), Arc::clone(model));
-        let begin = move || SessionBelief::new(&session, &model).map(drop);
-        let begun = self.pool.place()?.run(begin).await?;
-        begun.map_err(|error| Refusal::field("/method", error))
     }
 }

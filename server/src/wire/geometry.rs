@@ -21,7 +21,7 @@ const CELL: [f64; 2] = [1e-4, 0.05];
 /// The largest half side of the place where an object may lie, in metres.
 const HALF_EXTENT_MAX: f64 = 1.0;
 /// Half the side of that place when the request does not say, in metres: the dissertation's.
-const HALF_EXTENT: f64 = 0.01;
+pub(crate) const HALF_EXTENT: f64 = 0.01;
 /// The smallest such half side, in metres.
 const HALF_EXTENT_MIN: f64 = 1e-4;
 /// The smallest half width of a range of turns, in radians.

@@ -106,7 +106,7 @@ pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wir
     }
 }
 
-pub(super) fn written(options: &Options) -> String {
+pub(crate) fn written(options: &Options) -> String {
     serde_json::to_string(options).expect("numbers and names can be written")
 }
 
@@ -272,6 +272,14 @@ fn checked_options(
     let kind = geometry::kind(model.geometry()?);
     options.pose_prior = Some(geometry::pose_prior(request.pose_prior.as_ref(), kind)?);
     Ok(options)
+}
+
+/// The options with as many bins and particles as a session has when it does not say.
+pub(crate) fn with_usual_size(chosen: &Options) -> Options {
+    let mut changed = chosen.clone();
+    changed.bins = changed.bins.map(|_| BINS);
+    changed.particles = changed.particles.map(|_| PARTICLES);
+    changed
 }
 
 /// Robots whose bases are not exact, checked.

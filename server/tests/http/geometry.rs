@@ -25,7 +25,7 @@ fn letter(symbol: char) -> Letter {
     Font::built_in().letter(symbol).unwrap().clone()
 }
 
-fn wire(reading: &Reading) -> Value {
+pub(crate) fn wire(reading: &Reading) -> Value {
     let pose = reading.session_from_sensor();
     json!({
         "sensor": SENSOR,
@@ -38,7 +38,7 @@ fn wire(reading: &Reading) -> Value {
 }
 
 /// Adds letters with the presses of a rig's plan.
-async fn add_letters(it: &Harness, letters: &[char]) {
+pub(crate) async fn add_letters(it: &Harness, letters: &[char]) {
     let rig = rig(1);
     for symbol in letters {
         let name = symbol.to_string();
@@ -51,7 +51,7 @@ async fn add_letters(it: &Harness, letters: &[char]) {
 }
 
 /// Trains what there is and expects success; gives the version.
-async fn train(it: &Harness, training: &Value) -> u64 {
+pub(crate) async fn train(it: &Harness, training: &Value) -> u64 {
     let job = it.post("/v1/catalogues/default/trainings", training).await.expect(202);
     let job = it.finished(job["id"].as_str().unwrap()).await;
     assert_eq!(job["state"], "succeeded", "{job}");

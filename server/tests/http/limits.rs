@@ -89,7 +89,7 @@ async fn bodies_together_have_no_more_room_than_there_is() {
 }
 
 /// The bytes that beliefs have, as the server says.
-async fn belief_bytes(it: &Harness) -> usize {
+pub(crate) async fn belief_bytes(it: &Harness) -> usize {
     let ready = it.get("/readyz").await.expect(200);
     let checks = ready["checks"].as_array().unwrap();
     let memory = checks.iter().find(|check| check["name"] == "memory").unwrap();

@@ -27,5 +27,6 @@ mod sessions;
 mod sharing;
 mod site;
 mod symmetry;
+mod tables;
 mod tls;
 mod training;

@@ -208,3 +208,37 @@ fn a_bin_that_stands_for_its_extent_averages_over_it() {
         assert!((found - expected).abs() < 1e-3, "{bin}: {found} {expected}");
     }
 }
+
+#[test]
+fn bins_narrower_than_a_sample_share_samples_and_memory() {
+    // Bins of 0.02 mm: a taxel is looked up within 0.05 mm, where log-odds change by at most
+    // 0.8 a millimetre.
+    let n = [20, 16, 6];
+    let bins = PlanarBins { n, half: DVec2::new(0.2 * MM, 0.16 * MM), ..bins() };
+    let table = ClassTable::literal();
+    let model = Arc::new(HistogramModel::new(maps(), table.clone(), &bins, BinShare::Center));
+    // 31.4 mm across at 0.1 mm: at most 330 samples a side, three classes and six angles.
+    assert!(model.bytes() <= 2 * 330 * 330 * 3 * 6 * 4, "{}", model.bytes());
+    let foretold: usize = maps().iter().map(|map| HistogramModel::bytes_of(map, &bins)).sum();
+    assert_eq!(model.bytes(), foretold);
+    let sparse = Extent::Sparse { nats: 0.02, reseed: Reseed::Never };
+    let [mut literal, mut planes, mut sparse] = [Extent::Literal, Extent::Exhaustive, sparse]
+        .map(|extent| PlanarHistogram::new(model.clone(), bins, extent, 1.0));
+    let mut stream = Stream::new(9, Purpose::ObjectPose, 1);
+    for _ in 0..4 {
+        let press = press(&bins.session_from_object(700), &mut stream);
+        literal.add(press.clone());
+        planes.add(press.clone());
+        sparse.add(press);
+    }
+    for object in 0..2 {
+        for ((bin, a), (_, b)) in literal.logs(object).iter().zip(planes.logs(object)) {
+            assert!((a - b).abs() < 1.0, "{object} {bin}: {a} {b}");
+        }
+    }
+    assert!(sparse.n_active() < planes.n_active() / 8, "looked up one by one in the end");
+    // Logarithms are relative to the best bin that is left, which may be another one.
+    let all = planes.logs(0);
+    let apart: Vec<f64> = sparse.logs(0).iter().map(|(bin, log)| all[*bin].1 - log).collect();
+    assert!(apart.iter().all(|one| (one - apart[0]).abs() < 1e-3), "{apart:?}");
+}

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::filter::particle::ParticleOptions;
+use crate::geometric::TableBudget;
 use crate::model::geometry::GeometricMap;
 use crate::occupancy::{ClassTable, GridShape, OccupancyGrid};
 use crate::reading::SensorId;
@@ -25,6 +26,10 @@ fn model() -> Arc<GeometricModel> {
     };
     let maps = vec![map([2.0 * MM, 10.0 * MM]), map([8.0 * MM, 8.0 * MM])];
     Arc::new(GeometricModel { table: ClassTable::literal(), gains: Vec::new(), maps })
+}
+
+fn prepared() -> PreparedGeometry {
+    PreparedGeometry::new(model())
 }
 
 const TRUTH: [f64; 3] = [2.0 * MM, -3.0 * MM, 40.0 * DEG];
@@ -72,7 +77,7 @@ fn filters() -> [PrintedFilter; 2] {
 
 fn belief(filter: &PrintedFilter, log_prior: &[f64]) -> PrintedBelief {
     let sensor = SensorDescription::digitacts_6x6();
-    let mut belief = PrintedBelief::new(&model(), &prior(PI), filter, 1, log_prior).unwrap();
+    let mut belief = PrintedBelief::new(&prepared(), &prior(PI), filter, 1, log_prior).unwrap();
     presses(&sensor).iter().for_each(|press| belief.add(press, &sensor));
     belief
 }
@@ -123,12 +128,13 @@ fn the_prior_over_objects_weighs_the_answer() {
     let sensor = SensorDescription::digitacts_6x6();
     for filter in filters() {
         let log_prior = [0.25_f64.ln(), 0.75_f64.ln()];
-        let mut belief = PrintedBelief::new(&model(), &prior(PI), &filter, 1, &log_prior).unwrap();
+        let mut belief =
+            PrintedBelief::new(&prepared(), &prior(PI), &filter, 1, &log_prior).unwrap();
         let found = belief.answer(1, 0).probabilities;
         // Particles of 8,000 that name an object: 4,000 ± 45.
         assert!((found[1] - 0.75).abs() < 0.02, "{found:?}");
         let certain =
-            PrintedBelief::new(&model(), &prior(PI), &filter, 1, &[f64::NEG_INFINITY, 0.0]);
+            PrintedBelief::new(&prepared(), &prior(PI), &filter, 1, &[f64::NEG_INFINITY, 0.0]);
         let mut certain = certain.unwrap();
         for press in presses(&sensor) {
             belief.add(&press, &sensor);
@@ -142,7 +148,7 @@ fn the_prior_over_objects_weighs_the_answer() {
 #[test]
 fn what_a_printed_filter_cannot_do_is_refused() {
     let new = |prior: &PosePrior, filter: &PrintedFilter| {
-        PrintedBelief::new(&model(), prior, filter, 1, &[0.0; 2]).map(drop)
+        PrintedBelief::new(&prepared(), prior, filter, 1, &[0.0; 2]).map(drop)
     };
     let bounded = PosePrior::Bounded {
         session_from_object: Pose::IDENTITY,
@@ -153,4 +159,22 @@ fn what_a_printed_filter_cannot_do_is_refused() {
         assert_eq!(new(&prior(1.0), &filter), Err(GeometricError::EveryTurn { found: 1.0 }));
         assert_eq!(new(&bounded, &filter), Err(GeometricError::NotSolid));
     }
+}
+
+#[test]
+fn histograms_of_equal_bins_share_planes_and_count_them_once() {
+    let budget = TableBudget::new(usize::MAX);
+    let prepared = PreparedGeometry::within(model(), Arc::clone(&budget));
+    let histogram = PrintedFilter::Histogram { n: [20, 20, 36] };
+    let foretold = PrintedBelief::memory(&prepared, &prior(PI), &histogram).unwrap();
+    assert_eq!((foretold.missing, budget.used()), (foretold.tables, 0));
+    let new = || PrintedBelief::new(&prepared, &prior(PI), &histogram, 1, &[0.0; 2]).unwrap();
+    let (a, b) = (new(), new());
+    assert_eq!(budget.used(), foretold.tables);
+    assert_eq!(PrintedBelief::memory(&prepared, &prior(PI), &histogram).unwrap().missing, 0);
+    let finer = PrintedFilter::Histogram { n: [40, 40, 36] };
+    let other = PrintedBelief::new(&prepared, &prior(PI), &finer, 1, &[0.0; 2]).unwrap();
+    assert!(budget.used() > foretold.tables);
+    drop((a, b, other));
+    assert_eq!(budget.used(), 0);
 }
