@@ -12,6 +12,8 @@ mod answer;
 pub mod calibrate;
 mod carried;
 mod conclusions;
+#[cfg(test)]
+mod density;
 mod evidence;
 mod fit;
 mod hypothesis;

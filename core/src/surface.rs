@@ -14,6 +14,7 @@ pub mod facet;
 pub mod features;
 pub mod joint_pairs;
 pub mod map;
+pub mod near;
 mod pair_cells;
 pub mod pair_geometry;
 pub mod pair_table;

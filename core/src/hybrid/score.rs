@@ -1,8 +1,9 @@
 //! How well a pose explains a touch: the density of the touch under an object's map, relative
 //! to "anywhere in the workspace, any way round, any appearance".
 //!
-//! A touch near the surface is explained by the mapped touches near it, each with the surface
-//! bent about it: a Gaussian across and along the surface, von Mises–Fisher in the normal (some
+//! A touch near the surface is explained by the mapped touches near it, in the mean over all of
+//! the map: a few of them stand for the others (`surface::near`). Each has the surface bent
+//! about it: a Gaussian across and along the surface, von Mises–Fisher in the normal (some
 //! normals say little), von Mises in the double angle of the stretch, times the ratio of the
 //! appearance. Touches that fit nowhere keep the share of outliers, so that nothing ever dies.
 //! Results are ln.
@@ -147,16 +148,21 @@ impl Kernel {
         let facets = map.facets();
         let scale = self.about(map, touch);
         let mut sum = 0.0;
-        for index in met.near.touches() {
+        let mut kept = 1.0;
+        for (index, stands_for) in met.near.weighed() {
             if usize::from(index) == left_out {
+                // Those that it stood for are stood for by the others.
+                let n_meant = met.near.n_meant();
+                kept = (n_meant - stands_for) / (n_meant - 1.0).max(1.0);
                 continue;
             }
             let facet = &facets[usize::from(index)];
             let kernel = self.kernel(scale, facet, &met.contact, touch);
             if kernel > 0.0 {
-                sum += kernel * touch.appearance_of_pose(&facet.feature);
+                sum += stands_for * kernel * touch.appearance_of_pose(&facet.feature);
             }
         }
+        let sum = if kept > 0.0 { sum / kept } else { sum };
         let peak = self.peak * scale.along * (scale.across / self.across).sqrt();
         let peak = peak / facets.len() as f32;
         touch.weight * (peak * sum + self.outliers + touch.astray).ln()

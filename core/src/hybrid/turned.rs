@@ -4,7 +4,7 @@ use glam::{Mat3, Quat, Vec3};
 
 use super::sighting::Sighting;
 use crate::surface::SurfaceMap;
-use crate::surface::voxels::Near;
+use crate::surface::near::Near;
 
 /// A pose ready for look-ups, relative to the session's anchor.
 #[derive(Clone, Copy, Debug, PartialEq)]

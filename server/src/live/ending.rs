@@ -36,7 +36,6 @@ impl Live {
         Ok(())
     }
 
-    /// What the session is doing; it may have been deleted while its entry was in use.
     /// What the belief says of what the object was; `None` is none of the catalogue's.
     pub(crate) async fn judge(
         &self,
