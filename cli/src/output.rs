@@ -79,8 +79,8 @@ pub(crate) fn degrees(radians: f64) -> String {
 }
 
 /// What errors of a pose are.
-pub(crate) const ERRORS_OF_POSE: &str = "Errors of a pose are those of the nearest pose that looks the same by the symmetry that \
-     training found.";
+pub(crate) const ERRORS_OF_POSE: &str = "Errors of a pose are those of the nearest pose that looks the same by the symmetry of \
+     the mesh.";
 
 /// A share as a bar of ten characters.
 pub(crate) fn bar(share: f64) -> String {

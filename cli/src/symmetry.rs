@@ -1,18 +1,14 @@
-//! Symmetries as the API tells of them: in words, and for errors that count them.
+//! Symmetries as the API tells of them, in words.
 
-use glam::DVec3;
-use palpate_client::schemas::SymmetryAxis;
-use palpate_core::symmetry::{AxisOrder, Symmetry};
+use palpate_client::schemas::{ObjectReport, SymmetryAxis};
 
-/// The symmetry of axes in the frame that they are in; they meet in one point.
-pub(crate) fn of_axes(axes: &[SymmetryAxis]) -> Symmetry {
-    let Some(first) = axes.first() else { return Symmetry::NONE };
-    let axis = |axis: &SymmetryAxis| {
-        let order = axis.order.map_or(AxisOrder::Continuous, AxisOrder::Finite);
-        (DVec3::from_array(axis.direction), order)
-    };
-    let axes: Vec<(DVec3, AxisOrder)> = axes.iter().map(axis).collect();
-    Symmetry::through(DVec3::from_array(first.point), &axes)
+/// The symmetry of a trained object in words: `undetermined` where touches cannot tell.
+pub(crate) fn trained_words(object: &ObjectReport) -> String {
+    match (&object.symmetry, object.symmetry_touches_needed) {
+        (None, _) => "–".to_owned(),
+        (Some(_), Some(needed)) => format!("undetermined: {needed} more touches"),
+        (Some(axes), None) => words(axes),
+    }
 }
 
 /// Which turns look the same; `none` without axes.
@@ -60,14 +56,5 @@ mod tests {
         ] {
             assert_eq!(words(&axes(orders)), expected);
         }
-    }
-
-    #[test]
-    fn axes_of_the_wire_are_those_of_core() {
-        assert_eq!(of_axes(&[]), Symmetry::NONE);
-        let found = of_axes(&axes(&[None, Some(2)]));
-        let center = DVec3::new(0.01, 0.0, 0.0);
-        let both = [(DVec3::Z, AxisOrder::Continuous), (DVec3::Z, AxisOrder::Finite(2))];
-        assert_eq!(found, Symmetry::through(center, &both));
     }
 }

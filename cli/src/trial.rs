@@ -11,7 +11,6 @@ use palpate_core::symmetry::Symmetry;
 use serde::Serialize;
 
 use crate::robot::Robot;
-use crate::symmetry::of_axes;
 
 /// Long enough that everything is evaluated, so that a run can be repeated, milliseconds.
 const DEADLINE_MS: u32 = 5_000;
@@ -41,14 +40,16 @@ pub(crate) struct Truth {
     pub(crate) session_from_object: Pose,
     /// Where its frame's origin is in the mesh, metres.
     pub(crate) origin_in_mesh: [f64; 3],
-    /// Which turns leave it as it is, object frame.
+    /// Which turns leave its mesh as it is, object frame; what training found is no truth.
     pub(crate) symmetry: Symmetry,
 }
 
 impl Truth {
-    /// The truth of a robot's object, by the report of the version that is asked.
+    /// The truth of a robot's object, whose mesh has a symmetry (in its own frame): its name and
+    /// its origin are those of the version that is asked.
     pub(crate) fn new(
         robot: &Robot,
+        symmetry_in_mesh: &Symmetry,
         object: &str,
         report: &TrainingReport,
     ) -> anyhow::Result<Self> {
@@ -61,7 +62,7 @@ impl Truth {
             object: trained.name.clone(),
             session_from_object: robot.session_from_object(trained.origin_in_mesh),
             origin_in_mesh: trained.origin_in_mesh,
-            symmetry: of_axes(trained.symmetry.as_deref().unwrap_or_default()),
+            symmetry: symmetry_in_mesh.seen_from(trained.origin_in_mesh.into()),
         })
     }
 }

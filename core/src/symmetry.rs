@@ -5,6 +5,7 @@
 //! as holes too small to enter, does not break a symmetry here.
 //! Frames: the object's. Not here: symmetries of letters in the plane (`metric`).
 
+mod axes;
 mod cells;
 mod cloud;
 mod discover;
@@ -13,6 +14,7 @@ mod group;
 mod line;
 mod orbit;
 mod seeds;
+mod shape;
 mod verify;
 
 #[cfg(test)]
@@ -22,7 +24,8 @@ use glam::DVec3;
 
 use crate::patch::MapPatch;
 
-pub use discover::ORDER_MAX;
+pub use axes::ORDER_MAX;
+pub use shape::Shape;
 
 /// A map of fewer patches is too coarse for a symmetry to be told from none.
 pub const PATCHES_MIN: usize = 60;
@@ -36,6 +39,38 @@ pub struct Symmetry {
     /// All axes, the highest order first. Beside a continuous axis one axis of order 2 stands
     /// for all across it; three continuous axes are a ball.
     pub axes: Vec<SymmetryAxis>,
+}
+
+/// What touches say of an object's symmetry.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Finding {
+    /// They would have shown a difference as large as a contact, and this is what is left.
+    Settled(Symmetry),
+    /// A difference could have been missed: about this many more touches are needed.
+    Undetermined {
+        /// How many more touches, at least 1.
+        touches_needed: usize,
+    },
+}
+
+impl Finding {
+    /// What the patches of a map say.
+    #[must_use]
+    pub fn of_touches(patches: &[MapPatch]) -> Self {
+        match PATCHES_MIN.checked_sub(patches.len()) {
+            None | Some(0) => Self::Settled(Symmetry::of_patches(patches)),
+            Some(touches_needed) => Self::Undetermined { touches_needed },
+        }
+    }
+
+    /// The symmetry that poses are answered modulo: none while it is undetermined.
+    #[must_use]
+    pub fn into_symmetry(self) -> Symmetry {
+        match self {
+            Self::Settled(symmetry) => symmetry,
+            Self::Undetermined { .. } => Symmetry::NONE,
+        }
+    }
 }
 
 /// A line about which an object can be turned without a trace.
@@ -72,6 +107,12 @@ impl Symmetry {
     #[must_use]
     pub fn of_patches(patches: &[MapPatch]) -> Self {
         if patches.len() < PATCHES_MIN { Self::NONE } else { discover::discover(patches) }
+    }
+
+    /// The symmetry of an object whose shape is known; see [`Shape`] for which turns count.
+    #[must_use]
+    pub fn of_shape(shape: &Shape<'_>) -> Self {
+        shape::discover(shape)
     }
 
     /// A symmetry whose axes (directions of norm 1) meet in a point (metres).

@@ -123,8 +123,8 @@ fn learn(config: &HybridNoise, trained: Trained, objects: &[TestObject]) -> anyh
     let sensing = trained.sensing()?;
     let train = sensing.touch_all(objects, config.train_readings, 2 * config.seed)?;
     let surface = SurfaceConfig::default();
-    let model = train_hybrid(&train, &sensing.sensor, &surface, config.seed)?;
-    let symmetries = model.maps().iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries = objects::symmetries(objects);
+    let model = train_hybrid(&train, &symmetries, &sensing.sensor, &surface, config.seed)?;
     let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
     let literal = if config.literal_sessions > 0 {
         Some(train_sva(&train, &sensing.sensor, &training, options, config.seed)?)

@@ -3,8 +3,7 @@
 //! Section 5.5.1 with the recogniser of `palpate_core::hybrid`; in the same run the service's
 //! `sva` and the printed method (`literal`, slow, hence fewer trials). Time is the processor
 //! time of one thread a reading, answer included, mean over all readings of the trials: what
-//! else the machine does hardly counts. The symmetry that angles are taken modulo of is
-//! discovered from the map that the hybrid recogniser was trained with.
+//! else the machine does hardly counts. Angles are taken modulo the symmetry of the mesh.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -94,9 +93,10 @@ pub fn run(
     let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
     progress("training", 0, 1);
     let started = Instant::now();
-    let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
+    let symmetries = objects::symmetries(&objects);
+    let surface = SurfaceConfig::default();
+    let model = train_hybrid(&train, &symmetries, &config.sensor, &surface, config.seed)?;
     let seconds = started.elapsed().as_secs_f64();
-    let symmetries: Vec<Symmetry> = model.maps().iter().map(|map| map.symmetry().clone()).collect();
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,

@@ -20,7 +20,6 @@ use palpate_core::reading::Reading;
 use palpate_core::recognise::SvaOptions;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::symmetry::Symmetry;
 use palpate_core::train::TrainingConfig;
 use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::MM;
@@ -207,13 +206,15 @@ fn one_catalogue(
 ) -> anyhow::Result<Panel> {
     let train = &touched.train[..count];
     progress("training", 0, 1);
+    let symmetries = objects::symmetries(&touched.objects[..count]);
     let started = Instant::now();
-    let model = train_hybrid(train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
+    let surface = SurfaceConfig::default();
+    let model = train_hybrid(train, &symmetries, &config.sensor, &surface, config.seed)?;
     report.summarise(&format!("train_seconds_{count}"), started.elapsed().as_secs_f64());
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &touched.test[..count],
-        symmetries: &vec![Symmetry::NONE; count],
+        symmetries: &symmetries,
         seed: config.seed,
         readings: config.readings,
         threads: 1,

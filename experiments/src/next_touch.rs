@@ -135,7 +135,8 @@ fn train(
     let readings: anyhow::Result<Vec<Vec<Reading>>> =
         objects.iter().enumerate().map(touch).collect();
     progress("training", 0, 1);
-    train_hybrid(&readings?, &sensor, &SurfaceConfig::default(), config.seed)
+    let symmetries = objects::symmetries(objects);
+    train_hybrid(&readings?, &symmetries, &sensor, &SurfaceConfig::default(), config.seed)
 }
 
 fn true_pose(seed: u64, trial: usize) -> Pose {

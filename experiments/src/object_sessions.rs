@@ -20,7 +20,7 @@ use palpate_core::recognise::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
-use palpate_core::train::surface::{SurfaceConfig, find_symmetry, learn_space, map_surface};
+use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
 use palpate_core::train::{TrainError, TrainingConfig, TrainingSet, learn_vocabulary, map_object};
 use palpate_core::units::MM;
 use rayon::prelude::*;
@@ -31,10 +31,6 @@ use crate::statistics::mean;
 
 /// How far from the session's origin objects are placed along each axis, metres.
 const REACH: f64 = 200.0 * MM;
-
-/// Symmetries are sought in catalogues of so many objects at most: in larger ones they would
-/// take longer than all else, and no experiment on those asks for poses.
-const SYMMETRIES_MAX: usize = 100;
 
 /// Poses that an answer states.
 const N_MODES: usize = 8;
@@ -132,12 +128,13 @@ pub fn train_sva(
 }
 
 /// Trains the hybrid recogniser, uncalibrated (which object is named does not depend on it);
-/// the objects' frames are those of their meshes.
+/// the objects' frames and symmetries are those of their meshes.
 ///
 /// # Errors
 /// When the readings cannot be learnt from.
 pub fn train_hybrid(
     readings: &[Vec<Reading>],
+    symmetries: &[Symmetry],
     sensor: &SensorDescription,
     surface: &SurfaceConfig,
     seed: u64,
@@ -145,13 +142,11 @@ pub fn train_hybrid(
     let sets: Vec<TrainingSet<'_>> =
         readings.iter().map(|readings| TrainingSet { readings, sensor }).collect();
     let space = learn_space(&sets, seed)?;
-    let map = |set: &TrainingSet<'_>| {
+    let map = |(set, symmetry): (&TrainingSet<'_>, &Symmetry)| {
         let map = map_surface(set, &space, surface, Some(DVec3::ZERO))?;
-        let seek = sets.len() <= SYMMETRIES_MAX;
-        let symmetry = if seek { find_symmetry(set, DVec3::ZERO) } else { Symmetry::NONE };
-        Ok::<_, TrainError>(Arc::new(map.with_symmetry(symmetry)))
+        Ok::<_, TrainError>(Arc::new(map.with_symmetry(symmetry.clone())))
     };
-    let maps: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
+    let maps: Result<Vec<_>, _> = sets.par_iter().zip(symmetries).map(map).collect();
     let calibration = EvidenceCalibration::default();
     Ok(Arc::new(SurfaceModel::new(space, calibration, maps?)))
 }
@@ -163,6 +158,7 @@ pub fn train_hybrid(
 /// When the readings cannot be learnt from.
 pub fn train_calibrated(
     readings: &[Vec<Reading>],
+    symmetries: &[Symmetry],
     sensor: &SensorDescription,
     surface: &SurfaceConfig,
     seed: u64,
@@ -174,7 +170,7 @@ pub fn train_calibrated(
         };
         readings.iter().map(of).collect()
     };
-    let model = train_hybrid(&part(false), sensor, surface, seed)?;
+    let model = train_hybrid(&part(false), symmetries, sensor, surface, seed)?;
     let held_back = part(true);
     let sets: Vec<HeldBack<'_>> =
         held_back.iter().map(|readings| HeldBack { readings, sensor }).collect();

@@ -7,12 +7,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
+use palpate_core::symmetry::Symmetry;
 use palpate_core::units::MM;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_sim::noise::NoiseLevel;
 use palpate_sim::press::{PressConfig, PressSimulator};
 use palpate_sim::sampler::{SamplerConfig, sample};
-use palpate_sim::shapes;
+use palpate_sim::{shapes, symmetry};
+use rayon::prelude::*;
 
 /// A named mesh of the wanted size.
 pub struct TestObject {
@@ -67,6 +69,19 @@ fn from_folder(folder: &Path) -> anyhow::Result<Vec<(String, Mesh)>> {
         bail!("{} holds no mesh, expected .stl, .obj, .ply or .off files", folder.display());
     }
     Ok(named)
+}
+
+/// In larger catalogues no symmetry is sought: it would take longer than all the rest.
+const SYMMETRIES_MAX: usize = 100;
+
+/// The symmetry of each object's mesh, in its frame: what errors of poses are measured modulo,
+/// and what the service learns beside the touches of a mesh.
+#[must_use]
+pub fn symmetries(objects: &[TestObject]) -> Vec<Symmetry> {
+    if objects.len() > SYMMETRIES_MAX {
+        return vec![Symmetry::NONE; objects.len()];
+    }
+    objects.par_iter().map(|object| symmetry::of_mesh(&object.mesh)).collect()
 }
 
 /// `n` converged readings of an object by the training sampler, from one seed.

@@ -18,7 +18,6 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::recognise::SvaOptions;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::symmetry::Symmetry;
 use palpate_core::train::TrainingConfig;
 use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
@@ -103,8 +102,9 @@ pub fn run(
     let preset = Sensing::with(config.sensor.clone());
     progress("touching objects", 0, 2);
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
-    let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = model.maps().iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries = objects::symmetries(&objects);
+    let surface = SurfaceConfig::default();
+    let model = train_hybrid(&train, &symmetries, &config.sensor, &surface, config.seed)?;
     progress("pressing elastic coverings", 1, 2);
     let worlds = worlds(config, &objects, &preset, &model.space, &mut report)?;
     let play = |world: &World, method, recogniser: &Recogniser, n| {

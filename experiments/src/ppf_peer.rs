@@ -18,7 +18,6 @@ use palpate_core::model::surface::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::surface::touch::observe_touch;
-use palpate_core::symmetry::Symmetry;
 use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
 use serde_json::json;
@@ -97,8 +96,9 @@ pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow:
     let preset = Sensing::with(config.sensor.clone());
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
     let test = preset.touch_all(&objects, config.test_readings, 2 * config.seed + 1)?;
-    let model = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = model.maps().iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries = objects::symmetries(&objects);
+    let surface = SurfaceConfig::default();
+    let model = train_hybrid(&train, &symmetries, &config.sensor, &surface, config.seed)?;
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,

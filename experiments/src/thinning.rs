@@ -15,7 +15,6 @@ use palpate_core::recognise::SvaOptions;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::surface::SurfaceMap;
-use palpate_core::symmetry::Symmetry;
 use palpate_core::train::TrainingConfig;
 use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
@@ -108,8 +107,9 @@ pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow
     let train = touch_all(config.train_readings, 2 * config.seed)?;
     let test = touch_all(config.test_readings, 2 * config.seed + 1)?;
     progress("training", 0, 1);
-    let whole = train_hybrid(&train, &config.sensor, &SurfaceConfig::default(), config.seed)?;
-    let symmetries: Vec<Symmetry> = whole.maps().iter().map(|map| map.symmetry().clone()).collect();
+    let symmetries = objects::symmetries(&objects);
+    let surface = SurfaceConfig::default();
+    let whole = train_hybrid(&train, &symmetries, &config.sensor, &surface, config.seed)?;
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,

@@ -129,14 +129,16 @@ pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow:
         "{n} objects in {} folds, expected at least 2 folds and 2 objects a fold",
         config.folds
     );
+    let symmetries = objects::symmetries(&touched.objects);
     let mut verdicts = Vec::new();
     let mut literal = Vec::new();
     for fold in 0..config.folds {
         progress("folds", fold, config.folds);
         let known: Arc<[usize]> = (0..n).filter(|at| at % config.folds != fold).collect();
         let train: Vec<Vec<Reading>> = known.iter().map(|at| touched.train[*at].clone()).collect();
-        let surface = SurfaceConfig::default();
-        let model = train_calibrated(&train, &config.sensor, &surface, config.seed)?;
+        let of_known: Vec<Symmetry> = known.iter().map(|at| symmetries[*at].clone()).collect();
+        let (sensor, surface) = (&config.sensor, SurfaceConfig::default());
+        let model = train_calibrated(&train, &of_known, sensor, &surface, config.seed)?;
         tables::report_calibration(&mut report, fold, &model);
         let share = |all: usize| all * (fold + 1) / config.folds - all * fold / config.folds;
         let options = HybridOptions { unknown: config.prior, ..HybridOptions::default() };

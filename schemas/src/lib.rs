@@ -68,7 +68,7 @@ pub use session::{
     PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent,
     SessionPage, SessionState, SessionsQuery, Truth,
 };
-pub use symmetry::SymmetryAxis;
+pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,
     DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,

@@ -3,6 +3,19 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+/// What the symmetry of an object was decided by.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SymmetryBy {
+    /// By its mesh.
+    Mesh,
+    /// By its training touches, which would have shown a difference as large as a contact.
+    Touches,
+    /// By nothing: with so few touches a handle or a notch could have been missed. Poses are
+    /// answered as if the object had no symmetry.
+    Undetermined,
+}
+
 /// An axis that an object can be turned about without a trace.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SymmetryAxis {

@@ -6,7 +6,7 @@ use uuid::Uuid;
 
 use crate::appearance::{AppearanceSummary, AppearanceTraining};
 use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
-use crate::symmetry::SymmetryAxis;
+use crate::symmetry::{SymmetryAxis, SymmetryBy};
 
 /// A named line of trained models, one of whose versions new sessions use.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
@@ -131,11 +131,17 @@ pub struct ObjectReport {
     /// What was learnt of its geometry; null when nothing was asked for.
     #[serde(default)]
     pub geometry: Option<GeometryReport>,
-    /// Which turns leave it as it is, as its training touches show: axes in the object frame,
-    /// highest order first, empty when it only looks like itself. Null when it was not sought:
+    /// Which turns leave it as it is: axes in the object frame, highest order first, empty when
+    /// it only looks like itself or when touches cannot tell. Null when it was not sought:
     /// without surfaces.
     #[serde(default)]
     pub symmetry: Option<Vec<SymmetryAxis>>,
+    /// What `symmetry` was decided by; null when it was not sought.
+    #[serde(default)]
+    pub symmetry_by: Option<SymmetryBy>,
+    /// About how many more touches would settle a symmetry that is `undetermined`; else null.
+    #[serde(default)]
+    pub symmetry_touches_needed: Option<u32>,
 }
 
 /// The surface of an object, as the method `hybrid` knows it.

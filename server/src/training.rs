@@ -20,7 +20,7 @@ use palpate_core::pose::Pose;
 use palpate_core::train::geometry::GeometryConfig;
 use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
 use palpate_core::vocabulary::Vocabulary;
-use palpate_schemas::{JobStage, ObjectReport};
+use palpate_schemas::{JobStage, ObjectReport, SymmetryBy};
 use palpate_store::catalogue::VersionObject;
 use palpate_store::database::Database;
 use palpate_store::entity::Sensor;
@@ -33,6 +33,7 @@ pub(crate) use appearance::AppearancePlan;
 pub(crate) use base::Base;
 pub(crate) use failure::TrainingFailure;
 use material::{Material, gather};
+use surface::Decided;
 
 /// What is to be trained.
 pub(crate) struct Plan {
@@ -100,6 +101,12 @@ pub(crate) fn train(
             object.origin_in_mesh = map.origin_in_training().to_array();
             object.surface = Some(surface::report(map));
             object.symmetry = Some(axes(map.symmetry(), &Pose::IDENTITY));
+        }
+        for (object, decided) in objects.iter_mut().zip(&learnt.decided) {
+            object.symmetry_by = Some(symmetry_by(*decided));
+            if let Decided::Not { touches_needed } = decided {
+                object.symmetry_touches_needed = Some(count(*touches_needed));
+            }
         }
     }
     let maps: Vec<Arc<ObjectMap>> = maps.into_iter().map(Arc::new).collect();
@@ -177,6 +184,16 @@ fn report(material: &Material, map: Option<&ObjectMap>) -> ObjectReport {
         surface: None,
         geometry: None,
         symmetry: None,
+        symmetry_by: None,
+        symmetry_touches_needed: None,
+    }
+}
+
+fn symmetry_by(decided: Decided) -> SymmetryBy {
+    match decided {
+        Decided::ByMesh => SymmetryBy::Mesh,
+        Decided::ByTouches => SymmetryBy::Touches,
+        Decided::Not { .. } => SymmetryBy::Undetermined,
     }
 }
 

@@ -67,6 +67,36 @@ fn above_triangle_squared(point: DVec3, &[a, b, c]: &[DVec3; 3]) -> f64 {
     }
 }
 
+/// The point of a triangle nearest to a point (Ericson, section 5.1.5).
+pub(crate) fn nearest_of_triangle(point: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
+    let (ab, ac) = (b - a, c - a);
+    let along = |from: DVec3| (ab.dot(point - from), ac.dot(point - from));
+    let ((d1, d2), (d3, d4), (d5, d6)) = (along(a), along(b), along(c));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let at_c = d1 * d4 - d3 * d2;
+    if at_c <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + d1 / (d1 - d3) * ab;
+    }
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let at_b = d5 * d2 - d1 * d6;
+    if at_b <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + d2 / (d2 - d6) * ac;
+    }
+    let at_a = d3 * d6 - d5 * d4;
+    if at_a <= 0.0 && d4 >= d3 && d5 >= d6 {
+        return b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b);
+    }
+    let inverse = 1.0 / (at_a + at_b + at_c);
+    a + ab * (at_b * inverse) + ac * (at_c * inverse)
+}
+
 /// Whether a triangle crosses the open segment (Möller and Trumbore 1997).
 pub(crate) fn crosses(&[a, b, c]: &[DVec3; 3], from: DVec3, to: DVec3) -> bool {
     let (way, ab, ac) = (to - from, b - a, c - a);
@@ -108,6 +138,25 @@ mod tests {
             let naive = sampled(a, b, c, d);
             // Points are taken 0.01 apart at most.
             assert!(distance <= naive + 1e-12 && naive < distance + 0.01, "{distance} {naive}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_point_of_a_triangle_is_nearer_than_any_that_was_sampled() {
+        let mut stream = Stream::new(4, Purpose::Shape, 0);
+        for _ in 0..200 {
+            let mut draw = || stream.direction() * stream.uniform(0.1, 1.0);
+            let (point, corners) = (draw(), [draw(), draw(), draw()]);
+            let distance = nearest_of_triangle(point, &corners).distance(point);
+            let [a, b, c] = corners;
+            let n = 100;
+            let sampled = (0..=n)
+                .flat_map(|u| (0..=n - u).map(move |v| (u, v)))
+                .map(|(u, v)| a + (b - a) * f64::from(u) / 100.0 + (c - a) * f64::from(v) / 100.0)
+                .map(|at| at.distance(point))
+                .fold(f64::INFINITY, f64::min);
+            // Points are taken 0.02 apart at most.
+            assert!(distance <= sampled + 1e-12 && sampled < distance + 0.02);
         }
     }
 

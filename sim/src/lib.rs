@@ -22,6 +22,8 @@ pub mod controller;
 
 pub mod sampler;
 
+pub mod symmetry;
+
 pub mod convergence;
 
 pub mod arm;

@@ -7,7 +7,7 @@
 //! Another physics of the covering can take the blur's place (`physics`).
 //! Not here: moving the sensor (`controller`).
 
-mod bvh;
+pub(crate) mod bvh;
 mod covering;
 mod heights;
 mod imaging;

@@ -21,9 +21,10 @@ use palpate_client::schemas::{
     CatalogueVersion, CreateObject, CreateSession, JobState, MeshFormat, MeshUnit, PageQuery,
     ProblemType, SensorPreset, StartTraining,
 };
+use palpate_core::symmetry::Symmetry;
 use palpate_server::{Config, Server, StartError};
 use palpate_sim::press::PressSimulator;
-use palpate_sim::shapes;
+use palpate_sim::{shapes, symmetry};
 use tokio::task::JoinSet;
 
 use self::screen::Screen;
@@ -214,6 +215,8 @@ struct Floor {
     client: Client,
     version: Arc<CatalogueVersion>,
     simulators: Vec<Arc<PressSimulator>>,
+    /// The symmetry of each one's mesh, in its frame.
+    symmetries: Vec<Symmetry>,
     next_trial: AtomicUsize,
     n_trials: usize,
     seed: u64,
@@ -233,15 +236,18 @@ async fn touch_all(
     let simulators = tokio::task::spawn_blocking(|| {
         let simulator = |name| {
             let mesh = shapes::example(name).expect("every name has its example");
-            Arc::new(PressSimulator::new(mesh, touch::described(SENSOR)))
+            let symmetry = symmetry::of_mesh(&mesh);
+            (Arc::new(PressSimulator::new(mesh, touch::described(SENSOR))), symmetry)
         };
-        shapes::NAMES.map(simulator).to_vec()
+        shapes::NAMES.map(simulator).into_iter().unzip::<_, _, Vec<_>, Vec<_>>()
     });
     let n_trials = args.trials as usize;
+    let (simulators, symmetries) = simulators.await?;
     let floor = Arc::new(Floor {
         client,
         version,
-        simulators: simulators.await?,
+        simulators,
+        symmetries,
         next_trial: AtomicUsize::new(0),
         n_trials,
         seed: args.seed,
@@ -279,7 +285,8 @@ async fn work(floor: Arc<Floor>, robot: usize) -> anyhow::Result<()> {
         let object = trial % shapes::NAMES.len();
         let simulator = Arc::clone(&floor.simulators[object]);
         let simulated = Robot::new(simulator, floor.seed, trial as u64);
-        let truth = Truth::new(&simulated, shapes::NAMES[object], &floor.version.report)?;
+        let symmetry = &floor.symmetries[object];
+        let truth = Truth::new(&simulated, symmetry, shapes::NAMES[object], &floor.version.report)?;
         let wanted = CreateSession {
             catalogue: Some(CATALOGUE.to_owned()),
             version: Some(floor.version.version),

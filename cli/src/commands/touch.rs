@@ -11,6 +11,7 @@ use palpate_client::schemas::{
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::sensor::SensorDescription;
 use palpate_sim::press::PressSimulator;
+use palpate_sim::symmetry;
 use serde::Serialize;
 
 use super::Context;
@@ -122,10 +123,11 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     let current = client.current_version(&args.catalogue).await?.version;
     let version = client.catalogue_version(&args.catalogue, current).await?;
     let method = args.method.map(TouchMethod::wire);
+    let symmetry = symmetry::of_mesh(&mesh);
     let simulator = Arc::new(PressSimulator::new(mesh, described(args.sensor)));
     let approach = approach(method, &version);
     let mut robot = Robot::approaching(simulator, approach, args.seed, 0);
-    let truth = Truth::new(&robot, &args.object, &version.report)?;
+    let truth = Truth::new(&robot, &symmetry, &args.object, &version.report)?;
     let session = CreateSession {
         catalogue: Some(args.catalogue),
         version: Some(current),

@@ -202,7 +202,7 @@ fn trained_words(trained: &Trained) -> String {
                 object.n_patches.to_string(),
                 format!("{:.1} MB", object.index_bytes as f64 / 1e6),
                 object.surface.as_ref().map_or("–".to_owned(), surface),
-                object.symmetry.as_deref().map_or("–".to_owned(), symmetry::words),
+                symmetry::trained_words(object),
                 object.geometry.as_ref().map_or("–".to_owned(), cells),
             ]
         }),

@@ -17,6 +17,22 @@ impl Symmetry {
         self.axes.is_empty()
     }
 
+    /// The same symmetry in a frame with the same axes whose origin lies at `origin` (metres).
+    #[must_use]
+    pub fn seen_from(&self, origin: DVec3) -> Self {
+        let Some(first) = self.axes.first() else { return Self::NONE };
+        let moved = self.center - origin;
+        // Along a single axis nothing fixes the centre: it is where the origin is nearest.
+        let center = if self.axes.len() == 1 {
+            moved.reject_from_normalized(first.direction)
+        } else {
+            moved
+        };
+        let axes: Vec<(DVec3, AxisOrder)> =
+            self.axes.iter().map(|axis| (axis.direction, axis.order)).collect();
+        Self::through(center, &axes)
+    }
+
     /// How far apart two poses are modulo the symmetry: the distance between the places of the
     /// centre (metres) and the least angle between the orientations (rad, 0 to π). Without a
     /// symmetry these are the distances of the poses themselves.
@@ -148,6 +164,25 @@ mod tests {
         let about_origin = Pose::from_parts(DQuat::from_rotation_z(PI), DVec3::ZERO);
         let (moved, angle) = half.distance(&Pose::IDENTITY, &about_origin);
         assert!((moved - 52.0_f64.sqrt() * MM).abs() < 1e-12 && angle < 1e-9, "{moved} {angle}");
+    }
+
+    #[test]
+    fn seen_from_elsewhere_the_same_turns_look_the_same() {
+        let origin = DVec3::new(5.0, 9.0, -1.0) * MM;
+        let old_from_new = Pose::from_parts(DQuat::IDENTITY, origin);
+        for kind in kinds() {
+            let moved = kind.seen_from(origin);
+            let (a, b) = (random_pose(3), random_pose(4));
+            for turned in kind.orbit(&a) {
+                let (off, angle) = moved.distance(&(a * old_from_new), &(turned * old_from_new));
+                assert!(off < 1e-12 && angle < 1e-7, "{off} {angle} {kind:?}");
+            }
+            let (plain, there) =
+                (kind.distance(&a, &b), moved.distance(&(a * old_from_new), &(b * old_from_new)));
+            assert!((plain.1 - there.1).abs() < 1e-9);
+        }
+        let axis = symmetry(&[(DVec3::Z, AxisOrder::Finite(2))]).seen_from(origin);
+        assert!(axis.center.distance(DVec3::new(-2.0, -11.0, 0.0) * MM) < 1e-12, "{axis:?}");
     }
 
     #[test]

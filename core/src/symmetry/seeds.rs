@@ -8,14 +8,11 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use rayon::prelude::*;
 
-use super::cloud::Cloud;
 use super::line::Line;
 use crate::pose::Pose;
 use crate::units::DEG;
-
-/// Moments that differ by less than this share of their sum count as equal.
-const EQUAL_MOMENTS: f64 = 0.15;
 
 /// The prime orders tried about principal axes; one of them divides every order up to 30.
 const PRIMES: [u8; 10] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29];
@@ -38,15 +35,18 @@ pub(super) struct Spread {
     pub(super) center: DVec3,
     /// Axes and their moments, least first.
     axes: [(DVec3, f64); 3],
+    /// Moments that differ by less than this share of their sum count as equal.
+    equal_within: f64,
 }
 
 impl Spread {
-    /// The spread of patches that lie evenly over the surface.
-    pub(super) fn new(even: &Cloud) -> Self {
-        let n = even.len() as f64;
-        let center = even.positions.iter().sum::<DVec3>() / n;
+    /// The spread of points that lie evenly over the surface; moments that differ by less than
+    /// the share `equal_within` of their sum count as equal.
+    pub(super) fn new(points: &[DVec3], equal_within: f64) -> Self {
+        let n = points.len() as f64;
+        let center = points.iter().sum::<DVec3>() / n;
         let mut moment = Matrix3::zeros();
-        for position in &even.positions {
+        for position in points {
             let off = Vector3::from((*position - center).to_array());
             moment += off * off.transpose() / n;
         }
@@ -58,11 +58,12 @@ impl Spread {
         };
         let mut axes = [0, 1, 2].map(axis);
         axes.sort_by(|a, b| a.1.total_cmp(&b.1));
-        Self { center, axes }
+        Self { center, axes, equal_within }
     }
 
-    /// The turns to try, about lines through the centroid.
-    pub(super) fn turns(&self, even: &Cloud) -> Vec<Pose> {
+    /// The turns to try, about lines through the centroid. `rate` says how badly a turn fits
+    /// at a glance.
+    pub(super) fn turns(&self, rate: &(dyn Fn(&Pose) -> f64 + Sync)) -> Vec<Pose> {
         let line = |direction| Line { point: self.center, direction };
         let mut turns: Vec<Pose> = Vec::new();
         for (direction, _) in self.axes {
@@ -70,10 +71,10 @@ impl Spread {
         }
         let equal = |a: usize, b: usize| {
             let (a, b) = (self.axes[a].1, self.axes[b].1);
-            (a - b).abs() <= EQUAL_MOMENTS * (a + b)
+            (a - b).abs() <= self.equal_within * (a + b)
         };
         match (equal(0, 1), equal(1, 2)) {
-            (true, true) => turns.extend(self.turns_anywhere(even)),
+            (true, true) => turns.extend(self.turns_anywhere(rate)),
             (true, false) => turns.extend(half_turns_across(&line(self.axes[2].0), PI)),
             (false, true) => turns.extend(half_turns_across(&line(self.axes[0].0), PI)),
             (false, false) => {}
@@ -82,17 +83,16 @@ impl Spread {
     }
 
     /// The best few turns of each prime order among all directions.
-    fn turns_anywhere(&self, even: &Cloud) -> Vec<Pose> {
+    fn turns_anywhere(&self, rate: &(dyn Fn(&Pose) -> f64 + Sync)) -> Vec<Pose> {
         let mut kept = Vec::new();
         for order in PRIMES_ANYWHERE {
             let angle = TAU / f64::from(order);
-            let mut rated: Vec<(f64, Line)> = half_sphere(DIRECTIONS)
+            let directions: Vec<DVec3> = half_sphere(DIRECTIONS).collect();
+            let mut rated: Vec<(f64, Line)> = directions
+                .into_par_iter()
                 .map(|direction| {
                     let line = Line { point: self.center, direction };
-                    let turn = line.turn(angle);
-                    let sum: f64 =
-                        (0..even.len()).step_by(4).map(|p| even.explain(&turn, p).misfit).sum();
-                    (sum, line)
+                    (rate(&line.turn(angle)), line)
                 })
                 .collect();
             rated.sort_by(|a, b| a.0.total_cmp(&b.0));

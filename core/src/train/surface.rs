@@ -19,7 +19,7 @@ use crate::surface::appearance::{
 use crate::surface::map::{PATCHES_MAX, SurfaceLayout, SurfaceMap, SurfacePatch};
 use crate::surface::thinning::farthest_first;
 use crate::surface::touch::{Touch, observe_touch};
-use crate::symmetry::Symmetry;
+use crate::symmetry::Finding;
 use crate::units::MM;
 use crate::vocabulary::discriminant::find_discriminants;
 
@@ -168,7 +168,7 @@ pub fn map_surface(
 /// Which turns leave an object as it is, as its touches show it: in the object frame whose
 /// origin lies at `origin_in_training` (metres).
 #[must_use]
-pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Symmetry {
+pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Finding {
     let single = |v: DVec3| v.to_array().map(|value| value as f32);
     let patch = |reading: &Reading| {
         let object_from_sensor = reading.session_from_sensor();
@@ -181,7 +181,7 @@ pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Symmet
             normal_confidence: normal_constraint(&contact_points(image, set.sensor)) as f32,
         })
     };
-    Symmetry::of_patches(&set.readings.iter().filter_map(patch).collect::<Vec<_>>())
+    Finding::of_touches(&set.readings.iter().filter_map(patch).collect::<Vec<_>>())
 }
 
 /// How far normals scatter about one touch: the deviation among its near neighbours.
@@ -302,13 +302,14 @@ mod tests {
         let sensor = SensorDescription::digitacts_6x6();
         let origin = DVec3::new(45.0 * MM, 0.0, 0.0);
         let find = |readings| find_symmetry(&TrainingSet { readings, sensor: &sensor }, origin);
-        let found = find(&readings);
+        let found = find(&readings).into_symmetry();
         // Without any noise a round rod may count as one of many sides.
         assert!(!matches!(found.axes[0].order, AxisOrder::Finite(0..12)), "{found:?}");
         assert!(found.axes[0].direction.z.abs() > 0.999, "{found:?}");
         let off = found.center - DVec3::new(5.0 * MM, 0.0, 0.0);
         assert!(off.length() < 1.0 * MM, "{found:?}");
-        assert_eq!(find(&readings[..PATCHES_MIN - 1]), Symmetry::NONE);
+        let few = find(&readings[..PATCHES_MIN - 1]);
+        assert_eq!(few, Finding::Undetermined { touches_needed: 1 });
     }
 
     #[test]

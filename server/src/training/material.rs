@@ -7,11 +7,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{SensorDescription, TaxelGrid};
+use palpate_core::symmetry::Symmetry;
 use palpate_core::train::TrainingSet;
 use palpate_schemas::JobStage;
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
+use palpate_sim::symmetry;
 use palpate_store::catalogue::VersionObject;
 use palpate_store::entity::Sensor;
 use palpate_store::journal::Event;
@@ -30,6 +32,8 @@ pub(super) struct Material {
     pub(super) features: Vec<Vec<f64>>,
     sensor: Arc<Sensor>,
     pub(super) origin: Option<DVec3>,
+    /// The symmetry of the mesh that was touched, about `origin`, where it is of use.
+    pub(super) symmetry: Option<Symmetry>,
     /// Presses straight down, of a mesh whose planar map is to be learnt; else the maps of
     /// contact are learnt from the readings.
     planar: Option<Vec<Reading>>,
@@ -115,6 +119,7 @@ fn own_readings(
         features,
         sensor,
         origin: None,
+        symmetry: None,
         planar: None,
     }))
 }
@@ -131,6 +136,7 @@ fn touch(
     let name = || object.name.clone();
     let mesh = mesh(object.id, sources, &name)?;
     let origin = mesh.centroid();
+    let symmetry = plan.surfaces.then(|| symmetry::of_mesh(&mesh).seen_from(origin));
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
     let planar = geometry::planar_presses(plan, index, object, &simulator)?;
     let config = SamplerConfig::for_simulator(&simulator);
@@ -150,7 +156,7 @@ fn touch(
         })?;
     let sensor = Arc::clone(&plan.sensor);
     let (object, origin) = (object.clone(), Some(origin));
-    Ok(Material { object, readings, features: Vec::new(), sensor, origin, planar })
+    Ok(Material { object, readings, features: Vec::new(), sensor, origin, symmetry, planar })
 }
 
 fn mesh(

@@ -1,17 +1,20 @@
 //! The part of a training that learns the objects' surfaces, and how far they can be believed.
 //!
 //! A tenth of an object's readings has no part in its surface: on them the calibration is
-//! learnt. Symmetry is found in all of them. A training that extends a version uses its appearance space and its calibration.
+//! learnt. Symmetry is that of the mesh, or found in all readings. A training that extends a
+//! version uses its appearance space and its calibration.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use glam::DVec3;
 use palpate_core::hybrid::HybridOptions;
 use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
 use palpate_core::model::ObjectMap;
 use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
 use palpate_core::reading::Reading;
 use palpate_core::surface::{AppearanceSpace, SurfaceMap};
+use palpate_core::symmetry::{Finding, Symmetry};
 use palpate_core::train::TrainingSet;
 use palpate_core::train::surface::{SurfaceConfig, find_symmetry, learn_space, map_surface};
 use palpate_schemas::{JobStage, SurfaceReport};
@@ -33,6 +36,19 @@ pub(super) struct Learnt {
     pub(super) model: Arc<SurfaceModel>,
     /// Those that were learnt now, in the plan's order.
     pub(super) new: Vec<Arc<SurfaceMap>>,
+    /// What the symmetry of each of those was decided by.
+    pub(super) decided: Vec<Decided>,
+}
+
+/// What an object's symmetry was decided by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Decided {
+    ByMesh,
+    ByTouches,
+    /// Not yet: about so many more touches are needed.
+    Not {
+        touches_needed: usize,
+    },
 }
 
 /// An object's readings: those that its surface is learnt from, and the others.
@@ -62,7 +78,8 @@ pub(super) fn learn(
         Some(known) => known.space.clone(),
         None => learn_space(&sets, plan.seed)?,
     };
-    let new = map_all(materials, &sets, maps, &space, &config, progress)?;
+    let (new, decided): (Vec<_>, Vec<_>) =
+        map_all(materials, &sets, maps, &space, &config, progress)?.into_iter().unzip();
     let model = match (&plan.base, base) {
         (Some(base), Some(known)) => {
             let places = base.places(&plan.objects);
@@ -72,7 +89,7 @@ pub(super) fn learn(
         _ => calibrated(plan, materials, &splits, space, new.clone()),
     };
     step(progress, JobStage::Surface, total, total)?;
-    Ok(Learnt { model, new })
+    Ok(Learnt { model, new, decided })
 }
 
 fn split(material: &Material) -> Split {
@@ -94,7 +111,7 @@ fn map_all(
     space: &AppearanceSpace,
     config: &SurfaceConfig,
     progress: &Progress<'_>,
-) -> Result<Vec<Arc<SurfaceMap>>, TrainingFailure> {
+) -> Result<Vec<(Arc<SurfaceMap>, Decided)>, TrainingFailure> {
     let done = AtomicUsize::new(0);
     let map_one = |(index, (material, set)): (usize, (&Material, &TrainingSet<'_>))| {
         // All that is known of an object is in one frame.
@@ -102,12 +119,25 @@ fn map_all(
         let map = map_surface(set, space, config, origin).map_err(|source| {
             TrainingFailure::Mapping { object: material.object.name.clone(), source }
         })?;
-        let symmetry = find_symmetry(&material.set(), map.origin_in_training());
+        let (symmetry, decided) = symmetry(material, map.origin_in_training());
         let now = done.fetch_add(1, Ordering::Relaxed) + 1;
         step(progress, JobStage::Surface, now, materials.len() + 1)?;
-        Ok(Arc::new(map.with_symmetry(symmetry)))
+        Ok((Arc::new(map.with_symmetry(symmetry)), decided))
     };
     materials.par_iter().zip(sets).enumerate().map(map_one).collect()
+}
+
+/// Decides by the mesh where there is one, else by the touches.
+fn symmetry(material: &Material, origin_in_training: DVec3) -> (Symmetry, Decided) {
+    if let (Some(symmetry), Some(origin)) = (&material.symmetry, material.origin) {
+        return (symmetry.seen_from(origin_in_training - origin), Decided::ByMesh);
+    }
+    match find_symmetry(&material.set(), origin_in_training) {
+        Finding::Settled(symmetry) => (symmetry, Decided::ByTouches),
+        Finding::Undetermined { touches_needed } => {
+            (Symmetry::NONE, Decided::Not { touches_needed })
+        }
+    }
 }
 
 fn calibrated(

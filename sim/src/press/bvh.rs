@@ -6,7 +6,9 @@
 use glam::{DMat3, DVec3};
 use palpate_core::pose::Pose;
 
-use crate::distance::{crosses, segment_meets_box, segment_to_triangle_squared};
+use crate::distance::{
+    crosses, nearest_of_triangle, segment_meets_box, segment_to_triangle_squared,
+};
 use crate::mesh::Mesh;
 
 const LEAF_TRIANGLES_MAX: usize = 4;
@@ -24,7 +26,7 @@ struct Node {
 
 /// The hierarchy over a mesh.
 #[derive(Clone, Debug)]
-pub(super) struct Bvh {
+pub(crate) struct Bvh {
     nodes: Vec<Node>,
     triangles: Vec<[DVec3; 3]>,
 }
@@ -37,7 +39,7 @@ pub(super) struct SensorBox {
 }
 
 impl Bvh {
-    pub(super) fn new(mesh: &Mesh) -> Self {
+    pub(crate) fn new(mesh: &Mesh) -> Self {
         let n = mesh.triangles().len();
         let mut order: Vec<u32> = (0..n as u32).collect();
         let centers: Vec<DVec3> =
@@ -137,6 +139,50 @@ impl Bvh {
     }
 }
 
+impl Bvh {
+    /// The point of the mesh nearest to a point, and the unit normal of its triangle.
+    pub(crate) fn nearest(&self, point: DVec3) -> (DVec3, DVec3) {
+        let box_squared = |node: &Node| {
+            ((point - node.center).abs() - node.half).max(DVec3::ZERO).length_squared()
+        };
+        let (mut best, mut least) = (self.triangles[0], f64::INFINITY);
+        let mut at = best[0];
+        let mut pending = [(0u32, 0.0); 64];
+        pending[0].1 = box_squared(&self.nodes[0]);
+        let mut n_pending = 1;
+        while n_pending > 0 {
+            n_pending -= 1;
+            let (idx, distance) = pending[n_pending];
+            if distance >= least {
+                continue;
+            }
+            let node = &self.nodes[idx as usize];
+            if node.n_triangles == 0 {
+                let children = [node.start, idx + 1]
+                    .map(|child| (child, box_squared(&self.nodes[child as usize])));
+                // The nearer one is looked at first.
+                let [first, second] = children;
+                let (near, far) =
+                    if first.1 <= second.1 { (first, second) } else { (second, first) };
+                pending[n_pending] = far;
+                pending[n_pending + 1] = near;
+                n_pending += 2;
+            } else {
+                let start = node.start as usize;
+                for corners in &self.triangles[start..start + node.n_triangles as usize] {
+                    let found = nearest_of_triangle(point, corners);
+                    let squared = found.distance_squared(point);
+                    if squared < least {
+                        (best, least, at) = (*corners, squared, found);
+                    }
+                }
+            }
+        }
+        let [a, b, c] = best;
+        (at, (b - a).cross(c - a).normalize_or(DVec3::Z))
+    }
+}
+
 /// Adds the node over `order` (triangles from `start` on) and everything below it.
 fn split(mesh: &Mesh, centers: &[DVec3], order: &mut [u32], start: usize, nodes: &mut Vec<Node>) {
     let mut low = DVec3::INFINITY;
@@ -211,6 +257,23 @@ mod tests {
             n_near += usize::from(near);
         }
         assert!((30..270).contains(&n_near), "{n_near} of 300 are near");
+    }
+
+    #[test]
+    fn the_nearest_point_is_the_nearest_of_all_triangles() {
+        let mesh = sphere(0.03, 16);
+        let bvh = Bvh::new(&mesh);
+        let mut stream = Stream::new(3, Purpose::Shape, 0);
+        for _ in 0..300 {
+            let point = stream.uniform(0.0, 0.06) * stream.direction();
+            let naive = (0..mesh.triangles().len())
+                .map(|triangle| nearest_of_triangle(point, &mesh.corners(triangle)))
+                .map(|at| at.distance(point))
+                .fold(f64::INFINITY, f64::min);
+            let (at, normal) = bvh.nearest(point);
+            assert!((at.distance(point) - naive).abs() < 1e-15);
+            assert!(normal.dot(at) > 0.0, "{normal}");
+        }
     }
 
     #[test]
