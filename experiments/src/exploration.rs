@@ -5,7 +5,8 @@
 //! probabilities L of the local strategy, and held-back readings of the sampler. The coarse
 //! and the fine sensor of figure 4.12. Beside accuracy stands what the dissertation explains
 //! it by: how much of the surface a strategy touches, and how one-sidedly. Added: models of
-//! touches that begin at any angle, as a blind arm's do.
+//! touches that begin at any angle, as a blind arm's do, and an arm that moves on from what it
+//! has pressed, on the same objects and seeds.
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::appearance::AppearanceRule;
@@ -48,7 +49,7 @@ pub fn run(
     let mut report = Report::new("exploration", command, config.objects.seed);
     let mut panels = Vec::new();
     let settings = settings();
-    let n_steps = settings.len() * (1 + LOCALS.len() + DESCRIPTORS.len()) + DESCRIPTORS.len();
+    let n_steps = settings.len() * (1 + strategies().len() + DESCRIPTORS.len()) + DESCRIPTORS.len();
     let mut done = 0;
     let mut next = |stage: &str| {
         progress(stage, done, n_steps);
@@ -58,7 +59,7 @@ pub fn run(
         next(&format!("touching, {}", setting.name));
         let touched = config.objects.touch(&objects, setting)?;
         let mut explored: Vec<(Strategy, Vec<Run>)> = Vec::new();
-        for strategy in LOCALS.map(strategy) {
+        for strategy in strategies() {
             next(&format!("exploring, {}, {}", setting.name, strategy.name));
             let runs = config.explore(&objects, setting, &strategy)?;
             report_runs(&mut report, setting, &strategy, &runs);
@@ -134,9 +135,18 @@ fn recognised(
     Ok(panel(&format!("{method}, {}", setting.name), lines))
 }
 
-fn strategy(local: f64) -> Strategy {
-    let key = format!("l{local}").replace('.', "_");
-    Strategy { name: format!("L = {local}"), key, local, perturb: false }
+/// The printed strategies, and the middle one for an arm that moves on from what it has pressed.
+fn strategies() -> [Strategy; 4] {
+    let strategy = |local: f64, as_printed: bool| {
+        let (name, key) = (format!("L = {local}"), format!("l{local}").replace('.', "_"));
+        let (name, key) = match as_printed {
+            true => (name, key),
+            false => (format!("{name}, moves on"), format!("{key}_moves_on")),
+        };
+        Strategy { name, key, local, as_printed, perturb: false }
+    };
+    let [few, equal, many] = LOCALS;
+    [strategy(few, true), strategy(equal, true), strategy(many, true), strategy(equal, false)]
 }
 
 fn settings() -> Vec<Setting> {

@@ -13,7 +13,7 @@ use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 use palpate_sim::explore::{
-    Exploration, ExploreConfig, Perturbation, Touch, covered_share, explore,
+    Exploration, ExploreConfig, Perturbation, PressAgain, Touch, covered_share, explore,
 };
 use palpate_sim::press::{PressConfig, PressSimulator};
 use rayon::prelude::*;
@@ -65,6 +65,8 @@ pub struct Strategy {
     pub key: String,
     /// The probability L of the local strategy.
     pub local: f64,
+    /// Whether the arm presses whatever it meets, as printed, instead of moving on.
+    pub as_printed: bool,
     /// Whether the object moves after each reading, as far as section 4.4.2.4 says.
     pub perturb: bool,
 }
@@ -153,10 +155,13 @@ impl ExplorationTrials {
             let (mesh, sensor) = (object.mesh.clone(), setting.sensor.clone());
             let simulator = PressSimulator::with_config(mesh, sensor, press);
             let seed = self.objects.seed + ((run * objects.len() + object_idx) as u64) * 1_000_000;
+            let usual = ExploreConfig::for_simulator(&simulator, N_LINKS);
+            let moves_on = usual.press_again;
             let config = ExploreConfig {
                 local: strategy.local,
                 perturbation: strategy.perturb.then(|| Perturbation::printed(simulator.mesh())),
-                ..ExploreConfig::for_simulator(&simulator, N_LINKS)
+                press_again: if strategy.as_printed { PressAgain::AsPrinted } else { moves_on },
+                ..usual
             };
             let n = self.objects.test_readings;
             let mut go_on = |_: &_, _: Option<&_>| ControlFlow::Continue(());

@@ -51,8 +51,13 @@ pub fn run(
     for (done, perturb) in [false, true].into_iter().enumerate() {
         let name = if perturb { "moving" } else { "resting" };
         progress(&format!("exploring, {name}"), 1 + done, n_steps);
-        let strategy =
-            Strategy { name: name.to_owned(), key: name.to_owned(), local: LOCAL, perturb };
+        let strategy = Strategy {
+            name: name.to_owned(),
+            key: name.to_owned(),
+            local: LOCAL,
+            as_printed: true,
+            perturb,
+        };
         let runs = config.explore(&objects, &setting, &strategy)?;
         report_runs(&mut report, &setting, &strategy, &runs);
         explored.push((strategy, runs));

@@ -25,7 +25,7 @@ use crate::controller::{Outcome, advanced, touch_carried};
 use crate::mesh::Mesh;
 use crate::press::PressSimulator;
 use cells::ContactCells;
-pub use config::ExploreConfig;
+pub use config::{ExploreConfig, PressAgain};
 pub use coverage::covered_share;
 pub use perturb::Perturbation;
 pub use scene::Bounds;
@@ -45,7 +45,9 @@ pub struct Statistics {
     pub collisions: usize,
     /// Times that the sensor met the object.
     pub contacts: usize,
-    /// Of these, those that the controllers gave up.
+    /// Motions that met the object where it had been pressed before, and did not press again.
+    pub left_alone: usize,
+    /// Of the contacts, those that the controllers gave up.
     pub rejected: usize,
     /// Of these, those in which the arm could not follow the controllers.
     pub unreachable: usize,
@@ -53,6 +55,20 @@ pub struct Statistics {
     pub readings: usize,
     /// Vertices of the tree.
     pub vertices: usize,
+}
+
+/// A contact: where the sensor met the object, and where the controllers came to rest.
+#[derive(Clone, Copy, Debug)]
+struct Pressed {
+    met: DVec3,
+    rested: Option<DVec3>,
+}
+
+impl Pressed {
+    fn is_near(&self, place: DVec3, radius: f64) -> bool {
+        let is_near = |at: DVec3| at.distance_squared(place) <= radius * radius;
+        is_near(self.met) || self.rested.is_some_and(is_near)
+    }
 }
 
 /// A reading and what is true of it.
@@ -122,6 +138,7 @@ pub struct Explorer<'a> {
     session_from_object: Pose,
     tree: Tree,
     cells: ContactCells,
+    pressed: Vec<Pressed>,
     statistics: Statistics,
     targets: Stream,
     moves: Stream,
@@ -149,6 +166,7 @@ impl<'a> Explorer<'a> {
             arm,
             session_from_object,
             cells: ContactCells::new(config.cell_width),
+            pressed: Vec::new(),
             statistics: Statistics::default(),
             targets: Stream::new(seed, Purpose::Exploration, 0),
             moves: Stream::new(seed, Purpose::Perturbation, 0),
@@ -203,6 +221,11 @@ impl<'a> Explorer<'a> {
             }
             Motion::Sensed { free, touching } => {
                 let last_free = if free == *from { vertex } else { self.add(free, vertex) };
+                let place = self.arm.forward(&touching).session_from_sensor.translation;
+                if self.leaves_alone(place) {
+                    self.statistics.left_alone += 1;
+                    return None;
+                }
                 self.touch(last_free, touching)
             }
         }
@@ -229,6 +252,16 @@ impl<'a> Explorer<'a> {
         self.tree.add(configuration, position, parent)
     }
 
+    /// Whether the arm does not press at `place` (metres, session frame), since it pressed
+    /// there before.
+    fn leaves_alone(&mut self, place: DVec3) -> bool {
+        let PressAgain::Rarely { radius, n_last } = self.config.press_again else { return false };
+        let last = self.pressed.iter().rev().take(n_last);
+        let n_contacts = last.filter(|contact| contact.is_near(place, radius)).count();
+        let probability = (1.0 + n_contacts as f64).powi(-2);
+        self.targets.uniform(0.0, 1.0) >= probability
+    }
+
     /// Hands over to the contact controllers where the covering meets the object.
     fn touch(&mut self, last_free: usize, touching: Configuration) -> Option<Touch> {
         let scene =
@@ -236,6 +269,8 @@ impl<'a> Explorer<'a> {
         let mut stream =
             Stream::new(self.seed, Purpose::Exploration, 1 + self.statistics.contacts as u64);
         self.statistics.contacts += 1;
+        let met = self.arm.forward(&touching).session_from_sensor.translation;
+        self.pressed.push(Pressed { met, rested: None });
         let start = scene.object_from_sensor(&touching);
         let mut at = touching;
         let mut carry = |object_from_sensor: Pose| {
@@ -302,6 +337,9 @@ impl Explorer<'_> {
         self.statistics.readings += 1;
         let pose = touch.reading.session_from_sensor();
         self.cells.add(pose.translation);
+        if let Some(pressed) = self.pressed.last_mut() {
+            pressed.rested = Some(pose.translation);
+        }
         let scene =
             Scene::new(&self.arm, self.simulator, self.session_from_object, self.config.room);
         let back = Target::Pose(advanced(pose, -self.config.retreat));

@@ -11,6 +11,24 @@ use crate::arm::ArmConfig;
 use crate::controller::ContactConfig;
 use crate::press::PressSimulator;
 
+/// Whether the arm presses again where it has pressed before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PressAgain {
+    /// Whenever a motion meets the object. As printed: the vertex behind the newest contact is
+    /// the nearest to most targets, so one place is pressed again and again.
+    AsPrinted,
+    /// With probability 1/(1 + n)², where n of the last contacts lie within `radius` metres. The
+    /// square is chosen: where nothing else is in reach the n-th press takes about n²
+    /// attempts, of a millisecond each, so that the arm goes elsewhere if it can.
+    Rarely {
+        /// What counts as the same place, metres.
+        radius: f64,
+        /// How many of the last contacts count. Older ones are forgotten: an object that is
+        /// smaller than what they cover, or that moves, can still be pressed.
+        n_last: usize,
+    },
+}
+
 /// How an arm explores.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExploreConfig {
@@ -28,6 +46,8 @@ pub struct ExploreConfig {
     pub cell_width: f64,
     /// How far from an earlier contact the local strategy aims, metres.
     pub local_radius: f64,
+    /// Whether it presses again where it has pressed before.
+    pub press_again: PressAgain,
     /// How far the sensor draws back from a contact, metres.
     pub retreat: f64,
     /// How far the sensor turns towards its target in one step, radians.
@@ -63,6 +83,8 @@ impl ExploreConfig {
             step: 10.0 * MM,
             cell_width: 20.0 * MM,
             local_radius: 20.0 * MM,
+            // 30 contacts are chosen: about those of the 20 readings that `palpate explore` takes.
+            press_again: PressAgain::Rarely { radius: array_half_width(simulator), n_last: 30 },
             retreat: 6.0 * MM,
             turn_max: 60.0 * DEG,
             perturbation: None,
@@ -70,6 +92,13 @@ impl ExploreConfig {
             contact: ContactConfig::for_sensor(simulator.sensor(), noise_level),
         }
     }
+}
+
+/// Half the width of the sensor's array, metres: presses nearer to each other than this feel
+/// mostly the same patch.
+fn array_half_width(simulator: &PressSimulator) -> f64 {
+    let grid = simulator.sensor().grid();
+    0.5 * grid.pitch * grid.rows.max(grid.cols) as f64
 }
 
 /// The box within which the arm can turn once about its shoulder.

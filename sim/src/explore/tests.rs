@@ -201,3 +201,67 @@ fn a_touch_covers_the_cap_of_a_ball_around_it() {
     assert!(covered_share(&simulator, &[], 20.0 * MM).abs() < 1e-12);
     assert!((covered_share(&simulator, &places, 100.0 * MM) - 1.0).abs() < 1e-12);
 }
+
+/// The two places of 20 readings that are farthest from each other, as a share of the object's
+/// largest dimension, and how many of the places lie 5 mm or more from each other.
+fn spread(simulator: &PressSimulator, seed: u64, press_again: Option<PressAgain>) -> (f64, usize) {
+    let config = ExploreConfig::for_simulator(simulator, 8);
+    let press_again = press_again.unwrap_or(config.press_again);
+    let config = ExploreConfig { press_again, ..config };
+    let mut go_on = |_: &Statistics, _: Option<&Touch>| ControlFlow::Continue(());
+    let found = explore(simulator, place(seed), 20, seed, &config, &mut go_on).unwrap();
+    assert_eq!(found.touches.len(), 20);
+    let places: Vec<DVec3> = found.touches.iter().map(Touch::place_in_object).collect();
+    let pairs = places.iter().flat_map(|a| places.iter().map(|b| a.distance(*b)));
+    let mut apart: Vec<DVec3> = Vec::new();
+    for place in &places {
+        if apart.iter().all(|other| other.distance(*place) >= 5.0 * MM) {
+            apart.push(*place);
+        }
+    }
+    (pairs.fold(0.0, f64::max) / simulator.mesh().largest_dimension(), apart.len())
+}
+
+#[test]
+fn twenty_readings_spread_over_the_object() {
+    for name in ["mug", "hammer"] {
+        let simulator = simulator(name);
+        for seed in 301..=306 {
+            let (share, n_apart) = spread(&simulator, seed, None);
+            // Measured: 0.29 to 0.94, and 7 to 13 places.
+            assert!(share >= 0.2 && n_apart >= 5, "{name} {seed}: {share} {n_apart}");
+        }
+    }
+}
+
+#[test]
+fn as_printed_most_readings_are_of_few_places() {
+    // What the departure is for. Measured: 1, 2, 2, 4, 1 and 5 places.
+    let simulator = simulator("mug");
+    let n_apart = |seed| spread(&simulator, seed, Some(PressAgain::AsPrinted)).1;
+    let mut places: Vec<usize> = (301..=306).map(n_apart).collect();
+    places.sort_unstable();
+    assert!(places[2] <= 4, "{places:?}");
+}
+
+#[test]
+fn a_place_that_was_pressed_is_pressed_again_rarely_until_it_is_forgotten() {
+    let simulator = ball();
+    let press_again = PressAgain::Rarely { radius: 6.0 * MM, n_last: 4 };
+    let config = ExploreConfig { press_again, ..ExploreConfig::for_simulator(&simulator, 8) };
+    let mut explorer = Explorer::new(&simulator, place(1), 1, &config).unwrap();
+    let (here, there) = (DVec3::ZERO, 7.0 * MM * DVec3::X);
+    let pressed = |explorer: &mut Explorer<'_>, at: DVec3| {
+        (0..2000).filter(|_| !explorer.leaves_alone(at)).count()
+    };
+    assert_eq!(pressed(&mut explorer, here), 2000);
+    explorer.pressed.push(Pressed { met: here, rested: None });
+    explorer.pressed.push(Pressed { met: 20.0 * MM * DVec3::Y, rested: Some(here) });
+    // Two contacts here, by where one was met and where the other rested: 1/9 of 2000 is 222,
+    // five deviations are 70. There, 7 mm away, none.
+    let again = pressed(&mut explorer, here);
+    assert!((152..=292).contains(&again), "{again}");
+    assert_eq!(pressed(&mut explorer, there), 2000);
+    (0..4).for_each(|_| explorer.pressed.push(Pressed { met: there, rested: None }));
+    assert_eq!(pressed(&mut explorer, here), 2000);
+}
