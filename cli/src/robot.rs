@@ -209,11 +209,7 @@ impl Robot {
 /// Reads a mesh file; its extension names the format.
 pub(crate) fn read_mesh(path: &Path, unit: MeshUnit) -> anyhow::Result<Mesh> {
     let (format, bytes) = read_mesh_file(path)?;
-    let metres = match unit {
-        MeshUnit::M => 1.0,
-        MeshUnit::Mm => MM,
-    };
-    Mesh::from_bytes(format, &bytes, metres)
+    Mesh::from_bytes(format, &bytes, unit.metres())
         .with_context(|| format!("{} is not a mesh that can be touched", path.display()))
 }
 

@@ -83,10 +83,6 @@ impl Client {
         unit: MeshUnit,
         file: Bytes,
     ) -> Result<MeshReport, Error> {
-        let unit = match unit {
-            MeshUnit::M => "m",
-            MeshUnit::Mm => "mm",
-        };
         let media_type = match format {
             MeshFormat::Stl => "model/stl",
             MeshFormat::Obj => "model/obj",
@@ -94,7 +90,7 @@ impl Client {
             MeshFormat::Off => "model/off",
         };
         let request = Request::put(["v1", "objects", object, "mesh"])
-            .query("unit", Some(unit))
+            .query("unit", Some(unit.name()))
             .raw(media_type, file);
         self.send(request).await
     }

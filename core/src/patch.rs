@@ -55,15 +55,18 @@ pub fn observe_patch(
     })
 }
 
-/// True when any taxel reads clearly more than noise: five deviations and two steps of the
-/// converter, and at least one part in two hundred of the sensing range.
+/// True when any taxel reads clearly more than noise: above [`contact_floor`].
 #[must_use]
 pub fn touches(reading: &Reading, sensor: &SensorDescription) -> bool {
+    reading.image().max() > contact_floor(sensor)
+}
+
+/// The pressure (Pa) above which a taxel reads clearly more than noise: five deviations and two
+/// steps of the converter, and at least one part in two hundred of the sensing range.
+#[must_use]
+pub fn contact_floor(sensor: &SensorDescription) -> f64 {
     let parameters = sensor.parameters();
-    let floor = (5.0 * parameters.noise)
-        .max(2.0 * parameters.quantisation)
-        .max(parameters.saturation / 200.0);
-    reading.image().max() > floor
+    (5.0 * parameters.noise).max(2.0 * parameters.quantisation).max(parameters.saturation / 200.0)
 }
 
 #[cfg(test)]

@@ -9,6 +9,8 @@ use std::ops::Mul;
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
+use crate::units::Shown;
+
 /// How far from 1 the norm of a given quaternion may be; it is then normalised.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-2;
 
@@ -41,7 +43,10 @@ pub enum PoseError {
         found: f64,
     },
     /// The quaternion is not of norm 1.
-    #[error("quaternion has norm {norm}, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)")]
+    #[error(
+        "quaternion has norm {}, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+        Shown(*norm)
+    )]
     Norm {
         /// The norm that was found.
         norm: f64,

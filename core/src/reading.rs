@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use crate::pose::Pose;
 use crate::sensor::{Calibration, SensorDescription};
+use crate::units::Shown;
 
 /// Which sensor of a session took a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -84,7 +85,9 @@ pub enum ReadingError {
         cols: usize,
     },
     /// A pressure is not a number of pascals.
-    #[error("pressure of taxel {taxel} is {found}, expected a finite number within ±1e8 Pa")]
+    #[error(
+        "pressure of taxel {taxel} is {}, expected a finite number within ±1e8 Pa", Shown(*found)
+    )]
     Pressure {
         /// Index in the order that came.
         taxel: usize,

@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod covering;
+pub mod defaults;
 pub mod description;
 pub mod line;
 pub mod point_spread;

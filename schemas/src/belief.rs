@@ -31,7 +31,8 @@ pub struct Belief {
     /// Counts the changes of the session's readings (one that came, one that was withdrawn, the
     /// session's end); its value is the `ETag`.
     pub revision: u32,
-    /// How many readings it rests on; withdrawn ones do not count.
+    /// How many presses it rests on: readings of the session that are not withdrawn, the frames
+    /// of one press (one robot, one place, each within a second of the one before) counted once.
     pub n_readings: u32,
     /// The objects, likeliest first; with `unknown` their probabilities sum to 1 when all are
     /// listed.

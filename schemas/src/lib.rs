@@ -23,6 +23,7 @@ pub mod sensor;
 pub mod session;
 pub mod symmetry;
 pub mod training;
+pub mod warning;
 
 pub use access::{
     ApiKey, ApiKeyPage, AuditEntry, AuditPage, AuditQuery, CreateKey, NewApiKey, Role, RotateKey,
@@ -60,8 +61,8 @@ pub use pose::Pose;
 pub use problem::{FieldError, Problem, ProblemType};
 pub use reading::{Looseness, Reading, Stamp};
 pub use sensor::{
-    CreateSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor, SensorDescription,
-    SensorPage, SensorPreset, TaxelGrid,
+    CreateSensor, DescribeSensor, ForceKnot, ImageOrder, Point, ReadingCheck, Sensor,
+    SensorDescription, SensorPage, SensorPreset, TaxelGrid,
 };
 pub use session::{
     AddReadings, BeliefDetail, CloseSession, CreateSession, EventsQuery, ExtendSession, Method,
@@ -72,8 +73,9 @@ pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,
     DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,
-    ObjectReport, SetCurrent, StartTraining, SurfaceReport, TrainingReport,
+    ObjectReport, SetCurrent, SkippedObject, StartTraining, SurfaceReport, TrainingReport,
 };
+pub use warning::{Warning, WarningCode};
 
 /// The `openapi.json` that belongs to these types.
 pub const OPENAPI_JSON: &str = include_str!("../openapi.json");

@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 use crate::pose::Pose;
 use crate::reading::{Reading, Stamp};
+use crate::warning::Warning;
 
 /// A thing that robots are to recognise.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
@@ -72,6 +73,34 @@ pub enum MeshUnit {
     M,
     /// Millimetres.
     Mm,
+    /// Centimetres.
+    Cm,
+    /// Inches of 25.4 mm.
+    In,
+}
+
+impl MeshUnit {
+    /// Metres in one of it.
+    #[must_use]
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Mm => 1e-3,
+            Self::Cm => 1e-2,
+            Self::In => 25.4e-3,
+        }
+    }
+
+    /// Its name, as on the wire.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::M => "m",
+            Self::Mm => "mm",
+            Self::Cm => "cm",
+            Self::In => "in",
+        }
+    }
 }
 
 /// The file formats of meshes.
@@ -143,7 +172,7 @@ pub struct AddTrainingReadings {
 }
 
 /// What became of training readings.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct TrainingReadingsAdded {
     /// How many are new.
     pub n_new: u32,
@@ -151,6 +180,10 @@ pub struct TrainingReadingsAdded {
     pub n_repeated: u32,
     /// How many the object has now.
     pub n_readings: u32,
+    /// What is probably a mistake, such as pressures in kPa or positions in millimetres; at most
+    /// one of a kind. The readings are stored all the same.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
 }
 
 /// A training reading as it is stored.

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::warning::Warning;
+
 /// A tactile array sensor that the server knows.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Sensor {
@@ -33,7 +35,7 @@ pub struct SensorPage {
     pub next_cursor: Option<String>,
 }
 
-/// A new sensor: a preset or a full description.
+/// A new sensor: a preset or a description.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CreateSensor {
@@ -43,12 +45,63 @@ pub struct CreateSensor {
     /// A known sensor. Give either this or `description`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<SensorPreset>,
-    /// A full description. Give either this or `preset`.
+    /// A description. Give either this or `preset`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub description: Option<SensorDescription>,
+    pub description: Option<DescribeSensor>,
     /// How the driver's images are turned; replaces that of the preset or description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_order: Option<ImageOrder>,
+}
+
+/// The geometry and response of a new sensor, in metres and pascals, as far as its data sheet
+/// says. The answer has everything, defaults filled in.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DescribeSensor {
+    /// Where the taxels are.
+    pub grid: TaxelGrid,
+    /// Thickness of the covering in metres: the deepest indentation it takes.
+    #[schema(example = 0.00254)]
+    pub covering_thickness: f64,
+    /// Standard deviation of the Gaussian point spread in metres; when not given, that of the
+    /// covering: 2.22 mm + 0.497 times its thickness (equation 2.5, as `analyses/covering`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(example = 0.003482)]
+    pub point_spread: Option<f64>,
+    /// Blurred displacement to pressure: 2 to 64 knots that start at (0, 0) and rise; when not
+    /// given, a straight line to the saturation at the covering's full thickness.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(min_items = 2, max_items = 64)]
+    pub force_curve: Option<Vec<ForceKnot>>,
+    /// No taxel reads more than this, in pascal.
+    #[schema(example = 20_000.0)]
+    pub saturation: f64,
+    /// Standard deviation of a reading's additive noise, in pascal; when not given, half a
+    /// percent of the saturation, or a step of the converter where that is more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(example = 100.0)]
+    pub noise: Option<f64>,
+    /// Step of the analogue-to-digital converter in pascal; 0 for a continuous sensor.
+    #[schema(example = 78.125)]
+    pub quantisation: f64,
+    /// How the driver's images are turned; not at all when not given.
+    #[serde(default)]
+    pub image_order: ImageOrder,
+}
+
+impl From<SensorDescription> for DescribeSensor {
+    fn from(known: SensorDescription) -> Self {
+        Self {
+            grid: known.grid,
+            covering_thickness: known.covering_thickness,
+            point_spread: Some(known.point_spread),
+            force_curve: Some(known.force_curve),
+            saturation: known.saturation,
+            noise: Some(known.noise),
+            quantisation: known.quantisation,
+            image_order: known.image_order,
+        }
+    }
 }
 
 /// Sensors that the server knows by name.
@@ -201,8 +254,11 @@ pub struct ReadingCheck {
     /// Taxels that the calibration leaves out (dead or cross-wired), as indices into `image`.
     #[serde(default)]
     pub unusable: Vec<u32>,
-    /// What is unusual about the reading, in words.
+    /// What is unusual about the reading, in words; `warnings` are among them.
     pub hints: Vec<String>,
+    /// What is probably a mistake, such as pressures in kPa or positions in millimetres.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
 }
 
 /// A point in metres, or a direction of length 1.

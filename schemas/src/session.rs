@@ -7,6 +7,7 @@ use uuid::Uuid;
 use crate::belief::Belief;
 use crate::geometry::PosePrior;
 use crate::reading::{Looseness, Reading};
+use crate::warning::Warning;
 
 /// A new session: one object that is touched, and, but for the methods `appearance…`, rests
 /// in one frame.
@@ -323,10 +324,17 @@ pub struct ReadingsAdded {
     pub n_new: u32,
     /// How many were there already (same robot and seq, same content) and are not counted twice.
     pub n_repeated: u32,
-    /// How many readings count in the session now.
+    /// How many readings the session has now; withdrawn ones do not count.
     pub n_readings: u32,
+    /// How many presses these are, frames of one press counted once; null with `belief=none`.
+    #[serde(default)]
+    pub n_presses: Option<u32>,
     /// The belief after them; null with `belief=none`.
     pub belief: Option<Belief>,
+    /// What is probably a mistake, such as pressures in kPa or positions in millimetres; at most
+    /// one of a kind. The readings count all the same: withdraw those that are wrong.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
 }
 
 /// Which sessions a stream of events follows.

@@ -7,6 +7,7 @@ use uuid::Uuid;
 use crate::appearance::{AppearanceSummary, AppearanceTraining};
 use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
+use crate::warning::Warning;
 
 /// A named line of trained models, one of whose versions new sessions use.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
@@ -105,6 +106,24 @@ pub struct TrainingReport {
     /// What was learnt for the methods `appearance…`; null when nothing was asked for.
     #[serde(default)]
     pub appearance: Option<AppearanceSummary>,
+    /// Objects that nothing could be learnt of, and why. They are not in the version.
+    #[serde(default)]
+    pub skipped: Vec<SkippedObject>,
+    /// What is probably a mistake in the training as a whole; those of one object are in its own
+    /// `warnings`.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
+}
+
+/// An object that a training left out.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct SkippedObject {
+    /// The object's id.
+    pub id: Uuid,
+    /// The object's name when it was left out.
+    pub name: String,
+    /// Why nothing could be learnt of it.
+    pub reason: String,
 }
 
 /// What a training made of one object.
@@ -142,6 +161,10 @@ pub struct ObjectReport {
     /// About how many more touches would settle a symmetry that is `undetermined`; else null.
     #[serde(default)]
     pub symmetry_touches_needed: Option<u32>,
+    /// What is probably a mistake in what it was trained from, such as positions in millimetres
+    /// or too few touches.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
 }
 
 /// The surface of an object, as the method `hybrid` knows it.
@@ -264,6 +287,11 @@ pub struct StartTraining {
     /// Whether new sessions use the version as soon as it is trained; true when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub activate: Option<bool>,
+    /// Whether an object that nothing can be learnt of fails the training; when false (not
+    /// given), it is left out and named in the report's `skipped`. A training that is left
+    /// without objects fails either way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strict: Option<bool>,
 }
 
 /// How a press becomes a feature.
@@ -369,6 +397,18 @@ pub enum JobState {
 }
 
 impl JobState {
+    /// Its name, as on the wire.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Succeeded => "succeeded",
+            Self::Failed => "failed",
+            Self::Cancelled => "cancelled",
+        }
+    }
+
     /// Whether the job will change no more.
     #[must_use]
     pub fn is_final(self) -> bool {

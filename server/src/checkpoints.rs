@@ -29,7 +29,8 @@ pub(crate) struct Checkpoints {
 pub(crate) struct Checkpoint {
     pub(crate) catalogue: Uuid,
     pub(crate) version: u32,
-    /// Numbers of the readings, in the order in which they were folded.
+    /// Numbers of the readings of the presses, in the order in which they were folded, as
+    /// `live::order` stores them.
     pub(crate) order: Vec<u32>,
     pub(crate) conclusions: Vec<u8>,
 }

@@ -45,13 +45,25 @@ pub(crate) fn answer(path: &str, headers: &HeaderMap) -> Response {
     let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) else {
         return StatusCode::NOT_FOUND.into_response();
     };
-    let tag = format!("\"{}\"", &blake3::hash(asset.bytes).to_hex()[..32]);
+    tagged(asset.content_type, asset.bytes, headers)
+}
+
+/// The answer with a document that does not change while the server runs; 304 when
+/// `If-None-Match` names what it is.
+pub(crate) fn tagged(
+    content_type: &'static str,
+    bytes: &'static [u8],
+    headers: &HeaderMap,
+) -> Response {
+    let tag = format!("\"{}\"", &blake3::hash(bytes).to_hex()[..32]);
     let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
-    let is_known = known.is_some_and(|known| known.split(',').any(|one| one.trim() == tag));
+    let is_known = known.is_some_and(|known| {
+        known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag)
+    });
     let mut response = if is_known {
         StatusCode::NOT_MODIFIED.into_response()
     } else {
-        ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response()
+        ([(header::CONTENT_TYPE, content_type)], bytes).into_response()
     };
     let headers = response.headers_mut();
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));

@@ -4,6 +4,7 @@
 //! The framework's own extractors answer in plain text; these answer with a [`Refusal`].
 
 mod msgpack;
+mod plain;
 
 use std::error::Error as _;
 use std::time::Duration;
@@ -204,6 +205,10 @@ async fn parsed<T: Send + 'static>(
     app.pool().place()?.run(move || parse(&bytes)).await?
 }
 
+/// What mandatory parameters of queries may be, for answers to requests without them.
+const MANDATORY: [(&str, &str); 2] =
+    [("unit", "m, cm, mm or in"), ("sessions", "ids of sessions, separated by commas")];
+
 /// The framework says "name: what is wrong" or names the field between backticks.
 fn query_refusal(error: &QueryRejection) -> Refusal {
     let said = error.source().map_or_else(|| error.body_text(), ToString::to_string);
@@ -211,6 +216,13 @@ fn query_refusal(error: &QueryRejection) -> Refusal {
     let (name, detail) = match said.split_once(": ") {
         Some((name, detail)) if is_name(name) => (name.to_owned(), detail.to_owned()),
         _ => (named_field(&said).unwrap_or_default(), said),
+    };
+    let expected = MANDATORY.iter().find(|(mandatory, _)| *mandatory == name);
+    let detail = match expected {
+        Some((_, expected)) if detail.starts_with("missing field") => {
+            format!("is missing, expected {expected}")
+        }
+        _ => plain::words(&detail),
     };
     Refusal::field(format!("?{name}"), detail)
 }
@@ -225,7 +237,7 @@ fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
 fn wrong_value(pointer: String, detail: String) -> Refusal {
     let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
     let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
-    Refusal::Invalid(vec![FieldError { pointer, detail }])
+    Refusal::Invalid(vec![FieldError { pointer, detail: plain::words(&detail) }])
 }
 
 /// A body that cannot be read from `pointer` on.
@@ -266,6 +278,12 @@ fn is_json(content_type: &str) -> bool {
 }
 
 async fn read(request: Request, max: usize, within: Duration) -> Result<Bytes, Refusal> {
+    if let Some(encoding) = request.headers().get(header::CONTENT_ENCODING)
+        && !encoding.as_bytes().eq_ignore_ascii_case(b"identity")
+    {
+        let found = String::from_utf8_lossy(encoding.as_bytes()).into_owned();
+        return Err(Refusal::ContentEncoding { found });
+    }
     let room = request.extensions().get::<BodyRoom>().cloned();
     let stated = request.headers().get(header::CONTENT_LENGTH);
     let stated = stated.and_then(|length| length.to_str().ok()?.parse::<usize>().ok());

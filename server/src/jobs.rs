@@ -6,6 +6,7 @@
 //! makes it the same training.
 
 mod control;
+mod draft;
 mod ending;
 mod plan;
 
@@ -14,16 +15,15 @@ use std::time::{Duration, Instant};
 
 use control::{CANCEL, Control, SUSPEND};
 use dashmap::DashMap;
+use draft::draft;
 use ending::Ending;
-use palpate_core::model::Catalogue;
 use palpate_schemas as wire;
 use palpate_schemas::{JobStage, StartTraining};
-use palpate_store::catalogue::{Draft, VersionObject, block_hash};
 use palpate_store::database::Database;
 use palpate_store::engine::EngineError;
 use palpate_store::entity::{Job, JobState};
 use palpate_store::error::StoreError;
-use palpate_store::model_codec::{APPEARANCE_BLOCK, model_to_blocks};
+use palpate_store::model_codec::model_to_blocks;
 use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
 
@@ -34,7 +34,7 @@ use crate::objects::Objects;
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::training::{Plan, Sources, TrainingFailure, train};
-use crate::wire::training::{VersionParameters, job as shown};
+use crate::wire::training::job as shown;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 
 /// How long a cancel waits for the running training to notice.
@@ -315,32 +315,7 @@ impl Jobs {
         let plan = self.plan(&job.catalogue, &training).await?;
         let (trained, blocks) = self.on_threads(plan, Arc::clone(control)).await?;
         let _ = control.tell(JobStage::Storing, 0, 1);
-        let objects: Vec<VersionObject> = trained
-            .objects
-            .iter()
-            .map(|object| VersionObject { id: object.id, name: object.name.clone() })
-            .collect();
-        let report = wire::TrainingReport {
-            n_classes: convert::count(trained.model.vocabulary.n_classes()),
-            index_bytes: trained.objects.iter().map(|object| object.index_bytes).sum(),
-            objects: trained.objects,
-            surface_bytes: trained.model.surface.as_ref().map_or(0, |model| model.bytes() as u64),
-            seconds: started.elapsed().as_secs_f64(),
-            seed: training.seed.unwrap_or_default(),
-            appearance: appearance_summary(&trained.model, &objects, &blocks),
-        };
-        let draft = Draft {
-            job: Some(job.id),
-            objects,
-            blocks,
-            created_at_ms: now_ms(),
-            parameters: serde_json::to_string(&VersionParameters {
-                training: training.clone(),
-                report,
-                merged_from: Vec::new(),
-            })
-            .expect("a report consists of finite numbers and strings"),
-        };
+        let draft = draft(job.id, training.clone(), trained, blocks, started.elapsed());
         let activate = training.activate.unwrap_or(true);
         Ok(self.catalogues.publish(&job.catalogue, draft, activate).await?)
     }
@@ -380,17 +355,6 @@ impl Jobs {
             control.job.send_replace(shown(job));
         }
     }
-}
-
-/// What was learnt of appearance, in short.
-fn appearance_summary(
-    model: &Catalogue,
-    objects: &[VersionObject],
-    blocks: &[(String, Vec<u8>)],
-) -> Option<wire::AppearanceSummary> {
-    let (_, block) = blocks.iter().find(|(name, _)| name == APPEARANCE_BLOCK)?;
-    let appearance = model.appearance.as_ref()?;
-    Some(convert::appearance::summary(appearance, objects, &block_hash(block)))
 }
 
 type Outcome = (crate::training::Trained, Vec<(String, Vec<u8>)>);

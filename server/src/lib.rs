@@ -24,6 +24,7 @@ mod compute;
 mod dashboard;
 mod extract;
 mod guard;
+mod hints;
 mod integrity;
 mod jobs;
 mod keys;

@@ -11,6 +11,7 @@ mod folding;
 mod memory;
 mod order;
 mod past;
+mod presses;
 mod replay;
 mod retract;
 mod state;
@@ -41,7 +42,7 @@ use crate::sessions::{POSES, Tools, status};
 use crate::wire::belief::{belief, top};
 use crate::wire::life::Status;
 use crate::wire::next_touch::{Question, next_touches};
-use crate::wire::reading::Incoming;
+use crate::wire::reading::{Incoming, warnings};
 use crate::wire::session::{name, options};
 use crate::wire::{count, geometry};
 use account::Account;
@@ -170,12 +171,15 @@ impl Live {
                 Some(self.renew(&mut state, tools, place, status.length + n_new as u64).await?)
             }
         };
+        let first = tools.store.journal().entry(self.session.id, 0)?;
         Ok(wire::ReadingsAdded {
             session: self.session.id,
             n_new: count(n_new),
             n_repeated: count(readings.len() - n_new),
             n_readings: count(status.n_readings + n_new as u64),
+            n_presses: belief.as_ref().map(|belief| belief.n_readings),
             belief: shown(belief, detail),
+            warnings: warnings(&readings, first.as_ref()),
         })
     }
 

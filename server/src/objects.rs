@@ -178,10 +178,12 @@ impl Objects {
                 Err(AppendError::Sequence { .. }) => {}
                 other => {
                     other?;
+                    let first = journal.entry(object.id, 0)?;
                     return Ok(wire::TrainingReadingsAdded {
                         n_new: convert::count(entries.len()),
                         n_repeated: convert::count(readings.len() - entries.len()),
                         n_readings: convert::count(before + entries.len() as u64),
+                        warnings: convert::reading::warnings(&readings, first.as_ref()),
                     });
                 }
             }

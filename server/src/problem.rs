@@ -146,7 +146,14 @@ pub(crate) fn panicked(_: Box<dyn std::any::Any + Send>) -> Response {
 
 fn framework_draft(found: StatusCode, path: &str) -> Draft {
     let (kind, detail) = match found {
-        StatusCode::NOT_FOUND => (ProblemType::NotFound, format!("there is nothing at {path}")),
+        StatusCode::NOT_FOUND => {
+            let hint = match path.trim_end_matches('/') {
+                "" => String::new(),
+                without if without == path => String::new(),
+                without => format!(": paths end without a slash, as {without}"),
+            };
+            (ProblemType::NotFound, format!("there is nothing at {path}{hint}"))
+        }
         StatusCode::METHOD_NOT_ALLOWED => (
             ProblemType::MethodNotAllowed,
             format!("{path} exists, but not with this method; the header `Allow` lists which"),
@@ -176,7 +183,9 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::Malformed { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
         Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
         Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
-        Refusal::ContentType { .. } => ProblemType::UnsupportedMediaType,
+        Refusal::ContentType { .. } | Refusal::ContentEncoding { .. } => {
+            ProblemType::UnsupportedMediaType
+        }
         Refusal::Invalid(_) => ProblemType::InvalidValue,
         Refusal::ReadingConflict { .. } | Refusal::OtherTruth { .. } => ProblemType::Conflict,
         Refusal::SessionEnded { .. } => ProblemType::SessionEnded,
@@ -246,6 +255,9 @@ fn errors(refusal: Refusal) -> Vec<FieldError> {
         Refusal::ReadingConflict { pointer, .. } => vec![FieldError { pointer, detail }],
         Refusal::ContentType { .. } => {
             vec![FieldError { pointer: "header:content-type".to_owned(), detail }]
+        }
+        Refusal::ContentEncoding { .. } => {
+            vec![FieldError { pointer: "header:content-encoding".to_owned(), detail }]
         }
         Refusal::RevisionChanged { .. } | Refusal::RevisionMissing => {
             vec![FieldError { pointer: "header:if-match".to_owned(), detail }]

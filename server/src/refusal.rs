@@ -32,6 +32,11 @@ pub(crate) enum Refusal {
     BodyTooSlow { within: Duration },
     #[error("the content type is {found:?}, expected {expected}")]
     ContentType { found: String, expected: &'static str },
+    #[error(
+        "the content encoding is {found:?}, expected none: bodies are not compressed, leave the \
+         header `content-encoding` out"
+    )]
+    ContentEncoding { found: String },
     #[error("{}", summary(.0))]
     Invalid(Vec<FieldError>),
     #[error(
@@ -132,7 +137,7 @@ pub(crate) enum Refusal {
     KeysFull { found: usize },
     #[error("the operating system has no random bits")]
     NoRandom,
-    #[error("job {job} is {state:?} already")]
+    #[error("job {job} has ended already: {}", state.name())]
     JobFinished { job: Uuid, state: JobState },
     #[error("object {object:?} is being trained by job {job}: cancel the job first")]
     ObjectInTraining { object: String, job: Uuid },

@@ -1,8 +1,12 @@
 //! Retries: a reading that came already is not counted twice.
 //!
 //! A robot and its sequence number identify a reading. The same content again is a retry and
-//! changes nothing; other content under the same number is a conflict.
+//! changes nothing; other content under the same number is a conflict. Two readings of one
+//! request that share a number are one if they are equal, else one of the numbers is wrong.
 
+use std::collections::HashMap;
+
+use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, StoredReading};
 
 use crate::refusal::Refusal;
@@ -14,31 +18,43 @@ pub(crate) fn new_readings(
     stored: impl Fn(&ReadingId) -> Result<Option<StoredReading>, Refusal>,
 ) -> Result<Vec<&Incoming>, Refusal> {
     let mut new: Vec<&Incoming> = Vec::with_capacity(readings.len());
-    let mut ids: std::collections::HashMap<&ReadingId, &StoredReading> =
-        std::collections::HashMap::new();
+    let mut first: HashMap<&ReadingId, usize> = HashMap::new();
     for (index, reading) in readings.iter().enumerate() {
         let Some(id) = &reading.id else {
             new.push(reading);
             continue;
         };
-        let is_same = match ids.get(id) {
-            Some(before) => Some(before.is_repeated_by(&reading.stored)),
-            None => stored(id)?.map(|before| before.is_repeated_by(&reading.stored)),
-        };
-        match is_same {
-            Some(true) => {}
-            Some(false) => {
+        if let Some(first) = first.get(id) {
+            if !readings[*first].stored.is_repeated_by(&reading.stored) {
+                return Err(twice(id, *first, index));
+            }
+            continue;
+        }
+        first.insert(id, index);
+        match stored(id)? {
+            None => new.push(reading),
+            Some(before) if before.is_repeated_by(&reading.stored) => {}
+            Some(_) => {
                 return Err(Refusal::ReadingConflict {
                     pointer: format!("/readings/{index}"),
                     robot: id.robot.clone(),
                     seq: id.seq,
                 });
             }
-            None => {
-                ids.insert(id, &reading.stored);
-                new.push(reading);
-            }
         }
     }
     Ok(new)
+}
+
+/// Two readings of one request under one number, with different content.
+fn twice(id: &ReadingId, first: usize, second: usize) -> Refusal {
+    let ReadingId { robot, seq } = id;
+    let error = |index: usize, other: usize| FieldError {
+        pointer: format!("/readings/{index}/seq"),
+        detail: format!(
+            "readings {first} and {second} of the request both are reading {seq} of robot \
+             {robot:?}, with different content: expected another seq than that of reading {other}"
+        ),
+    };
+    Refusal::Invalid(vec![error(second, first), error(first, second)])
 }

@@ -6,9 +6,11 @@
 
 mod appearance;
 mod base;
+mod check;
 mod failure;
 mod geometry;
 mod material;
+mod skipping;
 mod surface;
 
 use std::ops::ControlFlow;
@@ -20,12 +22,13 @@ use palpate_core::pose::Pose;
 use palpate_core::train::geometry::GeometryConfig;
 use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
 use palpate_core::vocabulary::Vocabulary;
-use palpate_schemas::{JobStage, ObjectReport, SymmetryBy};
+use palpate_schemas::{JobStage, ObjectReport, SkippedObject, SymmetryBy, Warning};
 use palpate_store::catalogue::VersionObject;
 use palpate_store::database::Database;
 use palpate_store::entity::Sensor;
 use rayon::prelude::*;
 
+use crate::hints::{of_catalogue, of_object};
 use crate::sensors::Sensors;
 use crate::wire::symmetry::axes;
 use crate::wire::{count, geometry as wire_geometry};
@@ -33,6 +36,7 @@ pub(crate) use appearance::AppearancePlan;
 pub(crate) use base::Base;
 pub(crate) use failure::TrainingFailure;
 use material::{Material, gather};
+use skipping::Skipped;
 use surface::Decided;
 
 /// What is to be trained.
@@ -53,6 +57,8 @@ pub(crate) struct Plan {
     pub(crate) surfaces: bool,
     /// The version that is extended: its vocabularies and its other objects stay.
     pub(crate) base: Option<Base>,
+    /// Whether an object that nothing can be learnt of fails the training.
+    pub(crate) strict: bool,
 }
 
 /// What came out: objects of the extended version in their places, then new ones in the
@@ -60,6 +66,8 @@ pub(crate) struct Plan {
 pub(crate) struct Trained {
     pub(crate) model: Catalogue,
     pub(crate) objects: Vec<ObjectReport>,
+    pub(crate) skipped: Vec<SkippedObject>,
+    pub(crate) warnings: Vec<Warning>,
 }
 
 /// Where trainings read their material.
@@ -71,24 +79,49 @@ pub(crate) struct Sources<'a> {
 /// Hears how far a training is (stage, done, total) and may stop it.
 pub(crate) type Progress<'a> = dyn Fn(JobStage, usize, usize) -> ControlFlow<()> + Sync + 'a;
 
-/// Trains. The object at place i of the plan is touched with seed + i.
+/// Trains. The object at place i of the plan is touched with seed + i. Objects that nothing can be
+/// learnt of are left out as if they had not been asked for, unless the plan is strict.
 pub(crate) fn train(
     plan: &Plan,
     sources: &Sources<'_>,
     progress: &Progress<'_>,
 ) -> Result<Trained, TrainingFailure> {
-    let materials = gather(plan, sources, progress)?;
-    let vocabulary = vocabulary(plan, &materials, progress)?;
+    let mut skipped = Skipped::new(plan);
+    let gathered = skipped.keep(gather(plan, sources, progress)?)?;
+    let mut materials = skipped.keep(check::usable(plan, gathered))?;
+    loop {
+        skipped.expect_some(&materials)?;
+        match learn(plan, &materials, progress) {
+            Ok((model, objects)) => {
+                let sizes: Vec<(&ObjectReport, f64)> =
+                    objects.iter().zip(materials.iter().map(|one| one.touched.size)).collect();
+                let skipped = skipped.reported();
+                let warnings = of_catalogue(&sizes, &skipped);
+                let objects = with_base(plan, &materials, objects);
+                return Ok(Trained { model, objects, skipped, warnings });
+            }
+            Err(failure) => materials = skipped.without(failure, materials)?,
+        }
+    }
+}
+
+/// Learns a model from all materials, and reports of their objects.
+fn learn(
+    plan: &Plan,
+    materials: &[Material],
+    progress: &Progress<'_>,
+) -> Result<(Catalogue, Vec<ObjectReport>), TrainingFailure> {
+    let vocabulary = vocabulary(plan, materials, progress)?;
     let maps =
-        if plan.pair_maps { map_all(plan, &materials, &vocabulary, progress)? } else { Vec::new() };
+        if plan.pair_maps { map_all(plan, materials, &vocabulary, progress)? } else { Vec::new() };
     let geometry = match &plan.geometry {
-        Some(config) => Some(geometry::learn(config, &materials, &maps, progress)?),
+        Some(config) => Some(geometry::learn(config, materials, &maps, progress)?),
         None => None,
     };
     let surface =
-        if plan.surfaces { Some(surface::learn(plan, &materials, &maps, progress)?) } else { None };
+        if plan.surfaces { Some(surface::learn(plan, materials, &maps, progress)?) } else { None };
     let appearance = match &plan.appearance {
-        Some(settings) => Some(appearance::learn(plan, settings, &materials, progress)?),
+        Some(settings) => Some(appearance::learn(plan, settings, materials, progress)?),
         None => None,
     };
     let mut objects: Vec<ObjectReport> =
@@ -110,14 +143,11 @@ pub(crate) fn train(
         }
     }
     let maps: Vec<Arc<ObjectMap>> = maps.into_iter().map(Arc::new).collect();
-    let (objects, maps) = match &plan.base {
-        None => (objects, maps),
-        Some(base) => {
-            let places = base.places(&plan.objects);
-            let known: &[Arc<ObjectMap>] =
-                if plan.pair_maps { &base.model.core.objects } else { &[] };
-            (base::extended(&base.reports, &places, objects), base::extended(known, &places, maps))
+    let maps = match &plan.base {
+        Some(base) if plan.pair_maps => {
+            base::extended(&base.model.core.objects, &base.places(materials), maps)
         }
+        _ => maps,
     };
     let model = Catalogue {
         vocabulary,
@@ -127,7 +157,15 @@ pub(crate) fn train(
         appearance: appearance.map(Arc::new),
         surface: surface.map(|learnt| learnt.model),
     };
-    Ok(Trained { model, objects })
+    Ok((model, objects))
+}
+
+/// The reports of all objects of the new version.
+fn with_base(plan: &Plan, materials: &[Material], objects: Vec<ObjectReport>) -> Vec<ObjectReport> {
+    match &plan.base {
+        None => objects,
+        Some(base) => base::extended(&base.reports, &base.places(materials), objects),
+    }
 }
 
 /// The vocabulary of pair maps: the extended version's, or one that is learnt; without pair
@@ -186,6 +224,7 @@ fn report(material: &Material, map: Option<&ObjectMap>) -> ObjectReport {
         symmetry: None,
         symmetry_by: None,
         symmetry_touches_needed: None,
+        warnings: of_object(&material.touched, material.has_mesh()),
     }
 }
 

@@ -34,6 +34,10 @@ pub enum MeshUnit {
     Metre,
     /// Millimetres.
     Millimetre,
+    /// Centimetres.
+    Centimetre,
+    /// Inches of 25.4 mm.
+    Inch,
 }
 
 /// What is known of a mesh without reading its file.

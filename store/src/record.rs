@@ -410,7 +410,8 @@ struct MeshRecordV1 {
 
 const MESH_FORMATS: [MeshFormat; 4] =
     [MeshFormat::Stl, MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off];
-const MESH_UNITS: [MeshUnit; 2] = [MeshUnit::Metre, MeshUnit::Millimetre];
+const MESH_UNITS: [MeshUnit; 4] =
+    [MeshUnit::Metre, MeshUnit::Millimetre, MeshUnit::Centimetre, MeshUnit::Inch];
 
 impl Record for MeshInfo {
     const KIND: Kind = Kind::Mesh;

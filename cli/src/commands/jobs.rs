@@ -62,7 +62,7 @@ fn table(jobs: &[Job]) -> String {
             [
                 job.id.to_string(),
                 job.catalogue.clone(),
-                format!("{:?}", job.state).to_lowercase(),
+                job.state.name().to_owned(),
                 if job.total > 0 { format!("{}/{}", job.done, job.total) } else { String::new() },
                 job.version.map(|version| version.to_string()).unwrap_or_default(),
                 job.created_at.clone(),

@@ -32,6 +32,10 @@ pub(crate) enum Unit {
     M,
     /// Millimetres.
     Mm,
+    /// Centimetres.
+    Cm,
+    /// Inches.
+    In,
 }
 
 impl Unit {
@@ -40,6 +44,8 @@ impl Unit {
         match self {
             Self::M => MeshUnit::M,
             Self::Mm => MeshUnit::Mm,
+            Self::Cm => MeshUnit::Cm,
+            Self::In => MeshUnit::In,
         }
     }
 }
@@ -235,14 +241,24 @@ fn say_mesh(output: Output, report: &MeshReport) {
 }
 
 fn mesh_words(report: &MeshReport) -> String {
-    let [x, y, z] = report.size.map(|metres| metres / MM);
-    let mut words =
-        format!("mesh of {} triangles, {x:.1} × {y:.1} × {z:.1} mm", report.n_triangles);
+    let [x, y, z] = report.size.map(in_mm);
+    let triangles = if report.n_triangles == 1 { "triangle" } else { "triangles" };
+    let mut words = format!("mesh of {} {triangles}, {x} × {y} × {z} mm", report.n_triangles);
     for warning in &report.warnings {
         words.push_str("\nwarning: ");
         words.push_str(warning);
     }
     words
+}
+
+/// A length in millimetres with one decimal, or three digits where that would show nothing.
+fn in_mm(metres: f64) -> String {
+    let mm = metres / MM;
+    if mm >= 1.0 || mm <= 0.0 {
+        return format!("{mm:.1}");
+    }
+    let n_decimals = (2.0 - mm.log10().floor()) as usize;
+    format!("{mm:.n_decimals$}")
 }
 
 fn table(objects: &[ObjectInfo]) -> String {
@@ -258,4 +274,15 @@ fn table(objects: &[ObjectInfo]) -> String {
             ]
         }),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::in_mm;
+
+    #[test]
+    fn a_small_mesh_shows_its_size() {
+        let sizes = [0.08, 0.0, 4.2e-5, 9.96e-4].map(in_mm);
+        assert_eq!(sizes, ["80.0", "0.0", "0.0420", "0.996"]);
+    }
 }

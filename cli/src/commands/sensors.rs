@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
-    CalibrateSensor, CalibrationQuery, CreateSensor, PageQuery, Reading, Sensor, SensorDescription,
+    CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, PageQuery, Reading, Sensor,
     SensorPreset,
 };
 
@@ -39,7 +39,8 @@ enum Action {
         /// A known sensor.
         #[arg(long, value_parser = parse_preset, required_unless_present = "description")]
         preset: Option<SensorPreset>,
-        /// A JSON file as the API's `SensorDescription`.
+        /// A JSON file as the API's `DescribeSensor`; the guide "training" says what to write
+        /// when there is only a data sheet.
         #[arg(long, value_name = "FILE", conflicts_with = "preset")]
         description: Option<PathBuf>,
     },
@@ -94,7 +95,7 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
             output.answer(&sensor, |sensor| table(std::slice::from_ref(sensor)))
         }
         Action::Add { name, preset, description } => {
-            let description = description.map(read_json::<SensorDescription>).transpose()?;
+            let description = description.map(read_json::<DescribeSensor>).transpose()?;
             let new = CreateSensor { name, preset, description, image_order: None };
             let sensor = client.create_sensor(&new).await?;
             output.answer(&sensor, |sensor| format!("added sensor {} ({})", sensor.name, sensor.id))

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use palpate_client::Client;
 use palpate_client::schemas::{
     CatalogueVersion, GeometryKind, GeometryReport, GeometryTraining, Job, JobState, StartTraining,
-    SurfaceReport,
+    SurfaceReport, TrainingReport, Warning, WarningCode,
 };
 use serde::Serialize;
 
@@ -66,6 +66,9 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "VERSION", value_parser = clap::value_parser!(u32).range(1..),
         conflicts_with_all = ["classes", "descriptor", "geometry", "only_surfaces", "AppearanceArgs"])]
     extend: Option<u32>,
+    /// Fail when nothing can be learnt of an object, instead of leaving it out.
+    #[arg(long)]
+    strict: bool,
     /// Do not wait: print the job and leave.
     #[arg(long)]
     detach: bool,
@@ -115,13 +118,14 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
         surfaces: args.only_surfaces.then_some(true),
         pair_maps: (args.only_surfaces || args.appearance.no_pair_maps).then_some(false),
         extend: args.extend,
+        strict: args.strict.then_some(true),
         ..StartTraining::default()
     };
     let job = context.client.start_training(&args.catalogue, &training).await?;
     if args.detach {
         return context
             .output
-            .answer(&job, |job| format!("training {} is {:?}", job.id, job.state));
+            .answer(&job, |job| format!("training {} is {}", job.id, job.state.name()));
     }
     wait(&job, context).await
 }
@@ -188,9 +192,22 @@ async fn wants_to_cancel(job: &Job) -> anyhow::Result<bool> {
     }
 }
 
+/// What became of a training that made no version.
+fn state_words(job: &Job) -> String {
+    match job.state {
+        JobState::Queued | JobState::Running => {
+            format!("training {} is {}", job.id, job.state.name())
+        }
+        JobState::Succeeded | JobState::Failed => {
+            format!("training {} {}", job.id, job.state.name())
+        }
+        JobState::Cancelled => format!("training {} was cancelled", job.id),
+    }
+}
+
 fn trained_words(trained: &Trained) -> String {
     let Some(version) = &trained.version else {
-        return format!("training {} is {:?}", trained.job.id, trained.job.state);
+        return state_words(&trained.job);
     };
     let report = &version.report;
     let objects = output::table(
@@ -217,7 +234,19 @@ fn trained_words(trained: &Trained) -> String {
         (report.index_bytes + report.surface_bytes) as f64 / 1e6,
         if version.is_current { ", current" } else { "" },
         report.appearance.as_ref().map_or(String::new(), appearance_words),
-    )
+    ) + &warning_words(report)
+}
+
+/// What was left out and what is probably a mistake, a line each.
+fn warning_words(report: &TrainingReport) -> String {
+    let skipped = report.skipped.iter().map(|left_out| format!("\nleft out: {}", left_out.reason));
+    let of_whole = report.warnings.iter().filter(|w| w.code != WarningCode::ObjectsSkipped);
+    let of_whole = of_whole.map(|warning| format!("\nwarning: {}", warning.detail));
+    let of_objects = report.objects.iter().flat_map(|object| {
+        let words = |warning: &Warning| format!("\nwarning: {}: {}", object.name, warning.detail);
+        object.warnings.iter().map(words)
+    });
+    skipped.chain(of_whole).chain(of_objects).collect()
 }
 
 fn surface(surface: &SurfaceReport) -> String {

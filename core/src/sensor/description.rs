@@ -6,8 +6,9 @@
 
 use thiserror::Error;
 
+use super::defaults;
 use super::point_spread::point_spread_of_covering;
-use crate::units::{INCH, KPA, MM};
+use crate::units::{INCH, KPA, MM, Shown};
 
 /// A rectangular grid of square taxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,7 +188,10 @@ pub enum SensorError {
         found: usize,
     },
     /// A number is not finite or not within its range.
-    #[error("{field} is {found}, expected a finite number from {low} to {high} (SI units)")]
+    #[error(
+        "{field} is {}, expected a finite number from {} to {} (SI units)", Shown(*found),
+        Shown(*low), Shown(*high)
+    )]
     Range {
         /// The parameter's name.
         field: &'static str,
@@ -292,9 +296,9 @@ impl SensorDescription {
             grid,
             covering_thickness,
             point_spread: point_spread_of_covering(covering_thickness),
-            force_curve: ForceCurve { knots: vec![(0.0, 0.0), (covering_thickness, saturation)] },
+            force_curve: defaults::force_curve(covering_thickness, saturation),
             saturation,
-            noise: 0.1 * KPA,
+            noise: defaults::noise(saturation, saturation / 256.0),
             quantisation: saturation / 256.0,
             image_order: ImageOrder::default(),
         })

@@ -6,9 +6,8 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::Stream;
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::MM;
 use palpate_schemas as wire;
-use palpate_schemas::{MeshUnit, SensorPreset};
+use palpate_schemas::SensorPreset;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 
 use crate::objects::{TestObject, touch};
@@ -100,10 +99,6 @@ async fn mesh(client: &Client, id: &str) -> anyhow::Result<Option<Mesh>> {
         wire::MeshFormat::Ply => MeshFormat::Ply,
         wire::MeshFormat::Off => MeshFormat::Off,
     };
-    let unit = match info.unit {
-        MeshUnit::M => 1.0,
-        MeshUnit::Mm => MM,
-    };
     let file = client.mesh(id).await?;
-    Ok(Some(Mesh::from_bytes(format, &file, unit)?))
+    Ok(Some(Mesh::from_bytes(format, &file, info.unit.metres())?))
 }

@@ -81,6 +81,7 @@ impl Jobs {
             pair_maps: training.pair_maps.unwrap_or(true),
             surfaces: training.surfaces.unwrap_or(false),
             base,
+            strict: training.strict.unwrap_or(false),
         })
     }
 

@@ -76,8 +76,7 @@ impl Comparison {
             let (session, found) = (folding.session.id, order.len());
             return Err(Refusal::TooManyToExplain { session, found, max: READINGS_MAX });
         }
-        let mut ready = folding.ready(order)?;
-        let readings: Vec<Ready> = order.iter().filter_map(|number| ready.remove(number)).collect();
+        let readings = folding.ready(order)?;
         let before = folding.nothing()?.belief;
         let mut belief = before.clone();
         for reading in &readings {

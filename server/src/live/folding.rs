@@ -11,7 +11,7 @@ use palpate_store::entity::{ReadingId, Sensor, Session, StoredReading};
 use palpate_store::journal::{Entry, Event, Journal};
 
 use super::memory::{Fold, Memory, Start};
-use super::order::Chronicle;
+use super::order::{Chronicle, Touch, begins_with, stored_order};
 use crate::belief::{BeliefError, SessionBelief};
 use crate::catalogues::Model;
 use crate::checkpoints::{Checkpoint, Checkpoints};
@@ -62,6 +62,7 @@ impl Folding {
         self.read(length, memory.chronicle.len(), |entry| {
             memory.take(entry);
         })?;
+        memory.settle();
         let order = memory.chronicle.order().to_vec();
         let mut fold = match memory.begin() {
             Some(fold) => fold,
@@ -85,24 +86,19 @@ impl Folding {
         let Some(fold) = memory.unstored(more) else { return };
         let Some(conclusions) = fold.belief.conclusions() else { return };
         let Session { id, catalogue, version, .. } = self.session;
-        let order = order[..fold.n].to_vec();
+        let order = stored_order(&order[..fold.n]);
         self.checkpoints.keep(id, &Checkpoint { catalogue, version, order, conclusions });
     }
 
     /// The belief that is stored, if it rests on what `order` begins with.
-    fn resumed(&self, order: &[u32]) -> Result<Option<Fold>, Refusal> {
+    fn resumed(&self, order: &[Touch]) -> Result<Option<Fold>, Refusal> {
         let Some(checkpoint) = self.checkpoints.find(self.session.id) else { return Ok(None) };
         let Checkpoint { catalogue, version, order: rests_on, conclusions } = checkpoint;
         let is_ours = (catalogue, version) == (self.session.catalogue, self.session.version);
-        if !is_ours || !order.starts_with(&rests_on) {
-            return Ok(None);
-        }
+        let Some(n) = begins_with(order, &rests_on).filter(|_| is_ours) else { return Ok(None) };
         let mut fold = self.nothing()?;
-        for numbers in rests_on.chunks(ENTRIES_PER_READ) {
-            let ready = self.ready(numbers)?;
-            for number in numbers {
-                let Ready { stored, reading, sensor, .. } =
-                    ready.get(number).ok_or_else(|| self.gone())?;
+        for touches in order[..n].chunks(ENTRIES_PER_READ) {
+            for Ready { stored, reading, sensor, .. } in &self.ready(touches)? {
                 if !fold.belief.retrace(stored, reading, &sensor.description) {
                     return Ok(None);
                 }
@@ -141,6 +137,7 @@ impl Folding {
         self.read(length, 0, |entry| {
             chronicle.take(entry);
         })?;
+        chronicle.settle();
         if chronicle.len() < length { Err(self.gone()) } else { Ok(chronicle) }
     }
 
@@ -156,18 +153,16 @@ impl Folding {
         Ok(Fold { belief, n: 0 })
     }
 
-    /// Folds the readings of `order` that are missing; `each` sees the belief after each.
+    /// Folds the presses of `order` that are missing; `each` sees the belief after each.
     pub(super) fn fold_on(
         &self,
         fold: &mut Fold,
-        order: &[u32],
+        order: &[Touch],
         mut each: impl FnMut(&Fold),
     ) -> Result<(), Refusal> {
         while fold.n < order.len() {
             let next = &order[fold.n..order.len().min(fold.n + ENTRIES_PER_READ)];
-            let ready = self.ready(next)?;
-            for number in next {
-                let ready = ready.get(number).ok_or_else(|| self.gone())?;
+            for ready in &self.ready(next)? {
                 self.add(&mut fold.belief, ready)?;
                 fold.n += 1;
                 each(fold);
@@ -177,9 +172,26 @@ impl Folding {
         Ok(())
     }
 
-    /// Readings by their numbers, ready to be folded.
-    pub(super) fn ready(&self, numbers: &[u32]) -> Result<BTreeMap<u32, Ready>, Refusal> {
-        let mut sorted = numbers.to_vec();
+    /// The readings of presses, ready to be folded. A motion that the first frame of a press
+    /// announced goes with the frame that counts.
+    pub(super) fn ready(&self, touches: &[Touch]) -> Result<Vec<Ready>, Refusal> {
+        let numbers =
+            touches.iter().flat_map(|touch| touch.moved_by.into_iter().chain([touch.number]));
+        let mut ready = self.numbered(numbers.collect())?;
+        let mut in_order = Vec::with_capacity(touches.len());
+        for touch in touches {
+            let first = touch.moved_by.map(|first| ready.remove(&first).ok_or_else(|| self.gone()));
+            let mut counts = ready.remove(&touch.number).ok_or_else(|| self.gone())?;
+            if let Some(first) = first.transpose()? {
+                counts.stored.object_moved = first.stored.object_moved;
+            }
+            in_order.push(counts);
+        }
+        Ok(in_order)
+    }
+
+    /// Readings by their numbers.
+    fn numbered(&self, mut sorted: Vec<u32>) -> Result<BTreeMap<u32, Ready>, Refusal> {
         sorted.sort_unstable();
         let mut ready = BTreeMap::new();
         for run in sorted.chunk_by(|a, b| a + 1 == *b) {

@@ -1,6 +1,6 @@
 //! What is in memory of a session's beliefs: the newest, and a few earlier ones to go back to.
 //!
-//! A belief rests on the first `n` readings of the order. A late reading or a retraction
+//! A belief rests on the first `n` presses of the order. A late reading or a retraction
 //! forgets the beliefs that rest on more than what stays before it; the next fold begins with
 //! the newest that is left. Earlier beliefs are kept at growing distances, so that going back
 //! by `k` readings folds a multiple of `k` again, not all of them. Copies equal what they are
@@ -9,7 +9,7 @@
 use palpate_schemas::Method;
 use palpate_store::journal::Entry;
 
-use super::order::Chronicle;
+use super::order::{Chronicle, Touch};
 use crate::belief::SessionBelief;
 
 /// Earlier beliefs that are kept.
@@ -17,15 +17,15 @@ const CHECKPOINTS_MAX: usize = 4;
 /// So many readings lie between two beliefs that are kept, at least.
 const STRIDE: usize = 4;
 
-/// A belief and how many readings of the order it rests on.
+/// A belief and how many presses of the order it rests on.
 #[derive(Clone)]
 pub(super) struct Fold {
     pub(super) belief: SessionBelief,
     pub(super) n: usize,
 }
 
-/// The order in which readings are to be folded, and how far they are, if anything is.
-pub(super) type Start = (Vec<u32>, Option<Fold>);
+/// The order in which presses are to be folded, and how far they are, if anything is.
+pub(super) type Start = (Vec<Touch>, Option<Fold>);
 
 /// What is in memory of a session.
 #[derive(Default)]
@@ -45,10 +45,15 @@ impl Memory {
         self.chronicle.bytes() + folds.map(|fold| fold.belief.bytes()).sum::<usize>()
     }
 
-    /// Takes the journal's next entry, and forgets what it makes wrong; gives how many readings
-    /// of the order stay as they were.
-    pub(super) fn take(&mut self, entry: &Entry) -> usize {
-        let stays = self.chronicle.take(entry);
+    /// Takes the journal's next entry; the order is settled later.
+    pub(super) fn take(&mut self, entry: &Entry) {
+        self.chronicle.take(entry);
+    }
+
+    /// Brings the order up to what was taken, and forgets what that makes wrong; gives how many
+    /// presses of the order stay as they were.
+    pub(super) fn settle(&mut self) -> usize {
+        let stays = self.chronicle.settle();
         self.newest = self.newest.take().filter(|fold| fold.n <= stays);
         self.checkpoints.retain(|fold| fold.n <= stays);
         self.stored = self.stored.min(stays);
@@ -97,7 +102,7 @@ impl Memory {
     }
 
     /// The newest belief of those that rest on readings as `order` has them, copied.
-    pub(super) fn before(&self, order: &[u32]) -> Option<Fold> {
+    pub(super) fn before(&self, order: &[Touch]) -> Option<Fold> {
         let both = order.iter().zip(self.chronicle.order());
         let common = both.take_while(|(then, now)| then == now).count();
         let known = self.checkpoints.iter().chain(&self.newest);

@@ -1,46 +1,71 @@
-//! The one order in which a session's readings are folded, whatever order they came in.
+//! The one order in which a session's presses are folded, whatever order their readings came in.
 //!
 //! Readings are ordered by their time stamps (those without one come first), then by robot,
 //! then by the robot's own number; without an id, a reading stands where it came among those
-//! of its stamp, before those with an id. So the order of readings with ids is a function of
-//! their set. Not here: beliefs.
+//! of its stamp, before those with an id. Of the frames of one press one counts (`presses`), in
+//! its own place. So the order of readings with ids is a function of their set.
+//! Not here: beliefs.
 
 use std::collections::BTreeSet;
 
 use palpate_store::journal::{Entry, Event};
 
+use super::presses::{Frame, presses};
+
 /// What a robot's name takes in memory, about.
 const ROBOT_BYTES: usize = 16;
+/// Marks, in a stored order, a reading whose announced motion goes before the next one's press.
+/// Numbers of readings are below: a session has 10,000 or a few more.
+const MOVES: u32 = 1 << 31;
 
 /// Where a reading stands. The order of the fields is the order of readings.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Place {
-    stamp_ns: Option<i64>,
-    id: Option<(String, u64)>,
-    number: u32,
+pub(super) struct Place {
+    pub(super) stamp_ns: Option<i64>,
+    pub(super) id: Option<(String, u64)>,
+    pub(super) number: u32,
+}
+
+/// A reading that came: where it stands, and what tells the press that it is of.
+#[derive(Clone, Debug)]
+pub(super) struct Added {
+    pub(super) place: Place,
+    pub(super) frame: Frame,
+}
+
+/// A press in the order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Touch {
+    /// The reading that counts.
+    pub(crate) number: u32,
+    /// The first frame of the press, when that announced a motion and is another reading.
+    pub(crate) moved_by: Option<u32>,
 }
 
 /// What an entry of the journal does to the readings.
 #[derive(Clone, Debug)]
 enum Change {
-    Adds(Place),
+    Adds(Box<Added>),
     Withdraws(u32),
     Nothing,
 }
 
-/// What a journal's first entries say, and the order of the readings that count.
+/// What a journal's first entries say, and the order of the presses that count.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Chronicle {
     changes: Vec<Change>,
-    /// Numbers of the readings that are not withdrawn, in the order in which they are folded.
-    order: Vec<u32>,
+    /// Numbers of the readings that are not withdrawn, in their order.
+    standing: Vec<u32>,
+    /// The presses in the order in which they are folded, as of the last settling.
+    order: Vec<Touch>,
 }
 
 impl Chronicle {
     /// Bytes of what is known, about: names of robots are short.
     pub(crate) fn bytes(&self) -> usize {
-        self.changes.capacity() * (size_of::<Change>() + ROBOT_BYTES)
-            + self.order.capacity() * size_of::<u32>()
+        self.changes.capacity() * (size_of::<Change>() + size_of::<Added>() + ROBOT_BYTES)
+            + self.standing.capacity() * size_of::<u32>()
+            + self.order.capacity() * size_of::<Touch>()
     }
 
     /// How many entries are known.
@@ -48,61 +73,79 @@ impl Chronicle {
         self.changes.len()
     }
 
-    /// Numbers of the readings that count, in the order in which they are folded.
-    pub(crate) fn order(&self) -> &[u32] {
+    /// The presses in the order in which they are folded, as of the last settling.
+    pub(crate) fn order(&self) -> &[Touch] {
         &self.order
     }
 
-    /// Takes the journal's next entry; gives how many readings of the order stay as they were.
-    pub(crate) fn take(&mut self, entry: &Entry) -> usize {
-        match &entry.event {
+    /// Takes the journal's next entry; the order is settled later.
+    pub(crate) fn take(&mut self, entry: &Entry) {
+        let change = match &entry.event {
             Event::Reading(reading) => {
                 let number = self.changes.len() as u32;
                 let id = entry.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
                 let place = Place { stamp_ns: reading.stamp_ns, id, number };
-                let at = self.order.partition_point(|other| self.place(*other) < Some(&place));
-                self.order.insert(at, number);
-                self.changes.push(Change::Adds(place));
-                at
+                let before = |other: &u32| self.added(*other).map(|one| &one.place) < Some(&place);
+                let at = self.standing.partition_point(before);
+                self.standing.insert(at, number);
+                Change::Adds(Box::new(Added { place, frame: Frame::of(reading) }))
             }
             Event::Retraction { seq } => {
                 let withdrawn = u32::try_from(*seq).unwrap_or(u32::MAX);
-                self.changes.push(Change::Withdraws(withdrawn));
-                match self.order.iter().position(|number| *number == withdrawn) {
-                    Some(at) => {
-                        self.order.remove(at);
-                        at
-                    }
-                    None => self.order.len(),
-                }
+                self.standing.retain(|number| *number != withdrawn);
+                Change::Withdraws(withdrawn)
             }
-            Event::Closed => {
-                self.changes.push(Change::Nothing);
-                self.order.len()
-            }
-        }
+            Event::Closed => Change::Nothing,
+        };
+        self.changes.push(change);
+    }
+
+    /// Brings the order up to the entries that were taken; gives how many presses at its
+    /// beginning stay as they were.
+    pub(crate) fn settle(&mut self) -> usize {
+        let standing = self.standing.iter().filter_map(|number| self.added(*number));
+        let order = presses(&standing.collect::<Vec<_>>());
+        let both = self.order.iter().zip(&order);
+        let stays = both.take_while(|(before, now)| before == now).count();
+        self.order = order;
+        stays
     }
 
     /// The order after the first `n_entries` entries, as it was then.
-    pub(crate) fn order_at(&self, n_entries: usize) -> Vec<u32> {
+    pub(crate) fn order_at(&self, n_entries: usize) -> Vec<Touch> {
         let changes = &self.changes[..n_entries.min(self.changes.len())];
         let withdrawn: BTreeSet<u32> = changes.iter().filter_map(Change::withdraws).collect();
         let adds = changes.iter().filter_map(Change::adds);
-        let mut places: Vec<&Place> =
-            adds.filter(|place| !withdrawn.contains(&place.number)).collect();
-        places.sort_unstable();
-        places.into_iter().map(|place| place.number).collect()
+        let mut standing: Vec<&Added> =
+            adds.filter(|added| !withdrawn.contains(&added.place.number)).collect();
+        standing.sort_unstable_by(|a, b| a.place.cmp(&b.place));
+        presses(&standing)
     }
 
-    fn place(&self, number: u32) -> Option<&Place> {
+    fn added(&self, number: u32) -> Option<&Added> {
         self.changes.get(number as usize)?.adds()
     }
 }
 
+/// An order as it is stored: the numbers of its readings, those of announced motions marked.
+pub(crate) fn stored_order(order: &[Touch]) -> Vec<u32> {
+    let numbers = |touch: &Touch| {
+        let moves = touch.moved_by.map(|number| number | MOVES);
+        moves.into_iter().chain([touch.number])
+    };
+    order.iter().flat_map(numbers).collect()
+}
+
+/// How many presses a stored order has, if `order` begins with it.
+pub(crate) fn begins_with(order: &[Touch], stored: &[u32]) -> Option<usize> {
+    let n = stored.iter().filter(|number| **number & MOVES == 0).count();
+    (stored_order(order.get(..n)?) == stored).then_some(n)
+}
+
 impl Change {
-    fn adds(&self) -> Option<&Place> {
+    fn adds(&self) -> Option<&Added> {
         match self {
-            Self::Adds(place) => Some(place),
+            Self::Adds(added) => Some(added),
             Self::Withdraws(_) | Self::Nothing => None,
         }
     }
@@ -143,6 +186,15 @@ mod tests {
         Entry { seq: chronicle.len() as u64, reading_id, received_at_ms: 0, event }
     }
 
+    fn take(chronicle: &mut Chronicle, entry: &Entry) -> usize {
+        chronicle.take(entry);
+        chronicle.settle()
+    }
+
+    fn order(chronicle: &Chronicle) -> Vec<u32> {
+        chronicle.order().iter().map(|touch| touch.number).collect()
+    }
+
     fn withdraw(chronicle: &mut Chronicle, seq: u64) -> usize {
         let entry = Entry {
             seq: chronicle.len() as u64,
@@ -150,7 +202,7 @@ mod tests {
             received_at_ms: 0,
             event: Event::Retraction { seq },
         };
-        chronicle.take(&entry)
+        take(chronicle, &entry)
     }
 
     fn chronicle(readings: &[Stamped<'_>]) -> Chronicle {
@@ -159,6 +211,7 @@ mod tests {
             let entry = entry(&chronicle, *reading);
             chronicle.take(&entry);
         }
+        chronicle.settle();
         chronicle
     }
 
@@ -175,7 +228,7 @@ mod tests {
             reading(Some(-1), Some(("a", 11))), // 7
             reading(None, None),                // 8
         ]);
-        assert_eq!(it.order(), [6, 8, 4, 7, 5, 3, 2, 1, 0]);
+        assert_eq!(order(&it), [6, 8, 4, 7, 5, 3, 2, 1, 0]);
     }
 
     #[test]
@@ -186,13 +239,13 @@ mod tests {
             reading(Some(4), Some(("a", 3))),
         ]);
         let late = entry(&it, reading(Some(3), Some(("b", 1))));
-        assert_eq!((it.take(&late), it.order()), (2, &[0, 1, 3, 2][..]));
+        assert_eq!((take(&mut it, &late), order(&it)), (2, vec![0, 1, 3, 2]));
         let newest = entry(&it, reading(Some(9), Some(("b", 2))));
-        assert_eq!(it.take(&newest), 4, "all of them");
-        assert_eq!((withdraw(&mut it, 1), it.order()), (1, &[0, 3, 2, 4][..]));
+        assert_eq!(take(&mut it, &newest), 4, "all of them");
+        assert_eq!((withdraw(&mut it, 1), order(&it)), (1, vec![0, 3, 2, 4]));
         assert_eq!((withdraw(&mut it, 1), it.order().len()), (4, 4), "it is gone already");
         let closed = Entry { event: Event::Closed, ..late };
-        assert_eq!((it.take(&closed), it.len()), (4, 8));
+        assert_eq!((take(&mut it, &closed), it.len()), (4, 8));
     }
 
     #[test]
@@ -203,7 +256,9 @@ mod tests {
             reading(Some(5), Some(("a", 3))),
         ]);
         withdraw(&mut it, 1);
-        let orders: Vec<Vec<u32>> = (0..=5).map(|n| it.order_at(n)).collect();
+        let number = |touch: Touch| touch.number;
+        let orders: Vec<Vec<u32>> =
+            (0..=5).map(|n| it.order_at(n).into_iter().map(number).collect()).collect();
         let all = vec![vec![], vec![0], vec![1, 0], vec![2, 1, 0], vec![2, 0], vec![2, 0]];
         assert_eq!(orders, all);
         assert_eq!(it.order_at(4), it.order());

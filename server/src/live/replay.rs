@@ -108,7 +108,8 @@ impl Walk {
 
     /// Takes one entry.
     fn step(&mut self, entry: &Entry) -> Result<wire::ReplayStep, Refusal> {
-        let stays = self.memory.take(entry);
+        self.memory.take(entry);
+        let stays = self.memory.settle();
         let late = stays + 1 < self.memory.chronicle.order().len();
         let length = self.memory.chronicle.len();
         let answer = self.folding.bring(&mut self.memory, length)?.answer(0);

@@ -23,7 +23,8 @@ pub(crate) async fn list_sensors(
 
 /// Add a sensor
 ///
-/// From a preset or a full description. Every preset is there from the start under its own
+/// From a preset or a description; what its data sheet does not say of the point spread, the
+/// force curve and the noise is filled in from the covering and the range. Every preset is there from the start under its own
 /// name. A sensor does not change: readings rely on its geometry; add another one instead.
 #[utoipa::path(post, path = "/v1/sensors", operation_id = "create_sensor", tag = "sensors",
     request_body = CreateSensor,

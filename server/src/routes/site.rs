@@ -60,6 +60,6 @@ async fn file(uri: Uri, headers: HeaderMap) -> Response {
     dashboard::answer(uri.path(), &headers)
 }
 
-async fn description() -> Response {
-    ([(header::CONTENT_TYPE, "application/json")], openapi::text()).into_response()
+async fn description(headers: HeaderMap) -> Response {
+    dashboard::tagged("application/json", openapi::text().as_bytes(), &headers)
 }

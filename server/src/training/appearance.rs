@@ -50,7 +50,7 @@ pub(super) fn learn(
         step(progress, JobStage::Appearance, n_candidates + objects.len(), total)?;
     }
     if let (Some(base), Some(known)) = (&plan.base, known) {
-        objects = extended(&known.objects, &base.places(&plan.objects), objects);
+        objects = extended(&known.objects, &base.places(materials), objects);
     }
     Ok(appearance_model(vocabulary, objects, config, plan.seed))
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use palpate_schemas::ObjectReport;
-use palpate_store::catalogue::VersionObject;
 
+use super::material::Material;
 use crate::catalogues::Model;
 
 /// The version that a training extends.
@@ -15,10 +15,10 @@ pub(crate) struct Base {
 }
 
 impl Base {
-    /// Where each object of a plan stands in the version; `None` for new ones.
-    pub(super) fn places(&self, objects: &[VersionObject]) -> Vec<Option<usize>> {
-        let place = |new: &VersionObject| self.model.objects.iter().position(|o| o.id == new.id);
-        objects.iter().map(place).collect()
+    /// Where the object of each material stands in the version; `None` for new ones.
+    pub(super) fn places(&self, materials: &[Material]) -> Vec<Option<usize>> {
+        let place = |new: &Material| self.model.objects.iter().position(|o| o.id == new.object.id);
+        materials.iter().map(place).collect()
     }
 }
 

@@ -5,6 +5,7 @@ use palpate_core::occupancy::grid::CELLS_MAX;
 use palpate_core::reading::ReadingError;
 use palpate_core::train::TrainError;
 use palpate_core::train::appearance::AppearanceTrainError;
+use palpate_core::units::Shown;
 use palpate_sim::mesh::MeshError;
 use palpate_sim::rig::PlanarError;
 use palpate_sim::sampler::SampleError;
@@ -26,8 +27,20 @@ pub(crate) enum TrainingFailure {
     Mesh { object: String, source: MeshError },
     #[error("object {object:?}: {source}")]
     Reading { object: String, source: ReadingError },
-    #[error("object {object:?}: {source}")]
-    Sampling { object: String, source: SampleError },
+    #[error("object {object:?}: {source}; its mesh is {} mm large", Shown(*size * 1e3))]
+    Sampling { object: String, size: f64, source: SampleError },
+    #[error(
+        "object {object:?}: none of {n_readings} readings of sensor {sensor:?} touched anything: \
+         {meant}"
+    )]
+    NothingTouched { object: String, sensor: String, n_readings: usize, meant: String },
+    #[error(
+        "object {object:?} was touched by sensor {sensor:?} with {}×{} taxels, expected {}×{} as \
+         the catalogue's other sensors: {hint}", found[0], found[1], expected[0], expected[1]
+    )]
+    Shape { object: String, sensor: String, expected: [usize; 2], found: [usize; 2], hint: String },
+    #[error("nothing could be learnt of any of {n_objects} objects; the first: {first}")]
+    NothingLeft { n_objects: usize, first: String },
     #[error("object {object:?}: {source}")]
     Mapping { object: String, source: TrainError },
     #[error("object {object:?}: {source}")]
@@ -60,4 +73,33 @@ pub(crate) enum TrainingFailure {
     Store(#[from] StoreError),
     #[error(transparent)]
     Refused(#[from] Refusal),
+}
+
+impl TrainingFailure {
+    /// The name of the object that is at fault, where only one is.
+    pub(super) fn object(&self) -> Option<&str> {
+        match self {
+            Self::NoData { object }
+            | Self::Sensors { object }
+            | Self::Mesh { object, .. }
+            | Self::Reading { object, .. }
+            | Self::Sampling { object, .. }
+            | Self::NothingTouched { object, .. }
+            | Self::Shape { object, .. }
+            | Self::Mapping { object, .. }
+            | Self::Planar { object, .. }
+            | Self::Grid { object, .. }
+            | Self::Cells { object, .. }
+            | Self::NoPoses { object }
+            | Self::NoFeatures { object }
+            | Self::FeatureLength { object, .. }
+            | Self::Appearance { object, .. } => Some(object),
+            Self::Stopped
+            | Self::NothingLeft { .. }
+            | Self::AppearanceVocabulary(_)
+            | Self::Vocabulary(_)
+            | Self::Store(_)
+            | Self::Refused(_) => None,
+        }
+    }
 }

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 use uuid::Uuid;
 
 use super::{Plan, Progress, Sources, TrainingFailure, geometry, step};
+use crate::hints::Touched;
 use crate::wire::object::{read_format, unit_metres};
 use crate::wire::reading::from_store;
 
@@ -30,6 +31,8 @@ pub(super) struct Material {
     pub(super) readings: Vec<Reading>,
     /// The client's own code of each reading, where it sent any.
     pub(super) features: Vec<Vec<f64>>,
+    /// What is known of the object by its readings alone.
+    pub(super) touched: Touched,
     sensor: Arc<Sensor>,
     pub(super) origin: Option<DVec3>,
     /// The symmetry of the mesh that was touched, about `origin`, where it is of use.
@@ -42,6 +45,16 @@ pub(super) struct Material {
 impl Material {
     pub(super) fn set(&self) -> TrainingSet<'_> {
         TrainingSet { readings: &self.readings, sensor: &self.sensor.description }
+    }
+
+    /// The sensor that took the readings.
+    pub(super) fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// Whether the readings are touches of a mesh.
+    pub(super) fn has_mesh(&self) -> bool {
+        self.origin.is_some()
     }
 
     /// The taxels of the sensor.
@@ -61,12 +74,13 @@ impl Material {
     }
 }
 
-/// Collects the readings of all objects: their own, or touches of their meshes.
+/// Collects the readings of all objects: their own, or touches of their meshes. A failure of one
+/// object stands in its place.
 pub(super) fn gather(
     plan: &Plan,
     sources: &Sources<'_>,
     progress: &Progress<'_>,
-) -> Result<Vec<Material>, TrainingFailure> {
+) -> Result<Vec<Result<Material, TrainingFailure>>, TrainingFailure> {
     let total = plan.objects.len() * plan.readings_per_object;
     let done = AtomicUsize::new(0);
     step(progress, JobStage::Sampling, 0, total)?;
@@ -81,7 +95,7 @@ pub(super) fn gather(
         step(progress, JobStage::Sampling, done.load(Ordering::Relaxed), total)?;
         Ok(material)
     };
-    plan.objects.par_iter().enumerate().map(gather_one).collect()
+    Ok(plan.objects.par_iter().enumerate().map(gather_one).collect())
 }
 
 /// The readings that robots took of an object; `None` without any.
@@ -113,8 +127,10 @@ fn own_readings(
         sensor = Some(used);
     }
     let object = object.clone();
+    let are_placed = plan.pair_maps || plan.surfaces;
     Ok(sensor.map(|sensor| Material {
         object,
+        touched: Touched::of(&readings, &sensor.description, are_placed),
         readings,
         features,
         sensor,
@@ -135,7 +151,7 @@ fn touch(
 ) -> Result<Material, TrainingFailure> {
     let name = || object.name.clone();
     let mesh = mesh(object.id, sources, &name)?;
-    let origin = mesh.centroid();
+    let (origin, size) = (mesh.centroid(), mesh.largest_dimension());
     let symmetry = plan.surfaces.then(|| symmetry::of_mesh(&mesh).seen_from(origin));
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
     let planar = geometry::planar_presses(plan, index, object, &simulator)?;
@@ -152,11 +168,12 @@ fn touch(
     let readings = sample(&simulator, id, plan.readings_per_object, seed, &config, &mut hear)
         .map_err(|source| match source {
             SampleError::Stopped { .. } => TrainingFailure::Stopped,
-            source => TrainingFailure::Sampling { object: name(), source },
+            source => TrainingFailure::Sampling { object: name(), size, source },
         })?;
     let sensor = Arc::clone(&plan.sensor);
-    let (object, origin) = (object.clone(), Some(origin));
-    Ok(Material { object, readings, features: Vec::new(), sensor, origin, symmetry, planar })
+    let (object, origin, features) = (object.clone(), Some(origin), Vec::new());
+    let touched = Touched { size, ..Touched::of(&readings, &sensor.description, true) };
+    Ok(Material { object, touched, readings, features, sensor, origin, symmetry, planar })
 }
 
 fn mesh(

@@ -82,7 +82,7 @@ pub(super) fn learn(
         map_all(materials, &sets, maps, &space, &config, progress)?.into_iter().unzip();
     let model = match (&plan.base, base) {
         (Some(base), Some(known)) => {
-            let places = base.places(&plan.objects);
+            let places = base.places(materials);
             let maps = extended(known.maps(), &places, new.clone());
             Arc::new(known.with_maps(maps))
         }

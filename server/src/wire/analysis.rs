@@ -4,7 +4,7 @@ use palpate_core::sensor::covering::{
     ALIASING_SPREAD, Acuity, force_resolutions, recommended, thickness_of_spread,
 };
 use palpate_core::sensor::point_spread::{ELEMENT_WIDTH, point_spread_of_covering};
-use palpate_core::units::{INCH, MM};
+use palpate_core::units::{INCH, MM, Shown};
 use palpate_schemas as wire;
 
 use crate::refusal::Refusal;
@@ -103,7 +103,10 @@ fn number(pointer: &str, found: f64, (low, high): (f64, f64)) -> Result<f64, Ref
     if found.is_finite() && (low..=high).contains(&found) {
         return Ok(found);
     }
-    Err(Refusal::field(pointer, format!("came {found}, expected {low} to {high} (SI units)")))
+    Err(Refusal::field(
+        pointer,
+        format!("came {}, expected {low} to {high} (SI units)", Shown(found)),
+    ))
 }
 
 fn numbers(pointer: &str, found: &[f64], bounds: (f64, f64)) -> Result<(), Refusal> {

@@ -6,7 +6,7 @@ use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::response::{Indentation, ResponseError, fit_response};
 use palpate_core::sensor::spread_fit::{Indenter, SpreadError, SpreadPress, fit_spread};
 use palpate_core::sensor::{Calibration, SensorDescription, TaxelState};
-use palpate_core::units::MM;
+use palpate_core::units::{MM, Shown};
 use palpate_schemas as wire;
 use palpate_store::calibration::{StoredCalibration, StoredSpread};
 use palpate_store::entity::Sensor;
@@ -124,7 +124,10 @@ fn length(pointer: &str, found: f64, low: f64) -> Result<f64, Refusal> {
         return Ok(found);
     }
     let low = if low < LENGTH_MIN && low > 0.0 { "above 0".to_owned() } else { low.to_string() };
-    Err(Refusal::field(pointer, format!("came {found} m, expected {low} to {LENGTH_MAX} m")))
+    Err(Refusal::field(
+        pointer,
+        format!("came {} m, expected {low} to {LENGTH_MAX} m", Shown(found)),
+    ))
 }
 
 fn image(

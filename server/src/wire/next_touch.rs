@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use glam::DVec3;
 use palpate_core::next_touch::{Approach, NextTouchOptions, Ranked, Ranking, Workspace};
+use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use uuid::Uuid;
 
@@ -101,7 +102,7 @@ fn positive(pointer: &str, found: f64, max: f64, unit: &str) -> Result<f64, Refu
     if found > 0.0 && found <= max {
         return Ok(found);
     }
-    let detail = format!("came {found}{unit}, expected above 0 and at most {max}{unit}");
+    let detail = format!("came {}{unit}, expected above 0 and at most {max}{unit}", Shown(found));
     Err(Refusal::field(pointer, detail))
 }
 

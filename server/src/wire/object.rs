@@ -1,17 +1,14 @@
 //! Objects and their meshes for the wire.
 
+use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_store::entity::Object;
 use palpate_store::mesh as store;
 
+use crate::hints::{SIZE_LARGE, SIZE_SMALL};
 use crate::refusal::Refusal;
 use crate::wire::{count, time};
-
-/// Larger meshes are probably in another unit, in metres.
-const SIZE_LARGE: f64 = 2.0;
-/// Smaller meshes are probably in another unit, in metres.
-const SIZE_SMALL: f64 = 0.005;
 
 /// A stored object for the wire.
 pub(crate) fn object(
@@ -39,10 +36,7 @@ pub(crate) fn mesh_info(info: &store::MeshInfo) -> wire::MeshInfo {
             store::MeshFormat::Ply => wire::MeshFormat::Ply,
             store::MeshFormat::Off => wire::MeshFormat::Off,
         },
-        unit: match info.unit {
-            store::MeshUnit::Metre => wire::MeshUnit::M,
-            store::MeshUnit::Millimetre => wire::MeshUnit::Mm,
-        },
+        unit: shown_unit(info.unit),
         bytes: info.length,
         hash: info.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
         uploaded_at: time(info.uploaded_at_ms),
@@ -64,13 +58,14 @@ pub(crate) fn mesh_report(info: &store::MeshInfo, mesh: &Mesh) -> wire::MeshRepo
 fn warnings(mesh: &Mesh, unit: store::MeshUnit) -> Vec<String> {
     let size = mesh.largest_dimension();
     let mut warnings = Vec::new();
+    let unit = shown_unit(unit);
     if size > SIZE_LARGE {
-        let other = if unit == store::MeshUnit::Metre { ": is the file in mm?" } else { "" };
-        warnings.push(format!("the mesh is {size:.3} m large{other}"));
+        let other = if unit == wire::MeshUnit::Mm { "" } else { ": is the file in mm?" };
+        warnings.push(format!("the mesh is {} m large{other}", Shown(size)));
     }
     if size < SIZE_SMALL {
-        let other = if unit == store::MeshUnit::Millimetre { ": is the file in m?" } else { "" };
-        warnings.push(format!("the mesh is {:.4} mm small{other}", size * 1e3));
+        let other = if unit == wire::MeshUnit::M { "" } else { ": is the file in m?" };
+        warnings.push(format!("the mesh is {} mm small{other}", Shown(size * 1e3)));
     }
     if !mesh.is_watertight() {
         warnings.push("the mesh is not watertight: its surface has holes or seams".to_owned());
@@ -105,10 +100,7 @@ pub(crate) fn mesh_format(
 
 /// Metres in one unit of a mesh's coordinates.
 pub(crate) fn unit_metres(unit: store::MeshUnit) -> f64 {
-    match unit {
-        store::MeshUnit::Metre => 1.0,
-        store::MeshUnit::Millimetre => 1e-3,
-    }
+    shown_unit(unit).metres()
 }
 
 /// The unit as it is stored.
@@ -116,6 +108,17 @@ pub(crate) fn stored_unit(unit: wire::MeshUnit) -> store::MeshUnit {
     match unit {
         wire::MeshUnit::M => store::MeshUnit::Metre,
         wire::MeshUnit::Mm => store::MeshUnit::Millimetre,
+        wire::MeshUnit::Cm => store::MeshUnit::Centimetre,
+        wire::MeshUnit::In => store::MeshUnit::Inch,
+    }
+}
+
+fn shown_unit(unit: store::MeshUnit) -> wire::MeshUnit {
+    match unit {
+        store::MeshUnit::Metre => wire::MeshUnit::M,
+        store::MeshUnit::Millimetre => wire::MeshUnit::Mm,
+        store::MeshUnit::Centimetre => wire::MeshUnit::Cm,
+        store::MeshUnit::Inch => wire::MeshUnit::In,
     }
 }
 

@@ -3,11 +3,13 @@
 use palpate_core::pose::{Pose, PoseError};
 use palpate_core::reading::{Looseness, Reading, ReadingError, SensorId};
 use palpate_core::sensor::Calibration;
+use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, Sensor, StoredReading};
 use palpate_store::journal::{Entry, Event, NewEntry, ROBOT_BYTES_MAX};
 
+use crate::hints::{Judged, of_readings};
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::wire::{INTEGER_MAX, sensor};
@@ -41,6 +43,15 @@ pub(crate) struct Incoming {
 }
 
 impl Incoming {
+    /// The reading as `hints` judges it.
+    pub(crate) fn judged(&self) -> Judged<'_> {
+        Judged {
+            reading: &self.reading,
+            sensor: &self.sensor.description,
+            pose: self.stored.session_from_sensor,
+        }
+    }
+
     /// The reading as a journal's entry.
     pub(crate) fn entry(&self, received_at_ms: u64) -> NewEntry {
         let event = Event::Reading(self.stored.clone());
@@ -83,6 +94,17 @@ pub(crate) fn readings(
         }
     }
     if errors.is_empty() { Ok(checked) } else { Err(Refusal::Invalid(errors)) }
+}
+
+/// What is probably a mistake in the readings of a request, which follow those of a journal that
+/// begins with `first`.
+pub(crate) fn warnings(readings: &[Incoming], first: Option<&Entry>) -> Vec<wire::Warning> {
+    let first = first.and_then(|entry| match &entry.event {
+        Event::Reading(reading) => reading.session_from_sensor,
+        Event::Retraction { .. } | Event::Closed => None,
+    });
+    let judged: Vec<Judged<'_>> = readings.iter().map(Incoming::judged).collect();
+    of_readings(&judged, first.map(|pose| pose.translation))
 }
 
 /// Checks one reading that stands at `pointer`.
@@ -143,7 +165,7 @@ fn approach(pointer: &str, given: &wire::Reading) -> Result<f64, Refusal> {
     if (0.0..=APPROACH_MAX).contains(&metres) {
         return Ok(metres);
     }
-    let detail = format!("came {metres}, expected metres from 0 to {APPROACH_MAX}");
+    let detail = format!("came {}, expected metres from 0 to {APPROACH_MAX}", Shown(metres));
     Err(Refusal::field(format!("{pointer}/approach_m"), detail))
 }
 
@@ -156,7 +178,7 @@ fn object_moved(pointer: &str, given: &wire::Reading) -> Result<Option<Looseness
 /// Deviations of a place, checked.
 pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Looseness, Refusal> {
     let within = |field: &str, value: f64, max: f64, unit: &str| {
-        let detail = format!("came {value}, expected {unit} above 0, at most {max}");
+        let detail = format!("came {}, expected {unit} above 0, at most {max}", Shown(value));
         let is_right = value > 0.0 && value <= max;
         is_right
             .then_some(value)
@@ -212,7 +234,7 @@ pub(crate) fn pose(pointer: &str, given: &wire::Pose) -> Result<Pose, Refusal> {
     let far = given.position.iter().position(|value| value.abs() > POSITION_MAX);
     if let Some(axis) = far {
         let found = given.position[axis];
-        let detail = format!("came {found} m, expected within ±{POSITION_MAX} m");
+        let detail = format!("came {} m, expected within ±{POSITION_MAX} m", Shown(found));
         return Err(Refusal::field(format!("{pointer}/position/{axis}"), detail));
     }
     Pose::new(given.position, given.orientation).map_err(|error| match error {
@@ -242,7 +264,8 @@ fn feature(pointer: &str, given: Option<&[f64]>) -> Result<(), Refusal> {
         None => Ok(()),
         Some(place) => {
             let found = feature[place];
-            let detail = format!("came {found}, expected a number within ±{FEATURE_VALUE_MAX:e}");
+            let detail =
+                format!("came {}, expected a number within ±{FEATURE_VALUE_MAX:e}", Shown(found));
             Err(Refusal::field(format!("{pointer}/{place}"), detail))
         }
     }

@@ -1,21 +1,21 @@
 //! Sensors: descriptions in, descriptions and dry-runs out.
 
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
+use palpate_core::patch::contact_floor;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
+use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::{
-    ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid,
+    ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid, defaults,
 };
 use palpate_schemas as wire;
 use palpate_store::entity::Sensor;
 use uuid::Uuid;
 
 use crate::calibrations::Applied;
+use crate::hints::{Hint, Judged};
 use crate::refusal::Refusal;
 use crate::wire::time;
-
-/// How many deviations of the noise a pressure must exceed to be contact.
-const NOISE_DEVIATIONS: f64 = 3.0;
 
 /// A stored sensor and the number of its newest calibration for the wire.
 pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor {
@@ -79,9 +79,16 @@ fn description(description: &SensorDescription) -> wire::SensorDescription {
     }
 }
 
-fn checked_description(given: &wire::SensorDescription) -> Result<SensorDescription, Refusal> {
-    let knots = given.force_curve.iter().map(|knot| (knot.displacement, knot.pressure)).collect();
-    let force_curve = ForceCurve::new(knots).map_err(refuse)?;
+/// What a data sheet does not say is filled in.
+fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription, Refusal> {
+    let (thickness, saturation) = (given.covering_thickness, given.saturation);
+    let force_curve = match &given.force_curve {
+        None => defaults::force_curve(thickness, saturation),
+        Some(knots) => {
+            let knots = knots.iter().map(|knot| (knot.displacement, knot.pressure)).collect();
+            ForceCurve::new(knots).map_err(refuse)?
+        }
+    };
     let grid = TaxelGrid {
         rows: given.grid.rows as usize,
         cols: given.grid.cols as usize,
@@ -90,11 +97,11 @@ fn checked_description(given: &wire::SensorDescription) -> Result<SensorDescript
     };
     let parameters = SensorParameters {
         grid,
-        covering_thickness: given.covering_thickness,
-        point_spread: given.point_spread,
+        covering_thickness: thickness,
+        point_spread: given.point_spread.unwrap_or_else(|| point_spread_of_covering(thickness)),
         force_curve,
-        saturation: given.saturation,
-        noise: given.noise,
+        saturation,
+        noise: given.noise.unwrap_or_else(|| defaults::noise(saturation, given.quantisation)),
         quantisation: given.quantisation,
         image_order: order(given.image_order),
     };
@@ -143,16 +150,17 @@ pub(crate) fn check(
         taxels.filter(|&(taxel, &p)| fits(taxel, p)).map(|(taxel, _)| taxel as u32).collect()
     };
     let max_pressure = image.max();
-    let quiet = NOISE_DEVIATIONS * parameters.noise;
-    let threshold = (CONTACT_SHARE * max_pressure).max(quiet);
-    let contact = indices(&|_, pressure| pressure > 0.0 && pressure >= threshold);
+    let (half, floor) = (CONTACT_SHARE * max_pressure, contact_floor(description));
+    let contact = indices(&|_, pressure| pressure > floor && pressure >= half);
     let missing = indices(&|taxel, _| reading.missing()[taxel]);
     let saturated = indices(&|_, pressure| pressure >= parameters.saturation);
     let center = center_of_pressure(image, description);
     let touches = !contact.is_empty();
     let in_session = |pose: Pose| point((pose * center).to_array());
     let looks = |pose: Pose| point(pose.turn([0.0, 0.0, 1.0].into()).to_array());
-    let hints = hints(image.pressures.iter().copied(), parameters, &missing, &saturated, touches);
+    let judged = Judged { reading, sensor: description, pose: session_from_sensor };
+    let warnings = crate::hints::of_reading(judged);
+    let hints = hints(&warnings, image.pressures.len(), missing.len(), touches);
     wire::ReadingCheck {
         rows: image.rows as u32,
         cols: image.cols as u32,
@@ -170,48 +178,26 @@ pub(crate) fn check(
             (0..image.pressures.len() as u32).filter(is_unusable).collect()
         }),
         hints,
+        warnings: warnings.into_iter().map(warning).collect(),
     }
 }
 
-fn hints(
-    pressures: impl Iterator<Item = f64> + Clone,
-    parameters: &SensorParameters,
-    missing: &[u32],
-    saturated: &[u32],
-    touches: bool,
-) -> Vec<String> {
-    let n_taxels = parameters.grid.n_taxels();
-    let (low, high) = (pressures.clone().fold(f64::MAX, f64::min), pressures.fold(0.0, f64::max));
-    let mut hints = Vec::new();
-    if !touches {
+fn warning(hint: Hint) -> wire::Warning {
+    wire::Warning { code: hint.code, pointer: hint.field.to_owned(), detail: hint.detail }
+}
+
+/// What is unusual about a reading, in words: what is probably a mistake, and what one may not
+/// expect.
+fn hints(warnings: &[Hint], n_taxels: usize, n_missing: usize, touches: bool) -> Vec<String> {
+    let mut hints: Vec<String> = warnings.iter().map(|hint| hint.detail.clone()).collect();
+    let is_unit = |hint: &Hint| hint.code == wire::WarningCode::PressureUnit;
+    if !touches && !warnings.iter().any(is_unit) {
         hints.push("nothing is touched: send it all the same, free space is evidence".to_owned());
     }
-    if touches && high < 0.01 * parameters.saturation {
+    if n_missing > 0 {
         hints.push(format!(
-            "the largest pressure is {high} Pa, less than 1 % of the sensor's {} Pa: are the \
-             values in pascal?",
-            parameters.saturation
+            "{n_missing} of {n_taxels} taxels have no value; neighbours stand in for them"
         ));
-    }
-    if high > 1.5 * parameters.saturation {
-        hints.push(format!(
-            "the largest pressure is {high} Pa, above the sensor's saturation of {} Pa: are the \
-             values in pascal?",
-            parameters.saturation
-        ));
-    }
-    if low < -NOISE_DEVIATIONS * parameters.noise.max(parameters.quantisation) {
-        hints.push(format!("pressures go down to {low} Pa: was the sensor tared?"));
-    }
-    if 2 * saturated.len() > n_taxels {
-        hints.push(format!(
-            "{} of {n_taxels} taxels are saturated: press more lightly",
-            saturated.len()
-        ));
-    }
-    if !missing.is_empty() {
-        let n = missing.len();
-        hints.push(format!("{n} of {n_taxels} taxels have no value; neighbours stand in for them"));
     }
     hints
 }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use palpate_core::hybrid::HybridOptions;
 use palpate_core::reading::{Base, Looseness};
+use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use palpate_schemas::{Method, SessionEnd, SessionState};
 use palpate_store::entity::{Method as StoredMethod, Session};
@@ -306,7 +307,7 @@ fn risk(given: f64) -> Result<f64, Refusal> {
         return Ok(given);
     }
     let (low, high) = (RISKS.start(), RISKS.end());
-    Err(Refusal::field("/risk", format!("came {given}, expected {low} to {high}")))
+    Err(Refusal::field("/risk", format!("came {}, expected {low} to {high}", Shown(given))))
 }
 
 /// The probability of "none of these" before the first touch, checked.
@@ -314,7 +315,7 @@ fn unknown_prior(given: f64) -> Result<f64, Refusal> {
     if given > 0.0 && given < 1.0 {
         return Ok(given);
     }
-    let detail = format!("came {given}, expected more than 0 and less than 1");
+    let detail = format!("came {}, expected more than 0 and less than 1", Shown(given));
     Err(Refusal::field("/unknown_prior", detail))
 }
 
@@ -378,7 +379,7 @@ fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>
         })?;
         let probability = entry.probability;
         if !(0.0..=1.0).contains(&probability) {
-            let detail = format!("came {probability}, expected 0 to 1");
+            let detail = format!("came {}, expected 0 to 1", Shown(probability));
             return Err(Refusal::field(format!("/prior/{index}/probability"), detail));
         }
         if given[object].replace(probability).is_some() {

@@ -4,6 +4,7 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::model::{MapPatch, ObjectMap};
 use palpate_core::patch_pair::DistanceBins;
 use palpate_core::train::{DistanceRange, TrainingConfig};
+use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;
 use palpate_schemas as wire;
@@ -212,6 +213,7 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
         pair_maps: Some(pair_maps(request)?),
         extend: None,
         activate: Some(request.activate.unwrap_or(true)),
+        strict: Some(request.strict.unwrap_or(false)),
     })
 }
 
@@ -305,14 +307,14 @@ pub(super) fn descriptor(descriptor: Descriptor) -> DescriptorKind {
 fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Refusal> {
     let fits = |value: f64| value.is_finite() && (0.0..=DISTANCE_MAX).contains(&value);
     if !fits(range.min) {
-        let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", range.min);
+        let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", Shown(range.min));
         return Err(Refusal::field("/distance_range/min", detail));
     }
     let Some(max) = range.max else {
         return Ok(DistanceRange::ToLargest { min: range.min, n: DISTANCE_STEPS });
     };
     if !fits(max) {
-        let detail = format!("came {max}, expected 0 to {DISTANCE_MAX} m");
+        let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", Shown(max));
         return Err(Refusal::field("/distance_range/max", detail));
     }
     DistanceBins::new(range.min, max, DISTANCE_STEPS)

@@ -197,3 +197,30 @@ async fn coverings_are_compared_and_the_sharpest_that_does_not_alias_is_recommen
         it.post(path, &body).await.problem(422, "invalid-value", Some(pointer));
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_data_sheet_does_not_say_is_filled_in() {
+    let it = Harness::start().await;
+    let known = it.get("/v1/sensors/digitacts-6x6").await.expect(200)["description"].clone();
+    let mut sheet = known.clone();
+    for field in ["point_spread", "force_curve", "noise"] {
+        sheet.as_object_mut().unwrap().remove(field);
+    }
+    let post = async |name: &str, description: &Value| {
+        it.post("/v1/sensors", &json!({"name": name, "description": description})).await
+    };
+    // The presets are made of the defaults.
+    assert_eq!(post("sheet", &sheet).await.expect(201)["description"], known);
+    sheet["quantisation"] = json!(500.0);
+    let coarse = post("coarse", &sheet).await.expect(201);
+    assert_eq!(coarse["description"]["noise"], 500.0, "a step is more than half a percent");
+    sheet["noise"] = json!(30.0);
+    assert_eq!(post("stated", &sheet).await.expect(201)["description"]["noise"], 30.0);
+    // What was given and is wrong is named, not what was filled in from it.
+    for (field, value) in [("covering_thickness", 0.0), ("saturation", -1.0)] {
+        let mut wrong = sheet.clone();
+        wrong[field] = json!(value);
+        let pointer = format!("/description/{field}");
+        post("wrong", &wrong).await.problem(422, "invalid-value", Some(&pointer));
+    }
+}

@@ -70,6 +70,14 @@ pub enum MeshError {
         /// What should have stood there.
         expected: &'static str,
     },
+    /// The file is of another format than was said.
+    #[error("the file begins as {found} does, expected {format}: name its own format")]
+    OtherFormat {
+        /// The format that was said.
+        format: MeshFormat,
+        /// The format that its first word names.
+        found: MeshFormat,
+    },
     /// The format's reader refused the file.
     #[error("not a readable {format} file")]
     Unreadable {

@@ -88,7 +88,26 @@ pub(super) fn parse(format: MeshFormat, bytes: &[u8]) -> Result<Soup, MeshError>
         MeshFormat::Ply => ply::read,
         MeshFormat::Off => off::read,
     };
-    catch_unwind(AssertUnwindSafe(|| read(bytes))).unwrap_or(Err(MeshError::Unreadable { format }))
+    let read = catch_unwind(AssertUnwindSafe(|| read(bytes)));
+    read.unwrap_or(Err(MeshError::Unreadable { format })).map_err(|error| {
+        // A comment of a binary STL may begin with anything, so this is asked of failures alone.
+        match first_word(bytes).filter(|found| *found != format) {
+            Some(found) => MeshError::OtherFormat { format, found },
+            None => error,
+        }
+    })
+}
+
+/// The format that a file's first word names; `None` for formats that begin with anything.
+fn first_word(bytes: &[u8]) -> Option<MeshFormat> {
+    let word = bytes.split(u8::is_ascii_whitespace).next()?;
+    match word {
+        b"OFF" | b"COFF" | b"NOFF" | b"CNOFF" => Some(MeshFormat::Off),
+        b"ply" => Some(MeshFormat::Ply),
+        b"solid" => Some(MeshFormat::Stl),
+        b"v" | b"mtllib" => Some(MeshFormat::Obj),
+        _ => None,
+    }
 }
 
 /// Adds a polygon's fan of triangles.
@@ -137,6 +156,24 @@ mod tests {
             for unit in [0.0, -1.0, f64::NAN, f64::INFINITY] {
                 let error = Mesh::from_bytes(format, b"x", unit).unwrap_err();
                 assert!(matches!(error, MeshError::Unit { .. }));
+            }
+        }
+    }
+
+    #[test]
+    fn a_file_of_another_format_is_recognised_by_its_first_word() {
+        let files: [(MeshFormat, &[u8]); 4] = [
+            (MeshFormat::Off, b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
+            (MeshFormat::Ply, b"ply\nformat ascii 1.0\nend_header\n"),
+            (MeshFormat::Stl, b"solid cube\nendsolid cube\n"),
+            (MeshFormat::Obj, b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ];
+        for (found, file) in files {
+            for format in FORMATS.into_iter().filter(|format| *format != found) {
+                // Long enough for a binary STL's header, whose count is then nonsense.
+                let file = file.repeat(40);
+                let refused = Mesh::from_bytes(format, &file, 1e-3);
+                assert_eq!(refused, Err(MeshError::OtherFormat { format, found }));
             }
         }
     }

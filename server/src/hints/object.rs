@@ -1,0 +1,115 @@
+//! Objects that are trained and probably have the wrong unit, or too few touches.
+
+use palpate_core::patch::touches;
+use palpate_core::reading::Reading;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::Shown;
+use palpate_schemas::{ObjectReport, SkippedObject, Warning, WarningCode};
+
+use super::{SIZE_LARGE, SIZE_SMALL, meant};
+
+/// Fewer touches than this do not tell an object's symmetry, nor much of its surface. Derived: the
+/// search for symmetries asks for as many.
+const TOUCHES_FEW: usize = 60;
+/// Two sizes that differ by this factor are in different units, rather than of different objects.
+/// Chosen: 1,000 is the factor of metres and millimetres, and objects of one catalogue differ by
+/// less than 100 (a ring of 20 mm, a door of 2 m).
+const SIZES_FACTOR: f64 = 200.0;
+
+/// What is known of an object from the readings that it is trained from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Touched {
+    /// How many readings there are.
+    pub(crate) n_readings: usize,
+    /// How many of them touched anything.
+    pub(crate) n_touches: usize,
+    /// The largest extent of the touches along an axis, metres.
+    pub(crate) size: f64,
+    /// The largest pressure of all readings, Pa.
+    pub(crate) max_pressure: f64,
+}
+
+impl Touched {
+    /// What readings of one sensor say; `are_placed` when they have poses.
+    pub(crate) fn of(readings: &[Reading], sensor: &SensorDescription, are_placed: bool) -> Self {
+        let felt: Vec<&Reading> = readings.iter().filter(|r| touches(r, sensor)).collect();
+        let positions = || felt.iter().map(|r| r.session_from_sensor().translation);
+        let size = match positions().next() {
+            Some(first) if are_placed => {
+                let low = positions().fold(first, glam::DVec3::min);
+                let high = positions().fold(first, glam::DVec3::max);
+                (high - low).max_element()
+            }
+            _ => 0.0,
+        };
+        let max_pressure = readings.iter().map(|r| r.image().max()).fold(0.0, f64::max);
+        Self { n_readings: readings.len(), n_touches: felt.len(), size, max_pressure }
+    }
+
+    /// In which unit the pressures probably are, when nothing was touched.
+    pub(crate) fn meant(&self, sensor: &SensorDescription) -> String {
+        let max = Shown(self.max_pressure);
+        format!("the largest value is {max}, {}", meant(self.max_pressure, sensor))
+    }
+}
+
+/// What is probably a mistake in what an object is trained from.
+pub(crate) fn of_object(touched: &Touched, has_mesh: bool) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let mut warn = |code, detail| {
+        warnings.push(Warning { code, pointer: String::new(), detail });
+    };
+    let what = if has_mesh { "the mesh" } else { "what the readings touched" };
+    if touched.size > SIZE_LARGE {
+        let unit = if has_mesh { "is its unit right" } else { "are positions in metres" };
+        let detail = format!("{what} is {} m large: {unit}?", Shown(touched.size));
+        warn(WarningCode::ObjectLarge, detail);
+    }
+    if touched.size > 0.0 && touched.size < SIZE_SMALL {
+        let unit = if has_mesh { "is its unit right" } else { "are positions in metres" };
+        let detail = format!("{what} is {} mm small: {unit}?", Shown(touched.size * 1e3));
+        warn(WarningCode::ObjectSmall, detail);
+    }
+    if touched.n_touches < TOUCHES_FEW {
+        let detail = format!(
+            "{} of {} readings touched it, and below {TOUCHES_FEW} neither its surface nor its \
+             symmetry is known",
+            touched.n_touches, touched.n_readings
+        );
+        warn(WarningCode::FewTouches, detail);
+    }
+    warnings
+}
+
+/// What is probably a mistake in a training as a whole.
+pub(crate) fn of_catalogue(
+    sizes: &[(&ObjectReport, f64)],
+    skipped: &[SkippedObject],
+) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let placed = || sizes.iter().filter(|(_, size)| *size > 0.0);
+    let by_size = |a: &&(&ObjectReport, f64), b: &&(&ObjectReport, f64)| a.1.total_cmp(&b.1);
+    if let (Some((small, low)), Some((large, high))) =
+        (placed().min_by(by_size), placed().max_by(by_size))
+        && high / low > SIZES_FACTOR
+    {
+        let detail = format!(
+            "object {:?} is {} m large and {:?} only {} m: are both in the same unit?",
+            large.name,
+            Shown(*high),
+            small.name,
+            Shown(*low)
+        );
+        let pointer = "/objects".to_owned();
+        warnings.push(Warning { code: WarningCode::SizesDiffer, pointer, detail });
+    }
+    if let Some(first) = skipped.first() {
+        let detail = match skipped.len() {
+            1 => format!("object {:?} was left out: {}", first.name, first.reason),
+            n => format!("{n} objects were left out, first {:?}: {}", first.name, first.reason),
+        };
+        let pointer = "/skipped".to_owned();
+        warnings.push(Warning { code: WarningCode::ObjectsSkipped, pointer, detail });
+    }
+    warnings
+}

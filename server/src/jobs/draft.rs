@@ -1,0 +1,59 @@
+//! What a training came to, as a version that is to be stored: objects, blocks and the report.
+
+use std::time::Duration;
+
+use palpate_core::model::Catalogue;
+use palpate_schemas as wire;
+use palpate_schemas::StartTraining;
+use palpate_store::catalogue::{Draft, VersionObject, block_hash};
+use palpate_store::model_codec::APPEARANCE_BLOCK;
+use uuid::Uuid;
+
+use crate::clock::now_ms;
+use crate::training::Trained;
+use crate::wire as convert;
+use crate::wire::training::VersionParameters;
+
+/// The version of a job's training, which took `elapsed`.
+pub(super) fn draft(
+    job: Uuid,
+    training: StartTraining,
+    trained: Trained,
+    blocks: Vec<(String, Vec<u8>)>,
+    elapsed: Duration,
+) -> Draft {
+    let version_object =
+        |object: &wire::ObjectReport| VersionObject { id: object.id, name: object.name.clone() };
+    let objects: Vec<VersionObject> = trained.objects.iter().map(version_object).collect();
+    let report = wire::TrainingReport {
+        n_classes: convert::count(trained.model.vocabulary.n_classes()),
+        index_bytes: trained.objects.iter().map(|object| object.index_bytes).sum(),
+        surface_bytes: trained.model.surface.as_ref().map_or(0, |model| model.bytes() as u64),
+        seconds: elapsed.as_secs_f64(),
+        seed: training.seed.unwrap_or_default(),
+        appearance: appearance_summary(&trained.model, &objects, &blocks),
+        objects: trained.objects,
+        skipped: trained.skipped,
+        warnings: trained.warnings,
+    };
+    let parameters = VersionParameters { training, report, merged_from: Vec::new() };
+    Draft {
+        job: Some(job),
+        objects,
+        blocks,
+        created_at_ms: now_ms(),
+        parameters: serde_json::to_string(&parameters)
+            .expect("a report consists of finite numbers and strings"),
+    }
+}
+
+/// What was learnt of appearance, in short.
+fn appearance_summary(
+    model: &Catalogue,
+    objects: &[VersionObject],
+    blocks: &[(String, Vec<u8>)],
+) -> Option<wire::AppearanceSummary> {
+    let (_, block) = blocks.iter().find(|(name, _)| name == APPEARANCE_BLOCK)?;
+    let appearance = model.appearance.as_ref()?;
+    Some(convert::appearance::summary(appearance, objects, &block_hash(block)))
+}
