@@ -126,8 +126,6 @@ pub struct Session {
     pub frame_id: String,
     /// Prior probabilities of objects; empty is uniform.
     pub prior: Vec<(Uuid, f64)>,
-    /// Whether the object may move between readings.
-    pub object_may_move: bool,
     /// The seed of its random streams.
     pub seed: u64,
     /// How long it lives without a reading.

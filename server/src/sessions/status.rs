@@ -56,7 +56,6 @@ mod tests {
             sensors: Vec::new(),
             frame_id: String::new(),
             prior: Vec::new(),
-            object_may_move: false,
             seed: 0,
             time_to_live_ms: 1000,
             options: options.to_owned(),

@@ -186,7 +186,6 @@ pub(crate) fn new_session(
         sensors: Vec::new(),
         frame_id,
         prior: prior(request.prior.as_deref().unwrap_or_default(), model)?,
-        object_may_move: is_appearance(method),
         seed: if is_geometric { seed } else { 0 },
         time_to_live_ms: time_to_live.as_millis() as u64,
         options: written(&options),

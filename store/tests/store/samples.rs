@@ -69,7 +69,6 @@ pub(crate) fn session(id: u128) -> Session {
         sensors: vec![Uuid::from_u128(10), Uuid::from_u128(11)],
         frame_id: "base_link".to_owned(),
         prior: vec![(Uuid::from_u128(20), 0.25), (Uuid::from_u128(21), 0.75)],
-        object_may_move: true,
         seed: 99,
         time_to_live_ms: 3_600_000,
         options: "{}".to_owned(),
