@@ -111,30 +111,6 @@ pub(super) fn alignment(
     likelier
 }
 
-/// The squared misfit of two pairs in deviations, all angles alike and `unsteady` (rad²) more:
-/// for the table of all objects' pairs, which knows no bends. `None` beyond the tolerance.
-pub(super) fn misfit(
-    query: &PairGeometry,
-    stored: &PairGeometry,
-    unsteady: f32,
-    options: &HybridOptions,
-) -> Option<f32> {
-    let distance = (query.distance - stored.distance).abs();
-    if distance > options.pairs.distance {
-        return None;
-    }
-    let variance = options.pair_deviation.cosine.powi(2) + unsteady;
-    let mut sum = (distance / options.pair_deviation.distance).powi(2);
-    let cosines = query.cosines.iter().zip(&stored.cosines).map(|(a, b)| a - b);
-    for difference in cosines.chain([query.chirality - stored.chirality]) {
-        if difference.abs() > options.pairs.cosine {
-            return None;
-        }
-        sum += difference * difference / variance;
-    }
-    Some(sum)
-}
-
 #[cfg(test)]
 mod tests {
     use glam::{DQuat, DVec3};

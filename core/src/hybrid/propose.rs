@@ -113,7 +113,7 @@ pub(super) fn propose(
     let place = |touch: &Sighting| (touch.position, touch.normal);
     let options = &loosened(options, touches);
     let query = PairGeometry::new(place(touches[0]), place(touches[1]))?;
-    let (facets, n_tabled, n_asked) = (map.facets(), n_tabled(map), effort.n_asked(map));
+    let (facets, n_asked) = (map.facets(), effort.n_asked(map));
     let mut alike = Vec::new();
     let mut n_visited = 0;
     map.pairs().matches(query, options.pairs, |first, second| {
@@ -141,12 +141,8 @@ pub(super) fn propose(
         total += weight;
         matches.push(Match { weight, patches: [first, second] });
     }
-    let n_pairs = if n_asked < n_tabled {
-        n_asked * n_asked.saturating_sub(1)
-    } else {
-        2 * map.pairs().len()
-    };
-    let n_pairs = n_pairs.max(1) as f32;
+    // In a mean over all pairs those too short to be tabled have none like the observed one.
+    let n_pairs = (n_asked * n_asked.saturating_sub(1)).max(1) as f32;
     keep_likeliest(&mut matches, effort.proposals);
     matches.sort_unstable_by(Match::likelier);
     let mut proposals = Vec::with_capacity(matches.len());
@@ -180,7 +176,7 @@ pub(super) fn loosened(options: &HybridOptions, touches: [&Sighting; 2]) -> Hybr
 
 /// By what variance (rad²) the angles of a pair are looked for around, since its sensors may not
 /// have stood as the surface lies.
-pub(super) fn unsteady(touches: [&Sighting; 2]) -> f32 {
+fn unsteady(touches: [&Sighting; 2]) -> f32 {
     let variance: f32 = touches.iter().map(|touch| touch.steadiness.normal_variance).sum();
     variance.min(UNSTEADY_MAX * UNSTEADY_MAX)
 }

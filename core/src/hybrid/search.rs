@@ -100,6 +100,7 @@ impl HybridBelief {
                 self.bar(f64::from(self.options.drop_between), budget.refined_objects),
             ),
         };
+        let is_large = listed.is_some();
         let hopeless = self.n_listed().map_or(f32::NEG_INFINITY, |_| self.hopeless());
         let (objects, evidence) = self.parts();
         let (touches, options) = (evidence.touches, evidence.options);
@@ -127,8 +128,10 @@ impl HybridBelief {
                 let Some(mut proposed) = propose(map, pair, looks, *effort, options) else {
                     continue;
                 };
+                // Where the table was asked it has said of all objects how common the geometry is.
+                let geometry = if is_large { state.pair.geometry } else { proposed.geometry };
                 state.pair = PairEvidence {
-                    geometry: proposed.geometry,
+                    geometry,
                     evidence: proposed.evidence,
                     looks: proposed.looks[0] * proposed.looks[1],
                 };

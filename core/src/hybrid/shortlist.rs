@@ -2,18 +2,18 @@
 //!
 //! Section 5.6.4 leaves large sets of objects open. In a large catalogue each new touch, paired
 //! with earlier ones, asks the table of all objects' pairs (`surface::joint_pairs`) how dense
-//! each object's pairs are about what was felt. The estimates are multiplied up from touch to
-//! touch for every object, so that one that was left out before may come in later; poses are
-//! proposed for those that stand best. Their number grows as the root of the number of objects.
+//! each object's pairs are about what was felt, by the same measure as an object's own pairs do.
+//! The estimates are multiplied up from touch to touch; an object that is not asked keeps its
+//! standing, so that it may come in later; poses are proposed for those that stand best. Their
+//! number grows as the root of the number of objects.
 
 use rayon::prelude::*;
 
 use super::options::HybridOptions;
-use super::pair_fit::{alignment, misfit};
-use super::propose::{loosened, unsteady};
+use super::pair_fit::{alignment, fit};
+use super::propose::loosened;
 use super::sighting::Sighting;
 use super::{HybridBelief, PairEvidence};
-use crate::exponential::exp;
 use crate::surface::joint_pairs::{JointPairs, JointTable, OBJECTS_PER_TABLE};
 use crate::surface::pair_geometry::PairGeometry;
 
@@ -27,6 +27,8 @@ struct Estimate {
     geometry: f32,
     /// Mean over the object's pairs of what the pair's geometry and appearance weigh.
     evidence: f32,
+    /// Mean over the object of how well each of the two appearances fits, multiplied.
+    looks: f32,
 }
 
 impl HybridBelief {
@@ -42,9 +44,10 @@ impl HybridBelief {
     }
 
     /// The newest touch and each partner ask the table how each object stands: all of them, or
-    /// those that stand best. Whoever is not asked is taken to have no such pair. Says of each
-    /// partner what share of an object's pairs are about the observed one, in the mean over all
-    /// objects; `None` when there is no table.
+    /// those that stand best. One that is not asked keeps its standing: those that are asked
+    /// gain nothing in the mean (ln), so that it falls behind no further than they do. Says of
+    /// each partner what share of an object's pairs are about the observed one, in the mean over
+    /// the objects asked; `None` when there is no table.
     pub(super) fn take_census(&mut self, partners: &[usize], all: bool) -> Option<Vec<f32>> {
         let joint = self.model.joint_pairs()?;
         let [earlier @ .., newest] = self.touches.as_slice() else { return None };
@@ -52,23 +55,26 @@ impl HybridBelief {
         let n_asked = self.n_listed().map_or(usize::MAX, |n| n.saturating_mul(ASKED));
         let bar = if all { f64::NEG_INFINITY } else { self.standing_of(n_asked) };
         let wanted: Vec<bool> = self.objects.iter().map(|state| state.standing >= bar).collect();
+        let n_wanted = wanted.iter().filter(|wanted| **wanted).count().max(1);
         let partners: Vec<&Sighting> = partners.iter().map(|n| &earlier[*n]).collect();
         for estimates in estimate(joint, newest, &partners, &wanted, &self.options) {
-            let n_objects = estimates.len().max(1) as f32;
-            let mean =
-                |value: fn(&Estimate) -> f32| estimates.iter().map(value).sum::<f32>() / n_objects;
+            let mean = |value: fn(&Estimate) -> f32| {
+                estimates.iter().flatten().map(value).sum::<f32>() / n_wanted as f32
+            };
             shares.push(mean(|estimate| estimate.geometry));
             let mean = mean(|estimate| estimate.evidence);
             if mean <= 0.0 {
                 continue;
             }
-            for (state, Estimate { geometry, evidence }) in self.objects.iter_mut().zip(&estimates)
-            {
-                state.standing += f64::from((evidence / mean + self.options.standing_floor).ln());
+            let floor = self.options.standing_floor;
+            let gain = |estimate: &Estimate| f64::from((estimate.evidence / mean + floor).ln());
+            let usual = estimates.iter().flatten().map(gain).sum::<f64>() / n_wanted as f64;
+            for (state, estimate) in self.objects.iter_mut().zip(&estimates) {
+                let Some(estimate) = estimate else { continue };
+                state.standing += gain(estimate) - usual;
                 if state.pair.looks <= 0.0 {
-                    // Looks are 1 in the mean over all objects.
-                    let looks = state.log_evidence.exp() as f32;
-                    state.pair = PairEvidence { geometry: *geometry, evidence: *evidence, looks };
+                    let Estimate { geometry, evidence, looks } = *estimate;
+                    state.pair = PairEvidence { geometry, evidence, looks };
                 }
             }
         }
@@ -87,7 +93,6 @@ impl HybridBelief {
 struct Query<'a> {
     touches: [&'a Sighting; 2],
     geometry: PairGeometry,
-    unsteady: f32,
     options: HybridOptions,
 }
 
@@ -98,14 +103,18 @@ impl<'a> Query<'a> {
         Some(Self {
             touches,
             geometry: PairGeometry::new(a, b)?,
-            unsteady: unsteady(touches),
             options: loosened(options, touches),
         })
     }
 
     /// What a table says of its objects that are wanted; `looks` are those of both touches at
     /// the tabled ones.
-    fn ask(&self, table: &JointTable, wanted: &[bool], looks: [&[f32]; 2]) -> Vec<Estimate> {
+    fn ask(
+        &self,
+        table: &JointTable,
+        wanted: &[bool],
+        looks: [&[f32]; 2],
+    ) -> Vec<Option<Estimate>> {
         let mut estimates = vec![Estimate::default(); table.n_objects()];
         // Looks first: they differ more often.
         let mut alike = Vec::new();
@@ -119,37 +128,40 @@ impl<'a> Query<'a> {
         });
         for (object, looks, touches) in alike {
             let Some((facets, stored)) = table.pair(touches) else { continue };
-            let misfit = misfit(&self.geometry, &stored, self.unsteady, &self.options);
-            if let Some(misfit) = misfit {
+            let fit = fit(self.touches, &self.geometry, &stored, facets, &self.options);
+            if let Some(fit) = fit {
                 let turned = alignment(self.touches, facets, &self.options);
-                estimates[object].evidence += looks * exp(-0.5 * misfit) * turned;
+                estimates[object].evidence += looks * fit * turned;
             }
         }
-        for (object, estimate) in estimates.iter_mut().enumerate() {
+        let of_object = |(object, estimate): (usize, &Estimate)| {
             let n_pairs = table.n_pairs(object).max(1) as f32;
-            let Estimate { geometry, evidence } = *estimate;
-            *estimate = if wanted[object] {
-                Estimate { geometry: geometry / n_pairs, evidence: evidence / n_pairs }
-            } else {
-                Estimate::default()
+            let mean = |looks: &[f32]| {
+                let looks = &looks[table.touches(object)];
+                looks.iter().sum::<f32>() / looks.len().max(1) as f32
             };
-        }
-        estimates
+            wanted[object].then(|| Estimate {
+                geometry: estimate.geometry / n_pairs,
+                evidence: estimate.evidence / n_pairs,
+                looks: mean(looks[0]) * mean(looks[1]),
+            })
+        };
+        estimates.iter().enumerate().map(of_object).collect()
     }
 }
 
-/// What the table says of all objects for the newest touch and each partner: of one at its place
-/// nothing.
+/// What the table says of each object for the newest touch and each partner: `None` of those that
+/// are not wanted, and of all for a partner at the newest touch's place.
 fn estimate(
     joint: &JointPairs,
     newest: &Sighting,
     partners: &[&Sighting],
     wanted: &[bool],
     options: &HybridOptions,
-) -> Vec<Vec<Estimate>> {
+) -> Vec<Vec<Option<Estimate>>> {
     let pairs = partners.iter().map(|partner| [newest, *partner]);
     let queries: Vec<Option<Query<'_>>> = pairs.map(|pair| Query::new(pair, options)).collect();
-    let of_table = |(table, wanted): (&JointTable, &[bool])| -> Vec<Vec<Estimate>> {
+    let of_table = |(table, wanted): (&JointTable, &[bool])| -> Vec<Vec<Option<Estimate>>> {
         let looks = |touch: &Sighting| {
             let mut looks = Vec::with_capacity(table.features().len());
             for (object, wanted) in wanted.iter().enumerate() {
@@ -165,12 +177,12 @@ fn estimate(
         let newest = looks(newest);
         let ask = |query: &Option<Query<'_>>| match query {
             Some(query) => query.ask(table, wanted, [&newest, &looks(query.touches[1])]),
-            None => vec![Estimate::default(); table.n_objects()],
+            None => vec![None; table.n_objects()],
         };
         queries.iter().map(ask).collect()
     };
     let tables = joint.tables().par_iter().zip(wanted.par_chunks(OBJECTS_PER_TABLE));
-    let of_tables: Vec<Vec<Vec<Estimate>>> = tables.map(of_table).collect();
+    let of_tables: Vec<Vec<Vec<Option<Estimate>>>> = tables.map(of_table).collect();
     let all = |query: usize| of_tables.iter().flat_map(|of| &of[query]).copied().collect();
     (0..queries.len()).map(all).collect()
 }
@@ -188,7 +200,7 @@ mod tests {
     use crate::surface::pair_table::PairTable;
 
     /// What the table says of objects of 120 random places each, for touches of the third.
-    fn estimates(touches: [usize; 2], wanted: [bool; 4]) -> Vec<Estimate> {
+    fn estimates(touches: [usize; 2], wanted: [bool; 4]) -> Vec<Option<Estimate>> {
         let objects = [0, 1, 2, 3].map(|seed| places(120, seed));
         let maps = objects.each_ref().map(|places| Arc::new(map_of(places)));
         let pose = some_pose(5);
@@ -203,8 +215,8 @@ mod tests {
         let mut standing = [0.0f32; 4];
         for touch in 0..60 {
             let all = estimates([touch, touch + 55], [true; 4]);
-            let mean = all.iter().map(|estimate| estimate.evidence).sum::<f32>() / 4.0;
-            for (standing, estimate) in standing.iter_mut().zip(&all) {
+            let mean = all.iter().flatten().map(|estimate| estimate.evidence).sum::<f32>() / 4.0;
+            for (standing, estimate) in standing.iter_mut().zip(all.iter().flatten()) {
                 *standing += (estimate.evidence / mean + 0.3).ln();
             }
         }
@@ -217,7 +229,7 @@ mod tests {
         let all = estimates([3, 50], [true; 4]);
         let some = estimates([3, 50], [true, false, true, false]);
         assert_eq!((some[0], some[2]), (all[0], all[2]));
-        assert_eq!((some[1], some[3]), (Estimate::default(), Estimate::default()));
+        assert_eq!((some[1], some[3]), (None, None));
     }
 
     #[test]
@@ -235,10 +247,13 @@ mod tests {
             let [a, b] = [first, second].map(|place| positions[usize::from(place)]);
             visited += 1.0;
             let stored = PairGeometry::new(a, b).unwrap();
-            near += f32::from(u8::from(misfit(&query, &stored, 0.0, &options).is_some()));
+            let is_near = (query.distance - stored.distance).abs() <= options.pairs.distance
+                && (query.cosines.iter().zip(&stored.cosines))
+                    .all(|(a, b)| (a - b).abs() <= options.pairs.cosine);
+            near += f32::from(u8::from(is_near));
         });
         let n_pairs = (120 * 119) as f32;
-        let share = estimates([3, 50], [true; 4])[2].geometry;
+        let share = estimates([3, 50], [true; 4])[2].unwrap().geometry;
         assert!((near / n_pairs..=visited / n_pairs).contains(&share), "{near} {share} {visited}");
     }
 
@@ -249,7 +264,7 @@ mod tests {
         let joint = JointPairs::build(&[map]);
         let options = HybridOptions::default();
         let estimates = estimate(&joint, &touch, &[&touch], &[true], &options);
-        assert_eq!(estimates, [[Estimate::default()]]);
+        assert_eq!(estimates, [[None]]);
     }
 
     #[test]
@@ -271,6 +286,48 @@ mod tests {
         let bar = belief.standing_of(64);
         let out = belief.objects.iter().filter(|state| state.standing < bar);
         assert!(out.clone().count() > 20 && out.clone().all(|state| state.hypotheses.is_empty()));
+    }
+
+    /// A belief over `n` objects of 60 random places each that sees two touches of the third.
+    fn touched(n: u64) -> HybridBelief {
+        let objects: Vec<Vec<Touch>> = (0..n).map(|index| places(60, index)).collect();
+        let mut belief = belief_over(&objects, HybridOptions::default());
+        belief.touches = [3, 50].map(|touch| seen(&objects[2][touch], &some_pose(5))).to_vec();
+        belief
+    }
+
+    #[test]
+    fn after_two_touches_the_table_and_an_objects_own_pairs_are_one_scale() {
+        let mut belief = touched(40);
+        let shares = belief.take_census(&[0], true).unwrap();
+        let by_table: Vec<PairEvidence> = belief.objects.iter().map(|state| state.pair).collect();
+        // All of so few touches are tabled: both are means over the very same pairs.
+        let asked = in_turn(&[0], Some(&shares), 2, &belief.options);
+        belief.propose(&asked, f64::INFINITY, belief.n_listed_for_pair());
+        let mut n_asked = 0;
+        for (state, table) in belief.objects.iter().zip(&by_table) {
+            let PairEvidence { evidence, looks, .. } = state.pair;
+            assert!((evidence - table.evidence).abs() <= 1e-4 * evidence, "{table:?} {state:?}");
+            assert!((looks - table.looks).abs() <= 1e-4 * looks, "{table:?} {state:?}");
+            n_asked += usize::from(!state.hypotheses.is_empty());
+        }
+        assert!(n_asked > 10 && by_table[2].evidence > 0.0, "{n_asked}");
+    }
+
+    #[test]
+    fn an_object_that_is_not_asked_keeps_its_standing() {
+        let mut belief = touched(40);
+        // Lists of seven, asked for twice as many.
+        belief.options.budget.many.listed_per_root = 1;
+        for (index, state) in belief.objects.iter_mut().enumerate() {
+            state.standing = -(index as f64);
+        }
+        belief.take_census(&[0], false).unwrap();
+        let gained = |n: usize| belief.objects[n].standing + n as f64;
+        assert!((14..40).all(|n| gained(n).abs() < 1e-12), "not asked");
+        assert!((0..14).all(|n| gained(n).abs() > 1e-6), "asked");
+        let sum: f64 = (0..14).map(gained).sum();
+        assert!(sum.abs() < 1e-9 && gained(2) > 0.0, "{sum}");
     }
 
     #[test]
