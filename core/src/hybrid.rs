@@ -95,8 +95,11 @@ pub struct HybridBelief {
     unknown: f64,
     /// Whether the object may have moved since its first touch.
     may_have_moved: bool,
-    /// Whether it seems to move between touches though nobody said so.
+    /// Whether this is what is believed if the object moves between touches, though nobody said
+    /// so (`motion`).
     is_restless: bool,
+    /// What is believed if it does, by one amplitude each; empty while nothing speaks for it.
+    moving: Vec<Self>,
 }
 
 /// What is believed of one object.
@@ -154,6 +157,7 @@ impl HybridBelief {
             unknown: options.unknown,
             may_have_moved: false,
             is_restless: false,
+            moving: Vec::new(),
             model,
             options,
         })
@@ -164,7 +168,9 @@ impl HybridBelief {
     pub fn bytes(&self) -> usize {
         let objects: usize = self.objects.iter().map(ObjectState::bytes).sum();
         let patterns: usize = self.patterns.iter().map(Pattern::bytes).sum();
+        let moving: usize = self.moving.iter().map(Self::bytes).sum();
         size_of::<Self>()
+            + moving
             + self.log_prior.capacity() * size_of::<f64>()
             + self.touches.capacity() * size_of::<Sighting>()
             + self.patterns.capacity() * size_of::<Pattern>()
@@ -176,6 +182,17 @@ impl HybridBelief {
 
     /// Takes a reading into account. A press that touched nothing says where the object is not.
     pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        let leader = self.leader_index();
+        self.take(reading, sensor, leader.is_none());
+        for (index, moving) in self.moving.iter_mut().enumerate() {
+            moving.take(reading, sensor, leader == Some(index));
+        }
+        self.doubt_rest();
+    }
+
+    /// The same as far as this is one of several beliefs of which one `leads`: that one searches
+    /// in full.
+    fn take(&mut self, reading: &Reading, sensor: &SensorDescription, leads: bool) {
         if !self.witness(reading, sensor) {
             self.judge_miss();
             return;
@@ -194,10 +211,9 @@ impl HybridBelief {
             }
             _ => {
                 self.verify();
-                self.propose_in_doubt();
+                self.propose_in_doubt(leads);
                 self.refine();
                 self.weigh();
-                self.doubt_rest();
             }
         }
         self.bound();

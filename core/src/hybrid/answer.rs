@@ -22,14 +22,16 @@ const SHARE_MIN: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Share {
     pub(super) share: f64,
+    /// Of which belief it is, of an object that rests or moves.
+    pub(super) belief: usize,
     pub(super) object: usize,
     pub(super) hypothesis: Hypothesis,
 }
 
 /// The shares of an object's hypotheses (best first) that may be among `n` answers, or add to
-/// one of them. `probability` is the object's.
+/// one of them. `probability` is the object's in a belief.
 pub(super) fn shares<'a>(
-    object: usize,
+    [belief, object]: [usize; 2],
     probability: f64,
     hypotheses: &'a [Hypothesis],
     symmetry: &'a Symmetry,
@@ -38,7 +40,7 @@ pub(super) fn shares<'a>(
     let total = log_sum_exp(hypotheses.iter().map(|h| f64::from(h.score)));
     let shares = hypotheses.iter().map(move |hypothesis| {
         let share = probability * (f64::from(hypothesis.score) - total).exp();
-        Share { share, object, hypothesis: *hypothesis }
+        Share { share, belief, object, hypothesis: *hypothesis }
     });
     let is_symmetric = !symmetry.is_none();
     let counts = move |(rank, found): &(usize, Share)| {
@@ -59,12 +61,13 @@ pub(super) fn distinct(
     let mut kept: Vec<Share> = Vec::with_capacity(n);
     for found in all {
         let symmetry = maps[found.object].symmetry();
+        // Within a belief what is one pose was merged before.
         let same = |other: &Share| {
             other.object == found.object
+                && (other.belief != found.belief || !symmetry.is_none())
                 && looks_like(&other.hypothesis, &found.hypothesis, symmetry, options)
         };
-        let known = if symmetry.is_none() { None } else { kept.iter().position(same) };
-        match known {
+        match kept.iter().position(same) {
             Some(other) => kept[other].share += found.share,
             None if kept.len() < n => kept.push(found),
             None => {}
@@ -125,7 +128,7 @@ mod tests {
         let hypotheses = [turned(0.0, 5.0), turned(PI, 4.0), turned(1.0, 1.0)];
         let mut all = Vec::new();
         for (object, probability) in [0.6, 0.4].into_iter().enumerate() {
-            all.extend(shares(object, probability, &hypotheses, maps[object].symmetry(), n));
+            all.extend(shares([0, object], probability, &hypotheses, maps[object].symmetry(), n));
         }
         distinct(all, &maps, n, &options).iter().map(|found| (found.object, found.share)).collect()
     }

@@ -10,6 +10,7 @@ use thiserror::Error;
 
 use super::carried::Carried;
 use super::hypothesis::Hypothesis;
+use super::motion::AMPLITUDES;
 use super::turned::Turned;
 use super::{HybridBelief, ObjectState, PairEvidence};
 use crate::reading::Reading;
@@ -28,11 +29,11 @@ impl HybridBelief {
         for count in [self.objects.len(), self.n_readings, self.touches.len(), self.stage] {
             out.count(count);
         }
-        out.count(usize::from(self.is_restless));
+        out.count(self.moving.len());
         out.double(self.unknown);
         self.log_prior.iter().for_each(|log| out.double(*log));
-        for state in &self.objects {
-            out.object(state);
+        for belief in self.beliefs() {
+            belief.objects.iter().for_each(|state| out.object(state));
         }
         out.0
     }
@@ -60,17 +61,24 @@ impl HybridBelief {
             }
         }
         self.stage = from.count()?;
-        match from.count()? {
-            0 => {}
-            1 => self.set_restless(),
-            _ => return Err(NotConclusions),
-        }
+        let n_moving = from.count()?;
         self.unknown = from.double()?;
         for log in &mut self.log_prior {
             *log = from.double()?;
         }
         for state in &mut self.objects {
             *state = from.object()?;
+        }
+        // All that is believed of a moving object but its poses follows from the touches.
+        self.moving = match n_moving {
+            0 => Vec::new(),
+            AMPLITUDES if self.options.motion.is_none() => self.all_moving(),
+            _ => return Err(NotConclusions),
+        };
+        for moving in &mut self.moving {
+            for state in &mut moving.objects {
+                *state = from.object()?;
+            }
         }
         if from.0.is_empty() { Ok(()) } else { Err(NotConclusions) }
     }

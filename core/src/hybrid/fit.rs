@@ -35,7 +35,8 @@ impl HybridBelief {
         probabilities.pop();
         let known: f64 = probabilities.iter().sum();
         let mut logs = Vec::new();
-        let objects = self.objects.iter().zip(self.model.maps()).zip(&probabilities);
+        let leader = self.leader();
+        let objects = leader.objects.iter().zip(self.model.maps()).zip(&probabilities);
         for ((state, map), probability) in objects {
             let share = probability / known;
             if share.is_nan() || share < PROBABILITY_MIN {

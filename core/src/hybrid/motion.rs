@@ -1,38 +1,43 @@
 //! An object that moves: once, as a client says; a little between any two touches, as a session
 //! is told; or so, though nobody said it.
 //!
-//! What nobody said is tried when even the best explanation is poor: that the object moves
-//! between touches by about as much as section 4.4.2.4 perturbs it is held against that it
-//! rests. Which object it is and where it is now are then answered as of one that moves. "None of
-//! these" keeps its weight: an object that moves explains touches of an unknown one as well.
+//! What nobody said is believed beside that the object rests, once even the best explanation of
+//! an object at rest is poor: that it moves between touches, by one of three amplitudes. Each is a
+//! belief of its own that takes every reading; what is answered is their mixture, by their
+//! evidence and how seldom objects move untold. Rest is never given up, and motion is dropped
+//! when rest explains the touches well and all but surely. "None of these" keeps its weight: an
+//! object that moves explains touches of an unknown one as well.
 
 use super::carried::{self, Carried};
 use super::evidence::{Evidence, Known};
 use super::hypothesis::{Hypothesis, merge};
-use super::{HybridBelief, HybridOptions, ObjectState, PairEvidence, for_each_object};
-use crate::log_prob::log_sum_exp;
+use super::placement::HALF;
+use super::{HybridBelief, ObjectState, PairEvidence, for_each_object};
 use crate::reading::Looseness;
-use crate::units::{DEG, MM};
 
 /// No object is ruled out for good when what is known is carried over.
 const SURE: f64 = 1e-12;
 
-/// How far an object moves between touches when nobody said that it does: up to 8 mm and 10°, a
-/// length drawn evenly up to its maximum, as deviations along and about each axis.
-const UNTOLD: Looseness = Looseness { position: 8.0 / 3.0 * MM, angle: 10.0 / 3.0 * DEG };
+/// By how many amplitudes an object may move untold.
+pub(super) const AMPLITUDES: usize = 3;
 
-/// The share of sessions in which it does.
+/// The share of sessions in which an object moves untold, by any of the amplitudes alike. A
+/// chosen number.
 const UNTOLD_SHARE: f64 = 0.02;
 
-/// Touches from which motion can be told from rest.
+/// Touches from which motion can be told from rest: three fix a pose. Derived.
 const TOUCHES_MIN: usize = 4;
 
-/// So many objects, the likeliest ones, are asked whether they move.
-const OBJECTS_MAX: usize = 16;
+/// A belief that does not lead proposes poses of at most so many objects, the likeliest ones: a
+/// bound of its cost.
+pub(super) const OBJECTS_MAX: usize = 16;
 
-/// What a touch of an object says (ln) of which no pose is known: what an earlier touch is taken
-/// to have said as far as the motion took its weight.
-const ANYWHERE_ON_IT: f64 = 5.0;
+/// The part of the budget of hypotheses that each belief of a moving object has.
+const BUDGET_PART: usize = AMPLITUDES + 1;
+
+/// Motion less probable than this, beside rest that explains the touches well, is dropped. A
+/// chosen number.
+const NEGLIGIBLE: f64 = 1e-3;
 
 impl HybridBelief {
     /// The object may have moved since the last touch, by deviations of `motion`: which one it
@@ -48,6 +53,7 @@ impl HybridBelief {
         let known: f64 = probabilities.iter().sum();
         let share = |p: f64| (p / known.max(f64::MIN_POSITIVE)).max(SURE).ln();
         self.log_prior = probabilities.into_iter().map(share).collect();
+        self.set_at_rest();
         for state in &mut self.objects {
             state.carried = Carried::of(&state.hypotheses, motion);
             state.hypotheses.truncate(carried::POSES_MAX);
@@ -57,7 +63,6 @@ impl HybridBelief {
             state.pair = PairEvidence::default();
         }
         self.witness_motion();
-        self.set_at_rest();
         self.stage = 0;
     }
 
@@ -112,80 +117,200 @@ impl HybridBelief {
         self.patterns.iter_mut().for_each(|pattern| pattern.age(n, &motion));
     }
 
-    /// Takes the object to move from now on if its touches say so, and nobody has.
+    /// Begins to believe, beside rest, that the object moves when rest explains its touches
+    /// poorly, and gives motion up when rest explains them well and is all but sure.
     pub(super) fn doubt_rest(&mut self) {
-        let n = self.touches.len();
-        if self.options.motion.is_some() || self.stage < 3 || n < TOUCHES_MIN || !self.is_poor() {
+        let is_told = self.options.motion.is_some();
+        if is_told || self.stage < 3 || self.touches.len() < TOUCHES_MIN {
             return;
         }
-        let mut moving = self.clone();
-        moving.set_restless();
-        moving.judge_anew();
-        moving.propose_of_likeliest(OBJECTS_MAX);
-        moving.refine();
-        moving.weigh();
-        let gain = moving.log_evidence() - self.log_evidence();
-        let temperature = self.model.calibration.stage(3).temperature;
-        if gain / temperature + moving.log_untold_motion() > 0.0 {
-            *self = moving;
+        let is_poor = self.is_poor();
+        if is_poor && self.moving.is_empty() {
+            let partners = self.options.budget.partners_if_poor;
+            let mut all = self.all_moving();
+            for moving in &mut all {
+                moving.judge_anew();
+                moving.propose_of_likeliest(OBJECTS_MAX, partners);
+                moving.refine();
+                moving.weigh();
+                moving.bound();
+            }
+            self.moving = all;
+        } else if !is_poor && !self.moving.is_empty() {
+            let moves: f64 = self.joint().iter().skip(1).map(|row| known(row)).sum();
+            if moves < NEGLIGIBLE {
+                self.moving = Vec::new();
+            }
         }
     }
 
-    /// What is added to the evidence of objects that move untold, beside that of "none of these":
-    /// how seldom they do, and what touches are taken to say as far as the motion took their
-    /// weight.
-    pub(super) fn log_untold_motion(&self) -> f64 {
+    /// What would be believed by the touches so far if the object moved, by each amplitude; poses
+    /// are those at rest, not judged anew.
+    pub(super) fn all_moving(&self) -> Vec<Self> {
+        let moving = |motion| {
+            let mut moving = Self { moving: Vec::new(), ..self.clone() };
+            moving.set_restless(motion);
+            moving
+        };
+        self.amplitudes().into_iter().map(moving).collect()
+    }
+
+    /// How far an object may move untold: from where motion differs from a touch's own deviation
+    /// to where a touch halves what the one before it said, and the middle of both (ln). Turns
+    /// carry the rim of a usual object of the catalogue as far.
+    fn amplitudes(&self) -> [Looseness; AMPLITUDES] {
+        let mut radii: Vec<f32> = self.model.maps().iter().map(|map| map.radius()).collect();
+        radii.sort_unstable_by(f32::total_cmp);
+        let usual = radii.get(radii.len() / 2).copied().unwrap_or_default().max(HALF);
+        let (least, most) = (self.options.scale.across, HALF);
+        [least, (least * most).sqrt(), most].map(|position| Looseness {
+            position: f64::from(position),
+            angle: f64::from(position / usual),
+        })
+    }
+
+    /// This belief, and those of an object that moves.
+    pub(super) fn beliefs(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(&self.moving)
+    }
+
+    /// ln of how probable each of the beliefs is before the touches.
+    pub(super) fn log_shares(&self) -> impl Iterator<Item = f64> + use<> {
+        let n = self.moving.len();
+        let rests = if n == 0 { 0.0 } else { (1.0 - UNTOLD_SHARE).ln() };
+        let moves = (UNTOLD_SHARE / n.max(1) as f64).ln();
+        std::iter::once(rests).chain(std::iter::repeat_n(moves, n))
+    }
+
+    /// Which of the beliefs of a moving object is likelier than any other; `None` when it rests.
+    pub(super) fn leader_index(&self) -> Option<usize> {
+        if self.moving.is_empty() {
+            return None;
+        }
+        let joint = self.joint();
+        let best = joint.iter().skip(1).map(|row| known(row)).enumerate();
+        let best = best.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        best.filter(|(_, share)| *share > known(&joint[0])).map(|(index, _)| index)
+    }
+
+    /// The likeliest of the beliefs.
+    pub(super) fn leader(&self) -> &Self {
+        self.leader_index().map_or(self, |index| &self.moving[index])
+    }
+
+    /// What touches of an object of which no pose is known say (ln) as far as the motion took
+    /// their weight: that they are about it, not anywhere in the workspace.
+    pub(super) fn log_faded(&self, object: usize) -> f64 {
         if !self.is_restless {
             return 0.0;
         }
         let faded = self.counted().touches - self.n_counted();
-        let temperature = self.model.calibration.stage(3).temperature;
-        ANYWHERE_ON_IT * faded / temperature + (UNTOLD_SHARE / (1.0 - UNTOLD_SHARE)).ln()
+        let radius = f64::from(self.model.maps()[object].radius().max(HALF));
+        let about = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+        faded * (f64::from(self.options.scale.workspace) / about).ln().max(0.0)
     }
 
-    /// What it did unasked is settled with the touches that said so: whether it goes on is asked
-    /// of those to come.
+    /// What it did unasked is settled with the touches that said so: it is where the likeliest of
+    /// the beliefs has it, and whether it goes on is asked of those to come.
     fn set_at_rest(&mut self) {
-        if self.is_restless {
-            self.is_restless = false;
-            self.options.motion = None;
+        if let Some(index) = self.leader_index() {
+            self.objects = std::mem::take(&mut self.moving[index].objects);
         }
+        self.moving = Vec::new();
     }
 
     /// The object moves though nobody said so.
-    pub(super) fn set_restless(&mut self) {
+    fn set_restless(&mut self, motion: Looseness) {
         self.is_restless = true;
-        self.options = HybridOptions { motion: Some(UNTOLD), ..self.options };
+        self.options.motion = Some(motion);
+        self.options.budget.total /= BUDGET_PART;
         self.age();
     }
+}
 
-    /// ln evidence that it is one of the known objects.
-    fn log_evidence(&self) -> f64 {
-        let both = self.objects.iter().zip(&self.log_prior);
-        log_sum_exp(both.map(|(state, prior)| state.log_evidence + prior))
-    }
+/// The probability that it is any of the known objects, in one belief.
+fn known(row: &[f64]) -> f64 {
+    row.split_last().map_or(0.0, |(_, known)| known.iter().sum())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hybrid::HybridOptions;
     use crate::hybrid::test_support::{belief_over, places, seen, some_pose};
+    use crate::units::MM;
+
+    const MOTION: Looseness = Looseness { position: 8.0 / 3.0 * MM, angle: 0.06 };
+
+    /// After four touches of the first of two objects, with no pose known.
+    fn touched() -> HybridBelief {
+        let objects = [places(200, 0), places(200, 1)];
+        let mut belief = belief_over(&objects, HybridOptions::default());
+        belief.touches =
+            [5, 50, 90, 120].map(|touch| seen(&objects[0][touch], &some_pose(3))).to_vec();
+        belief.stage = 3;
+        belief
+    }
 
     #[test]
     fn after_a_told_motion_what_was_untold_before_is_not_held_against_the_object_again() {
-        let places = places(200, 0);
-        let mut belief = belief_over(std::slice::from_ref(&places), HybridOptions::default());
-        belief.touches = [5, 50, 90, 120].map(|touch| seen(&places[touch], &some_pose(3))).to_vec();
-        belief.stage = 3;
-        belief.set_restless();
+        let mut belief = touched();
+        belief.moving = belief.all_moving();
         let known = belief.probabilities()[0];
-        belief.loosen(&UNTOLD);
+        belief.loosen(&MOTION);
         assert!((belief.probabilities()[0] - known).abs() < 1e-9);
-        assert_eq!((belief.is_restless, belief.options.motion), (false, None));
+        assert_eq!((belief.moving.len(), belief.options.motion), (0, None));
         // A motion that the session was told of from the beginning goes on.
-        belief.options.motion = Some(UNTOLD);
-        belief.touches = vec![seen(&places[5], &some_pose(3))];
-        belief.loosen(&UNTOLD);
-        assert_eq!(belief.options.motion, Some(UNTOLD));
+        belief.options.motion = Some(MOTION);
+        belief.touches = vec![seen(&places(200, 0)[5], &some_pose(3))];
+        belief.loosen(&MOTION);
+        assert_eq!(belief.options.motion, Some(MOTION));
+    }
+
+    #[test]
+    fn rest_and_motion_are_weighed_by_their_evidence_and_either_may_lead() {
+        let mut belief = touched();
+        belief.moving = belief.all_moving();
+        let shares: Vec<f64> = belief.log_shares().map(f64::exp).collect();
+        assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-12 && shares.len() == 4);
+        assert!(belief.leader_index().is_none(), "nothing says that it moves");
+        let temperature = belief.model.calibration.stage(3).temperature;
+        let explain = |belief: &mut HybridBelief, log: f64| {
+            belief.objects.iter_mut().for_each(|state| state.log_evidence = log);
+        };
+        explain(&mut belief.moving[1], 20.0 * temperature);
+        assert_eq!(belief.leader_index(), Some(1));
+        let sum: f64 = belief.probabilities().iter().sum();
+        assert!((sum - 1.0).abs() < 1e-9);
+        // It goes back: 20 at rest and 20 in motion differ by how seldom objects move, and by
+        // what touches are taken to say that motion took the weight of.
+        explain(&mut belief, 40.0 * temperature);
+        assert_eq!(belief.leader_index(), None);
+    }
+
+    #[test]
+    fn motion_is_dropped_when_rest_is_all_but_sure_and_explains_the_touches_well() {
+        let mut belief = touched();
+        belief.doubt_rest();
+        assert_eq!(belief.moving.len(), AMPLITUDES, "no pose explains the touches");
+        let (rotation, translation) = crate::hybrid::test_support::single(&some_pose(3));
+        let score = 100.0;
+        belief.objects[0].hypotheses = vec![Hypothesis { rotation, translation, score }];
+        belief.doubt_rest();
+        assert_eq!(belief.moving.len(), AMPLITUDES, "well explained, but not yet sure");
+        belief.weigh();
+        belief.moving.iter_mut().flat_map(|m| &mut m.objects).for_each(|o| o.log_evidence = 0.0);
+        belief.doubt_rest();
+        assert!(belief.moving.is_empty());
+    }
+
+    #[test]
+    fn amplitudes_reach_from_a_touchs_deviation_to_what_halves_the_one_before() {
+        let amplitudes = touched().amplitudes().map(|motion| motion.position / MM);
+        let expected = [0.7, 7f64.sqrt(), 10.0];
+        assert!(amplitudes.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4));
+        // Half axes of 40, 30 and 20 mm: the rim of a turn by 10 mm is 40 mm away.
+        let turn = touched().amplitudes()[2].angle;
+        assert!((turn - 0.25).abs() < 0.02, "{turn}");
     }
 }

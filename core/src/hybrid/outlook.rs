@@ -63,7 +63,8 @@ impl HybridBelief {
         }
         let mut expected = Vec::with_capacity(n);
         let probable = self.probable_objects();
-        let hypotheses_of = |object: ObjectIdx| &self.objects[object.0 as usize].hypotheses;
+        let leader = self.leader();
+        let hypotheses_of = |object: ObjectIdx| &leader.objects[object.0 as usize].hypotheses;
         let have_poses = probable.iter().any(|(object, _)| !hypotheses_of(*object).is_empty());
         for (object, share) in probable {
             let wanted = ((n as f64 * share).round() as usize).max(POSES_MIN);

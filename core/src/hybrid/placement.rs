@@ -8,7 +8,7 @@
 use crate::reading::{Base, Looseness};
 
 /// Where the object may have moved by as much (m) a touch says half of what it did.
-const HALF: f32 = 0.01;
+pub(super) const HALF: f32 = 0.01;
 
 /// A map explains touches this far (m) from it.
 const REACH: f32 = 0.007;

@@ -3,6 +3,7 @@
 use super::answer::looks_like;
 use super::evidence::Known;
 use super::hypothesis::{Hypothesis, merge};
+use super::motion::OBJECTS_MAX;
 use super::partners::{Partner, in_turn, partners};
 use super::propose::{Proposal, propose};
 use super::sighting::Sighting;
@@ -20,8 +21,9 @@ const LIKELY: f64 = 0.5;
 const UNSTEADY: f32 = 0.3;
 
 impl HybridBelief {
-    /// Proposes poses unless one object is certain and explains the touches well.
-    pub(super) fn propose_in_doubt(&mut self) {
+    /// Proposes poses unless one object is certain and explains the touches well: of all that
+    /// may be it, or of the likeliest few objects where another belief `leads`.
+    pub(super) fn propose_in_doubt(&mut self, leads: bool) {
         let n = self.touches.len();
         let poor = self.is_poor();
         let share = self.share_of_best_pose();
@@ -31,6 +33,10 @@ impl HybridBelief {
         // What an unsteady touch proposes is little worth its cost; the next one will do.
         let newest = self.touches.last().map_or(0.0, |touch| touch.steadiness.normal_variance);
         if !poor && n > 3 && newest > UNSTEADY.powi(2) {
+            return;
+        }
+        if !leads {
+            self.propose_of_likeliest(OBJECTS_MAX, 1);
             return;
         }
         let budget = &self.options.budget;
@@ -68,7 +74,7 @@ impl HybridBelief {
     /// The probability of the likeliest object in its likeliest pose, or in one that looks like
     /// it.
     fn share_of_best_pose(&self) -> f64 {
-        let probabilities = self.probabilities();
+        let probabilities = self.own_probabilities();
         let shares = self.objects.iter().zip(&probabilities).enumerate();
         let Some((object, (state, p))) = shares.max_by(|a, b| a.1.1.total_cmp(b.1.1)) else {
             return 0.0;
@@ -161,9 +167,9 @@ impl HybridBelief {
         });
     }
 
-    /// The newest touch and its partners propose poses of the `n` likeliest objects.
-    pub(super) fn propose_of_likeliest(&mut self, n: usize) {
-        let partners = partners(&self.touches, self.options.budget.partners_if_poor);
+    /// The newest touch and some partners propose poses of the `n` likeliest objects.
+    pub(super) fn propose_of_likeliest(&mut self, n: usize, n_partners: usize) {
+        let partners = partners(&self.touches, n_partners);
         let reach = self.bar(f64::INFINITY, 1) - self.bar(f64::INFINITY, n);
         let asked = in_turn(&partners, None, self.touches.len(), &self.options);
         self.propose(&asked, reach, None);
@@ -276,7 +282,7 @@ mod tests {
             }
             belief.stage = 3;
             belief.objects[1].log_evidence = belief.objects[0].log_evidence;
-            belief.propose_in_doubt();
+            belief.propose_in_doubt(true);
             is_found(&belief.objects[1])
         };
         assert!(after(1.0, 1), "two objects are as likely");
@@ -317,7 +323,7 @@ mod tests {
         let looked_at = |many: ManyBudget| {
             let budget = Budget { many, ..options.budget };
             let mut belief = touched(40, 4, 1.0, HybridOptions { budget, ..options });
-            belief.propose_in_doubt();
+            belief.propose_in_doubt(true);
             let posed = belief.objects.iter().map(|state| state.hypotheses.len());
             (posed.clone().max(), posed.sum::<usize>())
         };

@@ -17,21 +17,45 @@ use crate::pose::Pose;
 const LIKELY_ENOUGH: f64 = 1e-3;
 
 impl HybridBelief {
-    /// The probability of each object, then of none of them.
+    /// The probability of each object, then of none of them, whether it rests or moves.
     pub(super) fn probabilities(&self) -> Vec<f64> {
+        let mut joint = self.joint().into_iter();
+        let mut all = joint.next().unwrap_or_default();
+        for moving in joint {
+            all.iter_mut().zip(moving).for_each(|(sum, p)| *sum += p);
+        }
+        all
+    }
+
+    /// The same as if this were the only belief.
+    pub(super) fn own_probabilities(&self) -> Vec<f64> {
+        normalize(&self.logs())
+    }
+
+    /// The probability of each object, then of none of them, in each of the beliefs.
+    pub(super) fn joint(&self) -> Vec<Vec<f64>> {
+        let both = self.beliefs().zip(self.log_shares());
+        let logs =
+            both.flat_map(|(belief, share)| belief.logs().into_iter().map(move |log| log + share));
+        let all = normalize(&logs.collect::<Vec<f64>>());
+        all.chunks(self.objects.len() + 1).map(<[f64]>::to_vec).collect()
+    }
+
+    /// ln of how probable each object is, then none of them, but for a common number.
+    fn logs(&self) -> Vec<f64> {
         if self.stage == 0 {
             let logs = self.log_prior.iter().map(|log| log + (1.0 - self.unknown).ln());
-            return normalize(&logs.chain([self.unknown.ln()]).collect::<Vec<f64>>());
+            return logs.chain([self.unknown.ln()]).collect();
         }
         let stage = self.model.calibration.stage(self.stage);
         let known = (1.0 - self.unknown).ln() + (self.objects.len() as f64).ln();
-        let both = self.objects.iter().zip(&self.log_prior);
-        let untold = self.log_untold_motion();
-        let logs = both
-            .map(|(state, prior)| state.log_evidence / stage.temperature + untold + prior + known);
+        let logs =
+            self.objects.iter().zip(&self.log_prior).enumerate().map(|(n, (state, prior))| {
+                (state.log_evidence + self.log_faded(n)) / stage.temperature + prior + known
+            });
         let counted = self.counted().touches;
         let unknown = (stage.log_unknown(counted) + self.unusual()) / stage.temperature;
-        normalize(&logs.chain([unknown + self.unknown.ln()]).collect::<Vec<f64>>())
+        logs.chain([unknown + self.unknown.ln()]).collect()
     }
 
     /// What "none of these" is held against, once there are poses.
@@ -72,29 +96,27 @@ impl HybridBelief {
         let entropy_bits = entropy_bits(&probabilities);
         let unknown = probabilities.pop().unwrap_or(0.0);
         let mut poses = Vec::new();
-        for (object, state) in self.objects.iter().enumerate() {
-            let symmetry = self.model.maps()[object].symmetry();
-            poses.extend(shares(
-                object,
-                probabilities[object],
-                &state.hypotheses,
-                symmetry,
-                n_modes,
-            ));
+        for (belief, (of, joint)) in self.beliefs().zip(self.joint()).enumerate() {
+            for (object, state) in of.objects.iter().enumerate() {
+                let symmetry = self.model.maps()[object].symmetry();
+                let (place, hypotheses) = ([belief, object], &state.hypotheses);
+                poses.extend(shares(place, joint[object], hypotheses, symmetry, n_modes));
+            }
         }
         let poses = distinct(poses, self.model.maps(), n_modes, &self.options);
-        let mode = |Share { share: weight, object, hypothesis }: Share| {
+        let mode = |Share { share: weight, belief, object, hypothesis }: Share| {
+            let of = self.beliefs().nth(belief).unwrap_or(self);
+            let (touches, kernel, options) = (&of.touches, &of.kernel, &of.options);
             let map = &self.model.maps()[object];
             let mut refined = hypothesis;
-            if self.touches.len() > 2 && weight > LIKELY_ENOUGH {
-                refine::refine(&mut refined, map, &self.touches, &self.kernel, &self.options);
+            if touches.len() > 2 && weight > LIKELY_ENOUGH {
+                refine::refine(&mut refined, map, touches, kernel, options);
             }
-            let (kernel, options) = (&self.kernel, &self.options);
             PoseMode {
                 object: ObjectIdx(object as u32),
                 session_from_object: self.session_from_object(&refined),
-                covariance: refine::covariance(&refined, map, &self.touches, kernel, options)
-                    + self.objects[object].carried.covariance(self.touches.len()),
+                covariance: refine::covariance(&refined, map, touches, kernel, options)
+                    + of.objects[object].carried.covariance(touches.len()),
                 weight,
             }
         };

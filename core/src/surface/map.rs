@@ -75,6 +75,7 @@ pub struct SurfaceMap {
     facets: Vec<Facet>,
     layout: SurfaceLayout,
     spacing: f32,
+    radius: f32,
     voxels: Voxels,
     solid: Solid,
     pairs: PairTable,
@@ -121,6 +122,7 @@ impl SurfaceMap {
             facets,
             layout,
             spacing,
+            radius: radius(&places),
             voxels,
             solid,
             pairs,
@@ -177,6 +179,12 @@ impl SurfaceMap {
         self.spacing
     }
 
+    /// How far touches lie from the middle of their box at most, metres.
+    #[must_use]
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
     /// Which touches are near a point.
     #[must_use]
     pub fn voxels(&self) -> &Voxels {
@@ -228,6 +236,14 @@ fn spacing(places: &[(Vec3, Vec3)]) -> f32 {
     distances.sort_unstable_by(f32::total_cmp);
     let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
     if median.is_finite() { 2.0 * median.sqrt() } else { 0.0 }
+}
+
+/// How far places lie from the middle of their box at most.
+fn radius(places: &[(Vec3, Vec3)]) -> f32 {
+    let low = places.iter().map(|place| place.0).fold(Vec3::INFINITY, Vec3::min);
+    let high = places.iter().map(|place| place.0).fold(Vec3::NEG_INFINITY, Vec3::max);
+    let middle = 0.5 * (low + high);
+    places.iter().map(|place| place.0.distance(middle)).fold(0.0, f32::max)
 }
 
 #[cfg(test)]

@@ -75,10 +75,7 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
         let sensing = preset.clone();
         Condition { key, name, trained, sensing, disturbance, options }
     };
-    let arm = |position: f64, angle: f64| Disturbance::Arm {
-        position: position * MM,
-        angle: angle * DEG,
-    };
+    let arm = |mm: f64, deg: f64| Disturbance::Arm { position: mm * MM, angle: deg * DEG };
     let noisy = |key, name, level: f64| -> anyhow::Result<Condition> {
         let trained = Trained::Noisy(level);
         let sensing = trained.sensing()?;
@@ -86,9 +83,10 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
     };
     let base = Looseness { position: 5.0 * MM, angle: 3.0 * DEG };
     let robots = |is_told| Disturbance::Robots { robots: 3, base, is_told };
-    let by = Perturbation { angle_max: 60.0 * DEG, shift_max: size };
-    let jolt = |is_told| Disturbance::Jolt { by, after: JOLTED, is_told };
-    let moves = Perturbation { angle_max: 10.0 * DEG, shift_max: 0.1 * size };
+    let moving =
+        |share: f64, deg: f64| Perturbation { angle_max: deg * DEG, shift_max: share * size };
+    let jolt = |is_told| Disturbance::Jolt { by: moving(1.0, 60.0), after: JOLTED, is_told };
+    let moves = moving(0.1, 10.0);
     let told = HybridOptions { motion: Some(stated(&moves)), ..options };
     Ok(vec![
         tested("clean", "nothing wrong", preset.clone()),
@@ -108,6 +106,9 @@ pub fn conditions(size: f64) -> anyhow::Result<Vec<Condition>> {
             options: told,
             ..disturbed("moving_told", "object moves, told", Disturbance::Moving(moves))
         },
+        // None of the recogniser's amplitudes: between two of them, and more than any.
+        disturbed("little_moving", "moves little", Disturbance::Moving(moving(0.05, 5.0))),
+        disturbed("far_moving", "moves far", Disturbance::Moving(moving(0.4, 40.0))),
         disturbed("jolt", "moves once", jolt(false)),
         disturbed("jolt_told", "moves once, told", jolt(true)),
         disturbed("robots", "three robots, bases off", robots(false)),

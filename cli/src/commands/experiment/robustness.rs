@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use palpate_core::units::MM;
 use palpate_experiments::hybrid_noise::{self, HybridNoise};
 use palpate_experiments::other_physics::{self, OtherPhysics};
 use palpate_experiments::ppf_peer::{self, PpfPeer};
@@ -10,7 +11,7 @@ use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::thinning::{self, Thinning};
 use palpate_experiments::unknown::{self, Unknown};
 
-use super::{count, meshes_of};
+use super::{count, meshes_of, millimetres};
 
 #[derive(Debug, Subcommand)]
 pub(super) enum RobustnessExperiment {
@@ -22,6 +23,9 @@ pub(super) enum RobustnessExperiment {
     HybridNoise {
         #[command(flatten)]
         trials: TrialArgs,
+        /// Largest dimension to which every object is scaled.
+        #[arg(long, default_value_t = 80.0, value_parser = millimetres)]
+        size_mm: f64,
         /// Only conditions whose keys begin so; all when not given.
         #[arg(long, value_name = "KEY")]
         only: Option<String>,
@@ -109,10 +113,18 @@ impl RobustnessExperiment {
                 let config = OtherPhysics { meshes, seed, trials, literal_sessions, ..defaults };
                 other_physics::run(&config, command, progress)
             }
-            Self::HybridNoise { trials: TrialArgs { meshes, trials, literal_sessions }, only } => {
-                let (only, defaults) = (only.unwrap_or_default(), HybridNoise::default());
-                let config =
-                    HybridNoise { meshes, seed, trials, literal_sessions, only, ..defaults };
+            Self::HybridNoise { trials: trial_args, size_mm, only } => {
+                let TrialArgs { meshes, trials, literal_sessions } = trial_args;
+                let (only, size) = (only.unwrap_or_default(), size_mm * MM);
+                let config = HybridNoise {
+                    meshes,
+                    size,
+                    seed,
+                    trials,
+                    literal_sessions,
+                    only,
+                    ..HybridNoise::default()
+                };
                 hybrid_noise::run(&config, command, progress)
             }
             Self::Thinning(TrialArgs { meshes, trials, literal_sessions }) => {
@@ -143,9 +155,9 @@ impl RobustnessExperiment {
                 args.literal_sessions
             ),
             Self::OtherPhysics(trials) => trials.line("other-physics"),
-            Self::HybridNoise { trials, only } => {
+            Self::HybridNoise { trials, size_mm, only } => {
                 let only = only.as_ref().map(|key| format!(" --only {key}")).unwrap_or_default();
-                trials.line("hybrid-noise") + &only
+                format!("{} --size-mm {size_mm}{only}", trials.line("hybrid-noise"))
             }
             Self::Thinning(trials) => trials.line("thinning"),
             // Where a Python is, is no part of the figures.
