@@ -7,6 +7,8 @@
 
 mod matching;
 mod options;
+#[cfg(test)]
+mod test_support;
 
 use std::sync::Arc;
 
@@ -143,9 +145,8 @@ impl SvaBelief {
             return Ok(());
         };
         for partner in partners(self.seen.len(), self.options.partners_max) {
-            let n_pairs = self.seen.len().min(self.options.partners_max);
             let earlier = self.seen[partner].clone();
-            self.multiply_pair(&patch, &earlier, n_pairs);
+            self.multiply_pair(&patch, &earlier);
         }
         self.histograms.par_iter_mut().for_each(SparseHistogram::prune);
         self.seen.push(patch);
@@ -153,7 +154,7 @@ impl SvaBelief {
     }
 
     /// Equation 5.12: multiplies in what one pair of readings says.
-    fn multiply_pair(&mut self, a: &Patch, b: &Patch, n_pairs: usize) {
+    fn multiply_pair(&mut self, a: &Patch, b: &Patch) {
         let Some(query) = PairQuery::new(a, b) else {
             return;
         };
@@ -173,7 +174,6 @@ impl SvaBelief {
         let exponent = match self.options.pair_weight {
             PairWeight::BothOrders => 2.0,
             PairWeight::Once => 1.0,
-            PairWeight::Tempered { total } => total / n_pairs as f64,
         };
         let log_count = self.options.bins.log_count();
         let even = -(self.catalogue.objects.len() as f64).ln();
@@ -267,3 +267,6 @@ fn per_training_pair(object: &ObjectMap) -> f64 {
 fn partners(n: usize, max: usize) -> Vec<usize> {
     if n <= max { (0..n).collect() } else { (0..max).map(|k| k * n / max).collect() }
 }
+
+#[cfg(test)]
+mod tests;

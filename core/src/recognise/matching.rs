@@ -91,3 +91,6 @@ fn stored_end(patch: &MapPatch) -> PairEnd {
         normal_confidence: f64::from(patch.normal_confidence),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -13,12 +13,6 @@ pub enum PairWeight {
     BothOrders,
     /// Every pair counts once.
     Once,
-    /// All pairs of a new reading together count `total` times: n readings do not give
-    /// n(n − 1)/2 independent pairs.
-    Tempered {
-        /// The sum of the exponents of a reading's pairs.
-        total: f64,
-    },
 }
 
 /// Which pose stands for a histogram bin.
