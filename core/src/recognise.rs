@@ -139,18 +139,24 @@ impl SvaBelief {
                 found_cols: reading.image().cols,
             });
         }
-        self.n_readings += 1;
         let rule = self.catalogue.association;
-        let Some(patch) = observe_patch(reading, sensor, vocabulary, rule) else {
-            return Ok(());
-        };
+        match observe_patch(reading, sensor, vocabulary, rule) {
+            Some(patch) => self.add_patch(patch),
+            None => self.n_readings += 1,
+        }
+        Ok(())
+    }
+
+    /// Takes a reading into account whose patch was made elsewhere: in the session frame, of
+    /// classes of the catalogue.
+    pub fn add_patch(&mut self, patch: Patch) {
+        self.n_readings += 1;
         for partner in partners(self.seen.len(), self.options.partners_max) {
             let earlier = self.seen[partner].clone();
             self.multiply_pair(&patch, &earlier);
         }
         self.histograms.par_iter_mut().for_each(SparseHistogram::prune);
         self.seen.push(patch);
-        Ok(())
     }
 
     /// Equation 5.12: multiplies in what one pair of readings says.

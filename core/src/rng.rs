@@ -31,6 +31,8 @@ pub enum Purpose {
     Particles = 8,
     /// Gains of the letter rig's taxels.
     RigGains = 10,
+    /// How the letter rig's place wanders over a session.
+    RigWander = 13,
     /// Where a blind arm goes next, and what it feels there.
     Exploration = 11,
     /// How an object moves when it is touched.

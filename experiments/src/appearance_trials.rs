@@ -21,6 +21,7 @@ use palpate_core::train::appearance::{
 use rayon::prelude::*;
 
 use crate::plot;
+use crate::statistics::standard_error_over_groups;
 
 /// Learns vocabulary, histograms and exponent from `readings`, one list an object.
 ///
@@ -73,6 +74,8 @@ pub struct Point {
     pub readings: usize,
     /// Share of the trials in which the true object was the most likely one.
     pub accuracy: f64,
+    /// Its standard error over the objects; NaN for one object.
+    pub standard_error: f64,
     /// Mean probability of the most likely object.
     pub stated: f64,
     /// Trials that named another object: true, named, how many; most frequent first.
@@ -181,6 +184,7 @@ fn point(readings: usize, verdicts: &[Verdict]) -> Point {
     let n = verdicts.len() as f64;
     let wrong = verdicts.iter().filter(|verdict| verdict.named != verdict.truth);
     let mut pairs: Vec<(usize, usize)> = wrong.map(|v| (v.truth, v.named)).collect();
+    let right = |v: &Verdict| (v.truth as u64, f64::from(u8::from(v.named == v.truth)));
     pairs.sort_unstable();
     let mut confusions: Vec<(usize, usize, usize)> =
         pairs.chunk_by(|a, b| a == b).map(|same| (same[0].0, same[0].1, same.len())).collect();
@@ -188,6 +192,7 @@ fn point(readings: usize, verdicts: &[Verdict]) -> Point {
     Point {
         readings,
         accuracy: 1.0 - pairs.len() as f64 / n,
+        standard_error: standard_error_over_groups(verdicts.iter().map(right)),
         stated: verdicts.iter().map(|verdict| verdict.stated).sum::<f64>() / n,
         confusions,
     }
@@ -210,6 +215,7 @@ pub fn mean_of(curves: &[Vec<Point>]) -> Vec<Point> {
         Point {
             readings: curves[0][at].readings,
             accuracy: mean_of(|point| point.accuracy),
+            standard_error: mean_of(|point| point.standard_error),
             stated: mean_of(|point| point.stated),
             confusions,
         }
@@ -249,6 +255,7 @@ mod tests {
         let curve = evidence().in_order(&[2, 3, 6, 7]);
         let accuracies: Vec<f64> = curve.iter().map(|point| point.accuracy).collect();
         assert_eq!(accuracies, [1.0, 1.0, 1.0]); // nobody has 7 readings
+        assert!(curve[0].standard_error.abs() < 1e-12); // both objects are always right
         // Probability of the best after 2: e²/(1 + e²) for both.
         let stated = 2.0_f64.exp() / (1.0 + 2.0_f64.exp());
         assert!((curve[0].stated - stated).abs() < 1e-12);
@@ -261,6 +268,9 @@ mod tests {
         // A third of the first object's readings mislead: (2/3 + 1) / 2 are right.
         let curve = evidence().drawn(&[1], 4_000, 1);
         assert!((curve[0].accuracy - 5.0 / 6.0).abs() < 0.02, "{curve:?}");
+        // Shares right of 2/3 and 1: the error over the two objects is half their difference,
+        // however many trials there are.
+        assert!((curve[0].standard_error - 1.0 / 6.0).abs() < 0.02, "{curve:?}");
         assert_eq!(curve[0].confusions.len(), 1);
         assert_eq!((curve[0].confusions[0].0, curve[0].confusions[0].1), (0, 1));
         assert_eq!(evidence().n_readings_min(), 6);
@@ -270,7 +280,7 @@ mod tests {
     fn curves_of_several_runs_have_a_mean() {
         let curve = |accuracy: f64, wrong: usize| {
             let confusions = vec![(0, 1, wrong)];
-            vec![Point { readings: 5, accuracy, stated: 0.5, confusions }]
+            vec![Point { readings: 5, accuracy, standard_error: 0.1, stated: 0.5, confusions }]
         };
         let mean = mean_of(&[curve(0.5, 2), curve(1.0, 1)]);
         assert_eq!(accuracy_at(&mean, 5), Some(0.75));

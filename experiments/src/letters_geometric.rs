@@ -17,6 +17,7 @@ use anyhow::{Context as _, bail};
 use glam::DVec3;
 use palpate_core::metric::{Inertia, Symmetry, SymmetryOrder};
 use palpate_core::model::geometry::GeometricModel;
+use palpate_core::occupancy::{ClassifiedPress, InverseModel, SpreadForm};
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::train::TrainingSet;
@@ -46,8 +47,34 @@ pub struct LettersGeometric {
     pub font: Option<PathBuf>,
     /// How maps are made.
     pub geometry: GeometryConfig,
-    /// Methods whose names begin with one of these; all when empty.
+    /// Methods of these names, or whose names begin with one that is none; all when empty.
     pub methods: Vec<String>,
+}
+
+/// Which form of equations 3.3 to 3.5 makes the maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LetterMaps {
+    /// As the service makes them (`docs/equations.md`).
+    Corrected,
+    /// The same with the printed exponent of equation 3.4, which is twice the spread.
+    PrintedSpread,
+    /// Equations 3.3 to 3.5 as printed, with a prior of 0.2 and log-odds without a limit.
+    AsPrinted,
+}
+
+impl LetterMaps {
+    /// Planar maps in this form.
+    #[must_use]
+    pub fn geometry(self) -> GeometryConfig {
+        let corrected = InverseModel::default();
+        let inverse = match self {
+            Self::Corrected => corrected,
+            Self::PrintedSpread => InverseModel { spread: SpreadForm::AsPrinted, ..corrected },
+            // About a fifth of what is pressed is letter.
+            Self::AsPrinted => InverseModel::literal(0.2),
+        };
+        GeometryConfig { inverse, ..GeometryConfig::planar() }
+    }
 }
 
 impl Default for LettersGeometric {
@@ -111,6 +138,7 @@ impl TestLetter {
 struct Lab {
     seed: u64,
     sensor: SensorDescription,
+    inverse: InverseModel,
     model: GeometricModel,
     test: Vec<Vec<Reading>>,
     inertias: Vec<Inertia>,
@@ -131,7 +159,13 @@ impl Lab {
                 .with_context(|| format!("the map of {} has no occupied cell", letter.symbol))
         });
         let inertias = inertias.collect::<anyhow::Result<_>>()?;
-        Ok(Self { seed, sensor, model, test, inertias })
+        let inverse = config.geometry.inverse;
+        Ok(Self { seed, sensor, inverse, model, test, inertias })
+    }
+
+    /// The classes of a press's taxels, by the form that made the maps.
+    fn classified(&self, reading: &Reading) -> ClassifiedPress {
+        self.inverse.classified(reading, &self.sensor)
     }
 }
 
@@ -147,7 +181,11 @@ pub fn run(
     let mut report = Report::new("letters-geometric", command, config.seed);
     let letters = load(config)?;
     let chosen = |name: &str| {
-        config.methods.is_empty() || config.methods.iter().any(|begin| name.starts_with(begin))
+        let is_name = |wanted: &str| METHODS.iter().any(|method| method.name == wanted);
+        let wants = |wanted: &String| {
+            name == wanted || (name.starts_with(wanted.as_str()) && !is_name(wanted))
+        };
+        config.methods.is_empty() || config.methods.iter().any(wants)
     };
     let methods: Vec<_> = METHODS.iter().filter(|method| chosen(method.name)).collect();
     if methods.is_empty() {
@@ -211,15 +249,29 @@ mod tests {
             seeds: 2,
             trials: 2,
             readings: 25,
-            methods: vec!["histogram-10000".to_owned(), "particles-1000-options".to_owned()],
+            methods: ["histogram-10000", "histogram-10000-sp", "particles-1000-options"]
+                .map(str::to_owned)
+                .to_vec(),
             ..LettersGeometric::default()
         };
         let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
-        assert!(summary["literal_readings_to_100_median"] < 26.0, "{summary:?}");
-        assert!(summary["literal_inertial_error_mm_mean_at_20"] < 3.0, "{summary:?}");
-        assert!(summary["literal_readings_to_100_worst"] >= 1.0, "{summary:?}");
-        assert!(summary["particles_1000_options_accuracy_at_20"] > 0.5, "{summary:?}");
+        // All are right from the fourth reading on; 12 is what the page's goal allows.
+        let (median, worst) =
+            (summary["literal_readings_to_100_median"], summary["literal_readings_to_100_worst"]);
+        assert!(median <= worst && worst <= 12.0, "{summary:?}");
+        // Bins are 0.8 mm and 22.5° wide; a letter that is off by a bin has 1.6 mm or more.
+        let inertial = summary["literal_inertial_error_mm_mean_at_20"];
+        assert!((0.3..1.6).contains(&inertial), "{summary:?}");
+        // What the sparse filter leaves out decides nothing.
+        for readings in [1, 3, 5, 9, 20] {
+            let [all, sparse] = ["literal", "sparse"]
+                .map(|method| summary[&format!("{method}_accuracy_at_{readings}")]);
+            assert!((all - sparse).abs() < 1e-9, "{summary:?}");
+        }
+        // One of 12 trials may be wrong.
+        assert!(summary["particles_1000_options_accuracy_at_20"] > 0.9, "{summary:?}");
+        assert!(summary["literal_standard_error_at_3"] >= 0.0, "{summary:?}");
         assert!(summary.contains_key("update_ms_exhaustive_median"));
         assert_eq!(outcome.pictures.len(), 3);
     }

@@ -209,6 +209,7 @@ pub fn rows(
             ("method", json!(method)),
             ("readings", json!(point.readings)),
             ("accuracy", json!(point.accuracy)),
+            ("standard_error_over_objects", json!(point.standard_error)),
             ("stated_probability_mean", json!(point.stated)),
         ]);
     }
@@ -229,6 +230,10 @@ pub fn rows(
             let key = format!("{method}_{}accuracy_at_{readings}", setting.key);
             report.summarise(&key, accuracy);
         }
+    }
+    for point in curve.iter().filter(|point| [20, 100].contains(&point.readings)) {
+        let key = format!("{method}_{}standard_error_at_{}", setting.key, point.readings);
+        report.summarise(&key, point.standard_error);
     }
 }
 

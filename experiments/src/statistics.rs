@@ -1,5 +1,7 @@
 //! Summaries of samples.
 
+use std::collections::BTreeMap;
+
 use palpate_core::rng::{Purpose, Stream};
 
 /// How often a bootstrap draws.
@@ -30,6 +32,28 @@ pub fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
+/// The standard error of the mean over groups: how far it would be off if the groups, such as
+/// objects or simulated sensors, were drawn anew. `values` are of a group each; NaN for fewer
+/// than two groups.
+///
+/// Trials of one group share its object, its readings or its sensor, so that their number
+/// says nothing of this error.
+#[must_use]
+pub fn standard_error_over_groups(values: impl IntoIterator<Item = (u64, f64)>) -> f64 {
+    let mut sums: BTreeMap<u64, (f64, f64)> = BTreeMap::new();
+    for (group, value) in values {
+        let sum = sums.entry(group).or_default();
+        *sum = (sum.0 + value, sum.1 + 1.0);
+    }
+    if sums.len() < 2 {
+        return f64::NAN;
+    }
+    let means: Vec<f64> = sums.values().map(|(sum, n)| sum / n).collect();
+    let (middle, n) = (mean(&means), means.len() as f64);
+    let variance = means.iter().map(|value| (value - middle).powi(2)).sum::<f64>() / (n - 1.0);
+    (variance / n).sqrt()
+}
+
 /// The interval in which 95 % of a statistic of `n` cases lies when cases are drawn again with
 /// replacement (Efron, 1979). `statistic` gets the drawn cases' indices.
 pub fn bootstrap_95(n: usize, seed: u64, statistic: impl Fn(&[usize]) -> f64) -> [f64; 2] {
@@ -53,6 +77,18 @@ mod tests {
         let [low, high] = bootstrap_95(400, 101, of);
         assert!((high - low - 0.098).abs() < 0.01, "{low} {high}");
         assert!((0.5 * (low + high) - 0.5).abs() < 0.005, "{low} {high}");
+    }
+
+    #[test]
+    fn the_error_over_groups_does_not_shrink_with_trials() {
+        // Means of the groups 1, 0.5 and 0: deviation 0.5, over √3. Trials of a group that
+        // agree add nothing.
+        let once = [(1, 1.0), (2, 0.5), (3, 0.0)];
+        let often = once.iter().copied().cycle().take(300);
+        for error in [standard_error_over_groups(once), standard_error_over_groups(often)] {
+            assert!((error - 0.5 / 3.0_f64.sqrt()).abs() < 1e-12, "{error}");
+        }
+        assert!(standard_error_over_groups([(1, 0.5), (1, 1.0)]).is_nan());
     }
 
     #[test]

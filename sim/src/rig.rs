@@ -10,6 +10,7 @@ mod field;
 mod noise;
 mod plan;
 mod planar;
+mod unmatched;
 
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
@@ -20,6 +21,8 @@ pub use field::LetterField;
 pub use noise::RigNoise;
 pub use plan::{N_ANGLES, N_POSITIONS, PlanarPose, SPACING, plan};
 pub use planar::{PLANAR_PRESSES_MAX, PlanarError, PlanarPlan, planar_presses};
+pub use unmatched::Unmatched;
+use unmatched::{Wander, bent};
 
 use crate::letters::Letter;
 use crate::press::in_row_major_order;
@@ -38,6 +41,7 @@ pub struct Rig {
     noise: RigNoise,
     seed: u64,
     gains: Vec<f64>,
+    powers: Vec<f64>,
     centers: Vec<(f64, f64)>,
 }
 
@@ -58,10 +62,11 @@ impl Rig {
         let mut stream = Stream::new(seed, Purpose::RigGains, 0);
         let grid = sensor.grid();
         let gains = (0..grid.n_taxels()).map(|_| noise.gain(&mut stream)).collect();
+        let powers = noise.unmatched.powers(grid.n_taxels(), &mut stream);
         let centers =
             (0..grid.n_taxels()).map(|taxel| grid.center(taxel / grid.cols, taxel % grid.cols));
         let centers = centers.collect();
-        Self { id, sensor, noise, seed, gains, centers }
+        Self { id, sensor, noise, seed, gains, powers, centers }
     }
 
     /// The sensor, in the order of its readings.
@@ -117,28 +122,34 @@ impl Rig {
                 + lie.slope_y * (along_y - placed.y * face);
             depth * (face + slope)
         };
-        self.centers
-            .iter()
-            .zip(&self.gains)
-            .map(|(center, gain)| {
-                let pressure = parameters.force_curve.pressure(displaced(center));
-                self.noise.measured(gain * pressure, parameters.saturation, stream)
-            })
-            .collect()
+        let saturation = parameters.saturation;
+        let responds = |((center, gain), power): ((&(f64, f64), &f64), &f64)| {
+            let pressure = parameters.force_curve.pressure(displaced(center));
+            bent(gain * pressure, *power, saturation)
+        };
+        let taxels = self.centers.iter().zip(&self.gains).zip(&self.powers);
+        let mut pressures: Vec<f64> = taxels.map(responds).collect();
+        self.noise.unmatched.leak(&mut pressures, self.sensor.grid().cols);
+        for pressure in &mut pressures {
+            *pressure = self.noise.measured(*pressure, saturation, stream);
+        }
+        pressures
     }
 
     /// All 192 presses of the plan, in its order: one repetition of section 3.2.3. Equal
     /// letters and repetitions give equal readings, whatever was pressed before.
     #[must_use]
     pub fn session(&self, field: &LetterField, repetition: u32) -> Vec<Reading> {
+        let symbol = u64::from(u32::from(field.symbol()));
+        let session = symbol << 43 | u64::from(repetition) << 11;
+        let wander = Wander::new(self.noise.unmatched, self.seed, session);
         plan()
             .into_iter()
             .enumerate()
             .map(|(press, at)| {
-                let symbol = u64::from(u32::from(field.symbol()));
-                let index = symbol << 43 | u64::from(repetition) << 11 | press as u64;
+                let index = session | press as u64;
                 let mut stream = Stream::new(self.seed, Purpose::RigNoise, index);
-                self.press(field, at, &mut stream)
+                self.reading(&self.pressures(field, wander.moved(at, press), &mut stream), at)
             })
             .collect()
     }

@@ -18,7 +18,7 @@ use palpate_client::{Client, ClientOptions};
 use palpate_core::units::MM;
 use palpate_experiments::contact_rates::{self, ContactRates};
 use palpate_experiments::covering::{self, Covering};
-use palpate_experiments::letters_geometric::{self, LettersGeometric, letters_named};
+use palpate_experiments::letters_geometric::{self, LetterMaps, LettersGeometric, letters_named};
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::restart::{self, Restart};
 use palpate_experiments::server_throughput::{self, ServerThroughput};
@@ -68,6 +68,10 @@ enum Experiment {
         /// Trials an object.
         #[arg(long, default_value_t = 10, value_parser = count)]
         trials: usize,
+        /// Add the printed filter on features and patches as printed: plain inner products,
+        /// the mask before the turn, all classes, patches at the sensor's centroid.
+        #[arg(long)]
+        as_printed: bool,
     },
     /// Section 3.4: raised letters by geometry, histogram and particle filters.
     LettersGeometric {
@@ -83,10 +87,13 @@ enum Experiment {
         /// How far presses are from ideal.
         #[arg(long, value_enum, default_value_t = LetterNoise::Physical)]
         noise: LetterNoise,
+        /// Which form of equations 3.3 to 3.5 makes the maps.
+        #[arg(long, value_enum, default_value_t = MapForm::Corrected)]
+        maps: MapForm,
         /// A TrueType or OpenType font; Quicksand Bold when not given.
         #[arg(long, value_name = "PATH")]
         font: Option<PathBuf>,
-        /// Only methods whose names begin so; may be repeated.
+        /// Only the method of this name, or those whose names begin so; may be repeated.
         #[arg(long = "method", value_name = "NAME")]
         methods: Vec<String>,
     },
@@ -144,6 +151,9 @@ enum LetterNoise {
     Physical,
     /// Worse in everything, with values that are stuck.
     Harsh,
+    /// Of other families than the default method assumes: places that wander, slips, bent
+    /// responses, rows that leak into each other.
+    Unmatched,
 }
 
 impl LetterNoise {
@@ -151,6 +161,7 @@ impl LetterNoise {
         match self {
             Self::Physical => RigNoise::physical(),
             Self::Harsh => RigNoise::harsh(),
+            Self::Unmatched => RigNoise::unmatched(),
         }
     }
 
@@ -158,6 +169,37 @@ impl LetterNoise {
         match self {
             Self::Physical => "physical",
             Self::Harsh => "harsh",
+            Self::Unmatched => "unmatched",
+        }
+    }
+}
+
+/// Which form of equations 3.3 to 3.5 makes the maps of letters.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MapForm {
+    /// As the service makes them.
+    Corrected,
+    /// The same with the exponent of equation 3.4 as printed.
+    PrintedSpread,
+    /// All of equations 3.3 to 3.5 as printed.
+    AsPrinted,
+}
+
+impl MapForm {
+    fn of_letters(self) -> LetterMaps {
+        match self {
+            Self::Corrected => LetterMaps::Corrected,
+            Self::PrintedSpread => LetterMaps::PrintedSpread,
+            Self::AsPrinted => LetterMaps::AsPrinted,
+        }
+    }
+
+    /// The argument that gives it again; none for the default.
+    fn argument(self) -> &'static str {
+        match self {
+            Self::Corrected => "",
+            Self::PrintedSpread => " --maps printed-spread",
+            Self::AsPrinted => " --maps as-printed",
         }
     }
 }
@@ -185,13 +227,13 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
     let shown = progress.clone();
     let show = move |stage: &str, done, total| shown.show(stage, done, total);
     let outcome = match experiment {
-        Experiment::SvaObjects { meshes, size_mm, trials } => {
-            let config =
-                SvaObjects { meshes, size: size_mm * MM, seed, trials, ..SvaObjects::default() };
+        Experiment::SvaObjects { meshes, size_mm, trials, as_printed } => {
+            let (size, default) = (size_mm * MM, SvaObjects::default());
+            let config = SvaObjects { meshes, size, seed, trials, as_printed, ..default };
             on_a_thread(move || sva_objects::run(&config, command, &show)).await?
         }
-        Experiment::LettersGeometric { letters, seeds, trials, noise, font, methods } => {
-            let noise = noise.of_rig();
+        Experiment::LettersGeometric { letters, seeds, trials, noise, maps, font, methods } => {
+            let (noise, geometry) = (noise.of_rig(), maps.of_letters().geometry());
             let config = LettersGeometric {
                 letters,
                 seed,
@@ -199,6 +241,7 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
                 trials,
                 noise,
                 font,
+                geometry,
                 methods,
                 ..LettersGeometric::default()
             };
@@ -252,16 +295,19 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
 /// The command line that gives the same figures again.
 fn command_line(experiment: &Experiment, seed: u64) -> String {
     let rest = match experiment {
-        Experiment::SvaObjects { meshes, size_mm, trials } => {
-            format!("sva-objects{} --size-mm {size_mm} --trials {trials}", meshes_of(meshes))
+        Experiment::SvaObjects { meshes, size_mm, trials, as_printed } => {
+            let printed = if *as_printed { " --as-printed" } else { "" };
+            let meshes = meshes_of(meshes);
+            format!("sva-objects{meshes} --size-mm {size_mm} --trials {trials}{printed}")
         }
-        Experiment::LettersGeometric { letters, seeds, trials, noise, font, methods } => {
+        Experiment::LettersGeometric { letters, seeds, trials, noise, maps, font, methods } => {
             let font = font.as_ref().map(|font| format!(" --font {}", font.display()));
             let methods = methods.iter().map(|name| format!(" --method {name}"));
             format!(
                 "letters-geometric --letters {letters} --seeds {seeds} --trials {trials} \
-                 --noise {}{}{}",
+                 --noise {}{}{}{}",
                 noise.name(),
+                maps.argument(),
                 font.unwrap_or_default(),
                 methods.collect::<String>()
             )

@@ -7,7 +7,7 @@
 use rustfft::num_complex::Complex;
 
 use super::fourier::Fourier;
-use super::moment_normalized::MomentNormalizer;
+use super::moment_normalized::{MaskOrder, MomentNormalizer};
 use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
@@ -37,13 +37,19 @@ impl Mnti {
     /// sides keep both ends of their frequencies.
     #[must_use]
     pub fn new(rows: usize, cols: usize) -> Self {
+        Self::with_mask(rows, cols, MaskOrder::TurnFirst)
+    }
+
+    /// The same for images that are masked in a given order.
+    #[must_use]
+    pub fn with_mask(rows: usize, cols: usize, order: MaskOrder) -> Self {
         let enlarged = (enlarge(rows), enlarge(cols));
         let kept = low_frequencies(rows, cols).map(|(row, col)| {
             let row = row.rem_euclid(enlarged.0 as i64) as usize;
             col.rem_euclid(enlarged.1 as i64) as usize * enlarged.0 + row
         });
         Self {
-            normalizer: MomentNormalizer::new(rows, cols),
+            normalizer: MomentNormalizer::with_mask(rows, cols, order),
             fourier: Fourier::new(enlarged.0, enlarged.1),
             ramps: [ramp(enlarged.1 - cols), ramp(enlarged.0 - rows)],
             kept: kept.collect(),

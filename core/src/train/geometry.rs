@@ -14,9 +14,7 @@ use super::{TrainError, TrainingSet};
 use crate::model::MapError;
 use crate::model::geometry::{GeometricMap, GeometricModel};
 use crate::occupancy::mapping::{map_presses, shape_around};
-use crate::occupancy::{
-    ClassTable, ClassifiedPress, ContactClass, InverseModel, OccupancyGrid, learn_table,
-};
+use crate::occupancy::{ClassifiedPress, ContactClass, InverseModel, OccupancyGrid, learn_table};
 use crate::pose::Pose;
 use crate::reading::Reading;
 use crate::units::{DEG, MM};
@@ -33,15 +31,6 @@ pub enum Dimensions {
     Solid,
 }
 
-/// Where Pr(class | log-odds) comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TableRule {
-    /// Counted over the training presses.
-    Learnt,
-    /// The printed classifier, right nine times of ten.
-    Literal,
-}
-
 /// How geometry is trained.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryConfig {
@@ -51,20 +40,13 @@ pub struct GeometryConfig {
     pub cell: f64,
     /// What a press says about the cells around it.
     pub inverse: InverseModel,
-    /// Where the table of class probabilities comes from.
-    pub table: TableRule,
 }
 
 impl GeometryConfig {
     /// Planar maps of 1 mm cells.
     #[must_use]
     pub fn planar() -> Self {
-        Self {
-            dimensions: Dimensions::Planar,
-            cell: 1.0 * MM,
-            inverse: InverseModel::default(),
-            table: TableRule::Learnt,
-        }
+        Self { dimensions: Dimensions::Planar, cell: 1.0 * MM, inverse: InverseModel::default() }
     }
 
     /// Solid maps of 2 mm cells.
@@ -110,10 +92,7 @@ pub fn map_geometry(
         maps.push(map);
         pressed.push((readings, set.sensor));
     }
-    let table = match config.table {
-        TableRule::Learnt => learn_table(&presses, &maps),
-        TableRule::Literal => ClassTable::literal(),
-    };
+    let table = learn_table(&presses, &maps);
     let geometric = |occupancy| Arc::new(GeometricMap { occupancy, mosaic: None });
     let maps = maps.into_iter().map(geometric).collect();
     let mut model = GeometricModel { table, gains: Vec::new(), maps };

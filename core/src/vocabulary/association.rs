@@ -33,12 +33,23 @@ impl Default for AssociationRule {
 /// ψ of every class (equation 5.15): the mean of (1 − affinity)² over its members.
 #[must_use]
 pub fn spreads(features: &[Vec<f64>], medoids: &[Vec<f64>], membership: &[usize]) -> Vec<f64> {
+    spreads_above(MIN_SPREAD, features, medoids, membership)
+}
+
+/// The same with another floor.
+#[must_use]
+pub fn spreads_above(
+    floor: f64,
+    features: &[Vec<f64>],
+    medoids: &[Vec<f64>],
+    membership: &[usize],
+) -> Vec<f64> {
     let mut sums = vec![(0.0, 0usize); medoids.len()];
     for (feature, class) in features.iter().zip(membership) {
         sums[*class].0 += (1.0 - affinity(feature, &medoids[*class])).powi(2);
         sums[*class].1 += 1;
     }
-    sums.into_iter().map(|(sum, n)| (sum / n.max(1) as f64).max(MIN_SPREAD)).collect()
+    sums.into_iter().map(|(sum, n)| (sum / n.max(1) as f64).max(floor)).collect()
 }
 
 /// ln Pr(feature given class), up to a constant (equation 5.16).

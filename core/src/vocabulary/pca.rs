@@ -21,11 +21,6 @@ pub enum Keep {
     Number(usize),
 }
 
-impl Keep {
-    /// As printed: what accounts for up to 10 % of the variance is discarded.
-    pub const LITERAL: Self = Self::Share(0.90);
-}
-
 impl Default for Keep {
     /// 99 % of the variance.
     fn default() -> Self {

@@ -9,7 +9,7 @@ use super::trials::{POSES_AT, PoseError, Step};
 use super::{Lab, LettersGeometric, TestLetter};
 use crate::plot::{Line, Panel, svg};
 use crate::report::Report;
-use crate::statistics::{mean, median};
+use crate::statistics::{mean, median, standard_error_over_groups};
 
 /// Pixels of a map's cell.
 const CELL_PIXELS: usize = 8;
@@ -91,6 +91,11 @@ fn summarise(report: &mut Report, config: &LettersGeometric, method: &Method, st
             &format!("accuracy_at_{readings}"),
             mean(&at().map(|s| right(s)).collect::<Vec<_>>()),
         );
+        if config.seeds > 1 {
+            // A seed is a sensor: the trials of one share its gains and its maps.
+            let by_seed = at().map(|step| (step.seed, right(step)));
+            state(&format!("standard_error_at_{readings}"), standard_error_over_groups(by_seed));
+        }
         let inertial: Vec<f64> =
             at().filter_map(|step| step.error).map(|error| error.inertial / MM).collect();
         if POSES_AT.contains(&readings) && !inertial.is_empty() {
@@ -178,4 +183,43 @@ pub(super) fn plot(config: &LettersGeometric, methods: &[&Method], steps: &[Step
         panel("other bins and tables", "share right", ours, &accuracy),
         panel("other bins and tables", "mean inertial error (mm)", ours, &inertial),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A step of letter 0 that was named right or wrong with a probability.
+    fn step(seed: u64, readings: usize, right: bool, probability: f64) -> Step {
+        let named = usize::from(!right);
+        Step { method: 0, seed, letter: 0, readings, named, probability, error: None }
+    }
+
+    #[test]
+    fn a_seed_is_all_right_after_its_last_wrong_reading() {
+        let config = LettersGeometric { readings: 5, ..LettersGeometric::default() };
+        let right = |readings| step(1, readings, true, 1.0);
+        let wrong = |readings| step(1, readings, false, 1.0);
+        let of = |steps: &[Step]| readings_to_100(&config, 1, &steps.iter().collect::<Vec<_>>());
+        assert_eq!(of(&[right(1), right(2)]), 1);
+        // Right, wrong, right: from the third reading on; wrong at the end: never.
+        assert_eq!(of(&[right(1), wrong(2), right(3), right(4), right(5)]), 3);
+        assert_eq!(of(&[wrong(1), right(2), wrong(5)]), 6);
+        // Another seed's errors do not count.
+        assert_eq!(of(&[right(1), step(2, 4, false, 1.0)]), 1);
+    }
+
+    #[test]
+    fn calibration_is_how_far_stated_probabilities_are_off() {
+        // Stated 0.95 twice and right once: 2 · 0.95 − 1 = 0.9. Stated 0.55 and right: 0.45.
+        // Together 1.35 of three steps; a step after nine readings does not count.
+        let steps = [
+            step(1, 1, true, 0.95),
+            step(1, 2, false, 0.95),
+            step(1, 3, true, 0.55),
+            step(1, 10, false, 0.99),
+        ];
+        let error = calibration_error(&steps.iter().collect::<Vec<_>>());
+        assert!((error - 0.45).abs() < 1e-12, "{error}");
+    }
 }

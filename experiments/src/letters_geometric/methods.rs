@@ -17,7 +17,7 @@ use palpate_core::geometric::{
     PreparedGeometry,
 };
 use palpate_core::log_prob::normalize;
-use palpate_core::occupancy::{ClassTable, ClassifiedPress, InverseModel, OccupancyGrid};
+use palpate_core::occupancy::{ClassTable, OccupancyGrid};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
@@ -62,8 +62,8 @@ pub(super) enum Kind {
     Particles { n: usize, per_object: bool },
     /// The service's default: forces and the adaptive histogram.
     Adaptive,
-    /// Particles with every option: systematic, drawn when half are effective, random ones.
-    ParticlesWithOptions { n: usize },
+    /// Particles with other resampling: systematic, drawn when half are effective, random ones.
+    ParticlesResampled { n: usize },
 }
 
 const fn literal(name: &'static str, key: &'static str, kind: Kind) -> Method {
@@ -79,7 +79,7 @@ const fn bins(n: [usize; 3]) -> Kind {
 }
 
 /// All methods; Table 3.1's first.
-pub(super) const METHODS: [Method; 19] = [
+pub(super) const METHODS: [Method; 22] = [
     learnt("adaptive-force", "", 1.0, Kind::Adaptive),
     literal("histogram-100", "histogram_100", bins([5, 5, 4])),
     literal("histogram-1000", "histogram_1000", bins([10, 10, 10])),
@@ -110,11 +110,30 @@ pub(super) const METHODS: [Method; 19] = [
         "particles_10000_each",
         Kind::Particles { n: 10_000, per_object: true },
     ),
+    // What the options of the last row bring one by one: resampling, table, exponent.
+    literal(
+        "particles-1000-resampled",
+        "particles_1000_resampled",
+        Kind::ParticlesResampled { n: 1_000 },
+    ),
+    learnt(
+        "particles-1000-learnt",
+        "particles_1000_learnt",
+        1.0,
+        Kind::Particles { n: 1_000, per_object: false },
+    ),
+    Method {
+        name: "particles-1000-tempered",
+        key: "particles_1000_tempered",
+        table: Table::Literal,
+        exponent: 0.3,
+        kind: Kind::Particles { n: 1_000, per_object: false },
+    },
     learnt(
         "particles-1000-options",
         "particles_1000_options",
         0.3,
-        Kind::ParticlesWithOptions { n: 1_000 },
+        Kind::ParticlesResampled { n: 1_000 },
     ),
 ];
 
@@ -134,7 +153,7 @@ impl Method {
                     n
                 }
             }
-            Kind::ParticlesWithOptions { n } => n,
+            Kind::ParticlesResampled { n } => n,
         }
     }
 }
@@ -152,11 +171,10 @@ pub(super) trait Belief {
 /// A method made ready for a seed's maps.
 pub(super) struct Prepared<'a> {
     method: &'a Method,
-    sensor: &'a SensorDescription,
+    lab: &'a Lab,
     histogram: Option<(Arc<HistogramModel>, PlanarBins, Extent)>,
     fields: Vec<ClassField>,
     adaptive: Option<GeometricBelief>,
-    seed: u64,
 }
 
 /// Bins over where the letters of the trials may lie.
@@ -180,36 +198,36 @@ impl<'a> Prepared<'a> {
             Kind::Adaptive => (None, vec![]),
             Kind::Histogram(n, extent) => (Some(histogram(n, extent, BinShare::Center)), vec![]),
             Kind::Extents(n) => (Some(histogram(n, Extent::Exhaustive, BinShare::Extent)), vec![]),
-            Kind::Particles { .. } | Kind::ParticlesWithOptions { .. } => {
+            Kind::Particles { .. } | Kind::ParticlesResampled { .. } => {
                 (None, maps().map(|map| ClassField::new(map, &table)).collect())
             }
         };
         let adaptive = matches!(method.kind, Kind::Adaptive).then(|| adaptive_belief(lab));
-        Self { method, sensor: &lab.sensor, histogram, fields, adaptive, seed: lab.seed }
+        Self { method, lab, histogram, fields, adaptive }
     }
 
     /// The belief of a trial before its first reading; what is random in it comes from the
     /// seed and the trial's number.
     pub(super) fn belief(&self, trial: u64) -> Box<dyn Belief + '_> {
         if let Some(belief) = &self.adaptive {
-            return Box::new(Adaptive { belief: belief.clone(), sensor: self.sensor });
+            return Box::new(Adaptive { belief: belief.clone(), sensor: &self.lab.sensor });
         }
         let exponent = self.method.exponent;
         if let Some((model, bins, extent)) = &self.histogram {
             let filter = PlanarHistogram::new(model.clone(), *bins, *extent, exponent);
-            return Box::new(Bins { filter, sensor: self.sensor });
+            return Box::new(Bins { filter, lab: self.lab });
         }
         let n = self.method.hypotheses(self.fields.len());
         let mut options = ParticleOptions { exponent, ..ParticleOptions::literal(n) };
-        if let Kind::ParticlesWithOptions { .. } = self.method.kind {
+        if let Kind::ParticlesResampled { .. } = self.method.kind {
             options.resampling = Resampling::Systematic;
             options.resample_below = 0.5;
             options.injection = Injection::Share(0.05);
         }
         let region = PoseRegion::Planar { center: DVec3::ZERO, half: DVec3::splat(REACH) };
-        let seed = self.seed << 20 | trial;
+        let seed = self.lab.seed << 20 | trial;
         let filter = ParticleFilter::new(options, region, self.fields.len(), seed);
-        Box::new(Particles { filter, fields: &self.fields, sensor: self.sensor })
+        Box::new(Particles { filter, fields: &self.fields, lab: self.lab })
     }
 }
 
@@ -249,18 +267,14 @@ impl Belief for Adaptive<'_> {
     }
 }
 
-fn classified(reading: &Reading, sensor: &SensorDescription) -> ClassifiedPress {
-    InverseModel::default().classified(reading, sensor)
-}
-
 struct Bins<'a> {
     filter: PlanarHistogram,
-    sensor: &'a SensorDescription,
+    lab: &'a Lab,
 }
 
 impl Belief for Bins<'_> {
     fn add(&mut self, reading: &Reading) {
-        self.filter.add(classified(reading, self.sensor));
+        self.filter.add(self.lab.classified(reading));
     }
 
     fn identities(&self) -> Vec<f64> {
@@ -275,12 +289,12 @@ impl Belief for Bins<'_> {
 struct Particles<'a> {
     filter: ParticleFilter,
     fields: &'a [ClassField],
-    sensor: &'a SensorDescription,
+    lab: &'a Lab,
 }
 
 impl Belief for Particles<'_> {
     fn add(&mut self, reading: &Reading) {
-        let press = classified(reading, self.sensor);
+        let press = self.lab.classified(reading);
         let fields = self.fields;
         self.filter.add(|object, pose| fields[object].log_likelihood(&press, pose));
     }

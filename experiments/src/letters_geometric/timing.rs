@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use palpate_core::filter::histogram::{Extent, HistogramModel, PlanarHistogram};
 use palpate_core::filter::planes::BinShare;
-use palpate_core::occupancy::{ClassTable, InverseModel, OccupancyGrid};
+use palpate_core::occupancy::{ClassTable, OccupancyGrid};
 
 use super::methods::{SPARSE, adaptive_belief, planar_bins};
 use super::{Lab, LettersGeometric, trials};
@@ -30,7 +30,7 @@ pub(super) fn updates(report: &mut Report, config: &LettersGeometric, lab: &Lab)
             let mut filter = PlanarHistogram::new(model.clone(), bins, extent, 1.0);
             for reading in readings.iter().take(n_readings) {
                 let started = Instant::now();
-                filter.add(InverseModel::default().classified(reading, &lab.sensor));
+                filter.add(lab.classified(reading));
                 times.push(started.elapsed().as_secs_f64() * 1e3);
             }
         }

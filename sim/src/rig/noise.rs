@@ -8,7 +8,7 @@
 use palpate_core::rng::Stream;
 use palpate_core::units::{DEG, KPA, MM};
 
-use super::PlanarPose;
+use super::{PlanarPose, Unmatched};
 
 /// Gains and drifts are drawn within this many deviations, so that none is negative.
 const DEVIATIONS_MAX: f64 = 2.5;
@@ -35,6 +35,8 @@ pub struct RigNoise {
     pub step: f64,
     /// The part of all values that are stuck at zero or at saturation, 0 to 1.
     pub stuck: f64,
+    /// Errors of other families than those that a recogniser assumes.
+    pub unmatched: Unmatched,
 }
 
 /// How a letter lies in one press.
@@ -61,6 +63,7 @@ impl RigNoise {
             noise: 0.0,
             step: 0.0,
             stuck: 0.0,
+            unmatched: Unmatched::none(),
         }
     }
 
@@ -77,6 +80,7 @@ impl RigNoise {
             noise: 0.7 * KPA,
             step: 0.54 * KPA,
             stuck: 0.0,
+            unmatched: Unmatched::none(),
         }
     }
 
@@ -93,6 +97,33 @@ impl RigNoise {
             noise: 1.5 * KPA,
             step: 0.54 * KPA,
             stuck: 0.03,
+            unmatched: Unmatched::none(),
+        }
+    }
+
+    /// A rig and array whose errors are of other families and sizes than those that the
+    /// planar method assumes: to report on, with nothing tuned to it.
+    #[must_use]
+    pub fn unmatched() -> Self {
+        Self {
+            gain_spread: 0.10,
+            drift: 0.05,
+            depth_spread: 0.25,
+            tilt: 0.03 / MM,
+            placement: 0.15 * MM,
+            placement_angle: 0.5 * DEG,
+            noise: 0.4 * KPA,
+            step: 0.54 * KPA,
+            stuck: 0.0,
+            unmatched: Unmatched {
+                wander: 1.0 * MM,
+                wander_angle: 4.0 * DEG,
+                slip_share: 0.1,
+                slip: 2.0 * MM,
+                slip_angle: 10.0 * DEG,
+                bend: 0.25,
+                crosstalk: 0.1,
+            },
         }
     }
 
@@ -103,11 +134,12 @@ impl RigNoise {
 
     /// Where the sensor really is when it was sent to `at`.
     pub(super) fn placed(&self, at: PlanarPose, stream: &mut Stream) -> PlanarPose {
-        PlanarPose {
+        let placed = PlanarPose {
             x: at.x + self.placement * stream.normal(),
             y: at.y + self.placement * stream.normal(),
             angle: at.angle + self.placement_angle * stream.normal(),
-        }
+        };
+        self.unmatched.slipped(placed, stream)
     }
 
     /// Draws how the letter lies in a press.
