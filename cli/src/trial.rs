@@ -247,6 +247,10 @@ mod tests {
                     position: [0.003, 0.004, 0.0],
                     orientation: [0.0, half.sin(), 0.0, half.cos()],
                 },
+                session_from_model: schemas::Pose {
+                    position: [0.0; 3],
+                    orientation: [0.0, 0.0, 0.0, 1.0],
+                },
                 covariance: vec![0.0; 36],
                 symmetry: Vec::new(),
             }],

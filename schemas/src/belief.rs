@@ -89,7 +89,12 @@ pub struct PoseHypothesis {
     /// origin at the centroid of the mesh or of the training touches, see `origin_in_mesh` of
     /// the version's report.
     pub pose: Pose,
-    /// 6 × 6 covariance, row-major, in the order of ROS: x, y, z in metres, then rotation about
+    /// The pose of the model frame in the session frame. The model frame is the frame of the
+    /// object's training readings when a robot taught it, else its mesh file's own frame (the
+    /// coordinates in metres); it is the same for every version. A point p of that frame lies
+    /// at `session_from_model · p`. It is `pose` with another origin and the same axes.
+    pub session_from_model: Pose,
+    /// 6 × 6 covariance of `pose`, row-major, in the order of ROS: x, y, z in metres, then rotation about
     /// the fixed x, y, z axes of the session frame in radians. About an axis that every turn
     /// leaves as it is, the angle is unknown: its variance is π²/3 rad² and more.
     #[schema(min_items = 36, max_items = 36)]

@@ -11,6 +11,7 @@ mod memory;
 use std::sync::Arc;
 
 use dashmap::DashMap;
+use glam::DVec3;
 use palpate_core::geometric::{PreparedGeometry, TableBudget};
 use palpate_core::model::appearance::AppearanceModel;
 use palpate_core::model::geometry::GeometricModel;
@@ -42,6 +43,8 @@ pub(crate) struct Model {
     pub(crate) version: u32,
     pub(crate) core: Arc<CoreCatalogue>,
     pub(crate) objects: Vec<VersionObject>,
+    /// Where each object's frame has its origin in the frame that it was taught in, metres.
+    pub(crate) origins_in_model: Arc<[DVec3]>,
     /// The symmetries of its objects; empty where no method of the part answers poses modulo
     /// symmetry.
     pub(crate) symmetries: Arc<[Symmetry]>,

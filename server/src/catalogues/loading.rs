@@ -6,18 +6,20 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use palpate_core::geometric::{PreparedGeometry, TableBudget};
 use palpate_core::hybrid::{HybridOptions, prepare};
 use palpate_core::model::Catalogue as CoreCatalogue;
 use palpate_core::symmetry::Symmetry;
-use palpate_store::catalogue::{Catalogues as Table, Manifest};
+use palpate_store::catalogue::{Catalogues as Table, Manifest, VersionObject};
 use palpate_store::error::StoreError;
-use palpate_store::model_codec::ModelPart;
+use palpate_store::model_codec::{CodecError, ModelPart};
 use uuid::Uuid;
 
 use super::memory::NoRoom;
 use super::{Catalogues, Model, parameters_of};
 use crate::refusal::Refusal;
+use crate::wire::count;
 
 /// A surface in memory has so many times the bytes of its block, where no report says more.
 const SURFACE_GROWTH: u64 = 16;
@@ -93,6 +95,7 @@ impl Catalogues {
             let name = table.get(catalogue)?.name;
             let manifest = table.manifest(catalogue, version)?;
             let core = table.model(&manifest)?;
+            let origins_in_model = origins_in_model(&manifest)?;
             let (core, objects) = (Arc::new(core), manifest.objects);
             let (symmetries, prepared) = (Arc::default(), None);
             Ok::<_, Refusal>(Model {
@@ -101,6 +104,7 @@ impl Catalogues {
                 version,
                 core,
                 objects,
+                origins_in_model,
                 symmetries,
                 prepared,
             })
@@ -175,6 +179,29 @@ fn read_part(
     };
     let geometry = core.geometry.clone();
     let prepared = geometry.map(|model| PreparedGeometry::within(model, Arc::clone(tables)));
+    let origins_in_model = origins_in_model(&manifest)?;
     let (core, objects) = (Arc::new(core), manifest.objects);
-    Ok(Model { catalogue, name, version, core, objects, symmetries, prepared })
+    Ok(Model { catalogue, name, version, core, objects, origins_in_model, symmetries, prepared })
+}
+
+/// Where the objects' frames have their origins in the frames that they were taught in, metres:
+/// what the version's report says of each.
+fn origins_in_model(manifest: &Manifest) -> Result<Arc<[DVec3]>, StoreError> {
+    let reports = parameters_of(manifest).map(|known| known.report.objects).unwrap_or_default();
+    let origin = |object: &VersionObject| {
+        let report = reports.iter().find(|report| report.id == object.id);
+        report.map(|report| DVec3::from_array(report.origin_in_mesh))
+    };
+    let origins: Option<Arc<[DVec3]>> = manifest.objects.iter().map(origin).collect();
+    let n_objects = count(manifest.objects.len());
+    origins.ok_or_else(|| StoreError::Model {
+        catalogue: manifest.catalogue,
+        version: manifest.version,
+        source: CodecError::Count {
+            field: "number of objects in the report",
+            found: count(reports.len()),
+            low: n_objects,
+            high: n_objects,
+        },
+    })
 }

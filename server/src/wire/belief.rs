@@ -1,6 +1,8 @@
 //! Beliefs for the wire.
 
+use glam::DQuat;
 use palpate_core::belief::answer::{Answer, PoseMode};
+use palpate_core::pose::Pose;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
 use palpate_store::entity::Session;
@@ -73,11 +75,14 @@ fn hypothesis(mode: &PoseMode, method: Method, model: &Model) -> wire::PoseHypot
     let known = model.symmetries.get(mode.object.0 as usize);
     let symmetry = known.filter(|_| knows_symmetry(method));
     let covariance = mode.covariance;
+    let origin_in_model = model.origins_in_model[mode.object.0 as usize];
+    let object_from_model = Pose::from_parts(DQuat::IDENTITY, -origin_in_model);
     wire::PoseHypothesis {
         object: object.id,
         name: object.name.clone(),
         weight: mode.weight,
         pose: sensor::pose(&mode.session_from_object),
+        session_from_model: sensor::pose(&(mode.session_from_object * object_from_model)),
         covariance: (0..36).map(|index| covariance[(index / 6, index % 6)]).collect(),
         symmetry: symmetry
             .map_or_else(Vec::new, |known| symmetry::axes(known, &mode.session_from_object)),

@@ -236,6 +236,13 @@ fn wire(reading: &Reading) -> Value {
     })
 }
 
+/// A pose of an answer.
+pub(crate) fn pose_of(value: &Value) -> Pose {
+    let part = |name: &str| value[name].clone();
+    let position = serde_json::from_value(part("position")).unwrap();
+    Pose::new(position, serde_json::from_value(part("orientation")).unwrap()).unwrap()
+}
+
 /// A reading that is in order but touches nothing.
 pub(crate) fn quiet_reading() -> Value {
     json!({

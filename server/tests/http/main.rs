@@ -20,6 +20,7 @@ mod leases;
 mod limits;
 mod matrix;
 mod memory;
+mod model_frame;
 mod msgpack;
 mod next_touches;
 mod objects;
