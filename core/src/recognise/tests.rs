@@ -93,7 +93,7 @@ fn a_pair_that_matches_nowhere_changes_nothing() {
 }
 
 #[test]
-fn a_strict_belief_that_lost_every_pose_begins_with_the_last_pair() {
+fn a_belief_that_lost_every_pose_begins_with_the_last_pair() {
     // Section 5.6.1. The second pair is the same one seen 100 mm away: no pose explains both.
     let mut contradicted = belief(&small_and_large(), one_turn());
     multiply(&mut contradicted, &pair(SEEN, 35.0));
