@@ -17,6 +17,7 @@ mod robot;
 mod settings;
 mod symmetry;
 mod trial;
+mod verdict;
 
 use std::ffi::OsString;
 use std::process::ExitCode;

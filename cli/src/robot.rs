@@ -22,6 +22,8 @@ use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{INDENTATION, PlanarPose};
 use palpate_sim::sampler::{SampleError, SamplerConfig, touch_anywhere};
 
+use crate::output;
+
 /// How far from the session frame's origin the object may lie, along each axis.
 const PLACE_MAX: f64 = 200.0 * MM;
 
@@ -211,6 +213,13 @@ pub(crate) fn read_mesh(path: &Path, unit: MeshUnit) -> anyhow::Result<Mesh> {
     let (format, bytes) = read_mesh_file(path)?;
     Mesh::from_bytes(format, &bytes, unit.metres())
         .with_context(|| format!("{} is not a mesh that can be touched", path.display()))
+}
+
+/// How a mesh file was read: the unit that was assumed or given, and the size that follows.
+pub(crate) fn read_as(unit: MeshUnit, mesh: &Mesh) -> String {
+    let (low, high) = mesh.bounds();
+    let [x, y, z] = ((high - low) / MM).to_array();
+    format!("mesh read as {}: {x:.1} × {y:.1} × {z:.1} mm", output::word(&unit))
 }
 
 /// The bytes of a mesh file and its format, by its extension.

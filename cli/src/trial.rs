@@ -11,6 +11,7 @@ use palpate_core::symmetry::Symmetry;
 use serde::Serialize;
 
 use crate::robot::Robot;
+use crate::verdict::{self, Verdict};
 
 /// Long enough that everything is evaluated, so that a run can be repeated, milliseconds.
 const DEADLINE_MS: u32 = 5_000;
@@ -21,7 +22,7 @@ const TRIES_PER_TOUCH_MAX: u32 = 10;
 /// When a robot has touched enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StopRule {
-    /// It stops when the likeliest object has had this probability …
+    /// It stops when the likeliest object of the catalogue has had this probability …
     pub(crate) probability: f64,
     /// … for this many touches in a row.
     pub(crate) in_a_row: u32,
@@ -34,8 +35,8 @@ pub(crate) struct StopRule {
 /// What is true of a trial.
 #[derive(Clone, Debug)]
 pub(crate) struct Truth {
-    /// The object's name when it was trained.
-    pub(crate) object: String,
+    /// The object's name when it was trained; `None` when the catalogue does not have it.
+    pub(crate) object: Option<String>,
     /// Where its frame is.
     pub(crate) session_from_object: Pose,
     /// Where its frame's origin is in the mesh, metres.
@@ -57,13 +58,32 @@ impl Truth {
             .objects
             .iter()
             .find(|trained| trained.name == object || trained.id.to_string() == object)
-            .with_context(|| format!("object {object} is not in the trained version"))?;
+            .ok_or_else(|| {
+                let names = report.objects.iter().map(|trained| trained.name.as_str());
+                verdict::not_trained(object, names)
+            })?;
         Ok(Self {
-            object: trained.name.clone(),
+            object: Some(trained.name.clone()),
             session_from_object: robot.session_from_object(trained.origin_in_mesh),
             origin_in_mesh: trained.origin_in_mesh,
             symmetry: symmetry_in_mesh.seen_from(trained.origin_in_mesh.into()),
         })
+    }
+
+    /// The truth of an object that the catalogue does not have: no pose of it is answered.
+    pub(crate) fn none_of_these(robot: &Robot) -> Self {
+        let origin_in_mesh = [0.0; 3];
+        Self {
+            object: None,
+            session_from_object: robot.session_from_object(origin_in_mesh),
+            origin_in_mesh,
+            symmetry: Symmetry::NONE,
+        }
+    }
+
+    /// What was touched, for people.
+    pub(crate) fn name(&self) -> &str {
+        verdict::name(self.object.as_deref())
     }
 }
 
@@ -74,13 +94,19 @@ pub(crate) struct Step {
     pub(crate) touches: u32,
     /// How many of them touched nothing.
     pub(crate) misses: u32,
-    /// The likeliest object.
-    pub(crate) object: Option<String>,
-    /// Its probability.
+    /// The likeliest answer: an object's name, or "none of these".
+    pub(crate) answer: String,
+    /// The answer's probability.
     pub(crate) probability: f64,
+    /// The probability of "none of these".
+    pub(crate) unknown: f64,
+    /// The likeliest object of the catalogue, whether or not it is the answer.
+    pub(crate) object: Option<String>,
+    /// That object's probability.
+    pub(crate) object_probability: f64,
     /// Uncertainty about the identity, bits.
     pub(crate) entropy_bits: f64,
-    /// Whether the likeliest object is the true one.
+    /// Whether the answer is true.
     pub(crate) right: bool,
     /// How far the true object's likeliest pose is off in position, metres: of all poses that
     /// look like it the one that is turned least from the truth.
@@ -100,17 +126,21 @@ impl Step {
     /// Compares a belief with the truth.
     fn new(touches: u32, belief: &Belief, truth: &Truth, reading_ms: f64) -> Self {
         let best = belief.objects.first();
-        let right = best.is_some_and(|best| best.name == truth.object);
-        let mode = belief.poses.iter().find(|mode| mode.name == truth.object);
+        let verdict = Verdict::of(belief);
+        let is_true = |name: &str| truth.object.as_deref() == Some(name);
+        let mode = belief.poses.iter().find(|mode| is_true(&mode.name));
         let pose = mode.and_then(|mode| Pose::new(mode.pose.position, mode.pose.orientation).ok());
         let nearest = pose.map(|pose| truth.symmetry.nearest_to(&pose, &truth.session_from_object));
         Self {
             touches,
             misses: 0,
+            answer: verdict.name().to_owned(),
+            probability: verdict.probability,
+            unknown: belief.unknown,
             object: best.map(|best| best.name.clone()),
-            probability: best.map_or(0.0, |best| best.probability),
+            object_probability: best.map_or(0.0, |best| best.probability),
             entropy_bits: belief.entropy_bits,
-            right,
+            right: verdict.is_right(truth.object.as_deref()),
             position_error: nearest.map(|pose| pose.distance_to(&truth.session_from_object)),
             angle_error: nearest.map(|pose| pose.angle_to(&truth.session_from_object)),
             plain_angle_error: pose.map(|pose| pose.angle_to(&truth.session_from_object)),
@@ -183,13 +213,13 @@ pub(crate) async fn run(
         let n_misses = before.map_or(0, |step| step.misses) + u32::from(press.missed.is_some());
         let step = Step { misses: n_misses, ..Step::new(tries, &belief, truth, reading_ms) };
         show(&step);
-        let is_sure = step.probability >= rule.probability;
+        let is_sure = step.object_probability >= rule.probability;
         // A press that touched nothing confirms nothing.
         let counts = u32::from(press.missed.is_none());
         sure = if is_sure { sure + counts } else { 0 };
         steps.push(step.clone());
         if sure >= rule.in_a_row || step.touches >= rule.touches_max {
-            return Ok(TrialResult { truth: truth.object.clone(), steps, last: step });
+            return Ok(TrialResult { truth: truth.name().to_owned(), steps, last: step });
         }
         tokio::time::sleep(rule.pause).await;
     }
@@ -260,7 +290,7 @@ mod tests {
     #[test]
     fn a_step_compares_identity_and_pose_with_the_truth() {
         let truth = Truth {
-            object: "mug".to_owned(),
+            object: Some("mug".to_owned()),
             session_from_object: Pose::IDENTITY,
             origin_in_mesh: [0.0; 3],
             symmetry: Symmetry::NONE,
@@ -283,9 +313,28 @@ mod tests {
     }
 
     #[test]
+    fn a_step_is_wrong_when_none_of_these_is_likelier_than_the_true_object() {
+        let truth = Truth {
+            object: Some("mug".to_owned()),
+            session_from_object: Pose::IDENTITY,
+            origin_in_mesh: [0.0; 3],
+            symmetry: Symmetry::NONE,
+        };
+        let mut belief = belief(["mug", "cup"]);
+        belief.unknown = 0.95;
+        let step = Step::new(3, &belief, &truth, 1.0);
+        assert_eq!((step.right, step.answer.as_str()), (false, verdict::NONE_OF_THESE));
+        assert_eq!((step.probability, step.unknown), (0.95, 0.95));
+        assert_eq!((step.object.as_deref(), step.object_probability), (Some("mug"), 0.9));
+        let foreign = Truth { object: None, ..truth };
+        let step = Step::new(3, &belief, &foreign, 1.0);
+        assert_eq!((step.right, step.position_error), (true, None));
+    }
+
+    #[test]
     fn an_object_without_a_pose_has_no_errors() {
         let truth = Truth {
-            object: "cup".to_owned(),
+            object: Some("cup".to_owned()),
             session_from_object: Pose::IDENTITY,
             origin_in_mesh: [0.0; 3],
             symmetry: Symmetry::NONE,

@@ -133,6 +133,7 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     let taken = ask(&server, "objects add mug");
     assert_eq!(taken.status.code(), Some(1));
     assert!(stderr(&taken).contains("taken"), "{}", stderr(&taken));
+    a_refused_mesh_leaves_no_object(at, |arguments| ask(&server, arguments));
 
     let train = "train --readings-per-object 300 --appearance --appearance-classes 12,24 --json";
     let trained = ask(&server, train);
@@ -147,6 +148,7 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     // the origin: a mistake of frames or units would be off by far more than its own 80 mm.
     assert!(answer["position_error_mm"].as_f64().unwrap() < 60.0, "{answer}");
 
+    none_of_these_is_an_answer(|arguments| ask(&server, arguments));
     explored_readings_can_be_sent_again(at, |arguments| ask(&server, arguments));
 
     let report = ask(&server, "report --svg report.svg");
@@ -169,13 +171,67 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     let sessions: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
     assert_eq!(
         sessions["items"].as_array().unwrap().len(),
-        6,
+        10,
         "those of before survived the restart"
     );
 
     let second = palpate("serve --listen 127.0.0.1:0").arg("--data").arg(&data).output().unwrap();
     assert_eq!(second.status.code(), Some(1));
     assert!(stderr(&second).contains("in use by another process"), "{}", stderr(&second));
+}
+
+/// An object whose mesh is refused is not added, and a name that is taken is told what to do.
+fn a_refused_mesh_leaves_no_object(at: &Path, ask: impl Fn(&str) -> Output) {
+    std::fs::write(at.join("broken.off"), "OFF\n3 1 0\n0 0 0\n").unwrap();
+    for _ in 0..2 {
+        let refused = ask("objects add vase --mesh broken.off");
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(stderr(&refused).contains("vase was not added"), "{}", stderr(&refused));
+    }
+    assert!(!stdout(&ask("objects list")).contains("vase"));
+    let taken = ask("objects add mug --mesh meshes/mug.stl");
+    assert!(stderr(&taken).contains("palpate objects mesh"), "{}", stderr(&taken));
+    let added = ask("objects mesh mug meshes/mug.stl");
+    assert!(stdout(&added).contains("read as mm: mesh of"), "{}", stdout(&added));
+}
+
+/// Lets the prior decide for "none of these", so that no luck does: it is the answer, and right
+/// only for an object outside the catalogue.
+fn none_of_these_is_an_answer(ask: impl Fn(&str) -> Output) {
+    let touch = "touch --mesh meshes/hammer.stl --readings 1 --seed 7 --json";
+    let sure = "--unknown-prior 0.999999999";
+    for (object, code) in [("hammer", 4), ("none", 0)] {
+        let touched = ask(&format!("{touch} {sure} --object {object}"));
+        assert_eq!(touched.status.code(), Some(code), "{}", stderr(&touched));
+        let answer: serde_json::Value = serde_json::from_slice(&touched.stdout).unwrap();
+        assert_eq!(answer["right"], code == 0, "{answer}");
+        let step = &answer["steps"][0];
+        for said in [&answer, step] {
+            assert_eq!(said["answer"], "none of these", "{answer}");
+            assert_eq!(said["probability"], said["unknown"], "{answer}");
+        }
+        assert_eq!(step["right"], code == 0, "{answer}");
+        assert!(stderr(&touched).contains("mesh read as mm: "), "{}", stderr(&touched));
+    }
+    let unknown = ask(&format!("{touch} --object vase"));
+    assert_eq!(unknown.status.code(), Some(1));
+    assert!(stderr(&unknown).contains("or none for an object"), "{}", stderr(&unknown));
+    let cannot = ask(&format!("{touch} --object none --method sva"));
+    assert!(stderr(&cannot).contains("needs the method hybrid"), "{}", stderr(&cannot));
+    let explore = format!("explore --readings 1 --mesh meshes/mug.stl --json {sure}");
+    let explored = ask(&format!("{explore} --object mug"));
+    assert_eq!(explored.status.code(), Some(4), "{}", stderr(&explored));
+    let explored = ask(&format!("{explore} --object none"));
+    assert_eq!(explored.status.code(), Some(0), "{}", stderr(&explored));
+    let answer: serde_json::Value = serde_json::from_slice(&explored.stdout).unwrap();
+    for said in ["answer", "truth"] {
+        assert_eq!(answer[said], "none of these", "{answer}");
+    }
+    let session = answer["session"].as_str().unwrap();
+    let closed = ask(&format!("sessions close {session} --object none"));
+    assert!(stdout(&closed).contains("it was none of these: right"), "{}", stdout(&closed));
+    let unknown = ask("explore --readings 1 --object bottle");
+    assert!(stderr(&unknown).contains("or none for an object"), "{}", stderr(&unknown));
 }
 
 /// Explores into a new session and a file, and sends the file into that session and another.
@@ -201,7 +257,7 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
     let counts: Vec<_> =
         listed["items"].as_array().unwrap().iter().map(|item| &item["n_readings"]).collect();
     // The touches before; a file that is sent twice counts once.
-    assert_eq!(counts, [10, 5, 5]);
+    assert_eq!(counts, [10, 1, 1, 1, 1, 5, 5]);
     a_session_is_looked_into(replayed["session"].as_str().unwrap(), &answer, &ask);
     let again = answer(&format!("{mug} --offline --out 2.json"));
     assert_eq!(again["session"], serde_json::Value::Null);

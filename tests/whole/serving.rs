@@ -140,7 +140,9 @@ async fn a_robot_states_a_prior_and_an_operator_how_long_its_session_is_kept() {
     touching.args(["--server", &serving.url, "touch", "--object", "mug", "--mesh"]).arg(&mesh);
     touching.args(["--unit", "m", "--readings", "2", "--seed", "7", "--unknown-prior", "0.25"]);
     let touched = tokio::task::spawn_blocking(move || touching.output().unwrap()).await.unwrap();
-    assert!(touched.status.success(), "{}", String::from_utf8_lossy(&touched.stderr));
+    // Whatever two touches tell: 4 is another answer than the mug.
+    let said = String::from_utf8_lossy(&touched.stderr);
+    assert!(matches!(touched.status.code(), Some(0 | 4)), "{said}");
 
     let session = client.sessions(&SessionsQuery::default()).await.unwrap().items.remove(0);
     assert_eq!((session.unknown_prior, session.n_readings), (Some(0.25), 2));

@@ -294,8 +294,8 @@ async fn work(floor: Arc<Floor>, robot: usize) -> anyhow::Result<()> {
         };
         let name = format!("robot-{}", robot + 1);
         let mut session = floor.client.touch_session(&wanted, &name).await?;
-        floor.screen.begins(robot, &truth.object);
-        let show = |step: &trial::Step| floor.screen.touched(robot, &truth.object, step);
+        floor.screen.begins(robot, truth.name());
+        let show = |step: &trial::Step| floor.screen.touched(robot, truth.name(), step);
         let result =
             trial::run(simulated, &mut session, SENSOR.name(), &truth, floor.rule, show).await?;
         floor.client.close_session(session.id()).await?;

@@ -1,6 +1,9 @@
 //! `palpate explore`: a simulated arm explores an object that it knows nothing of, and what it
 //! feels is recognised by a server, written to a file, or both; a file can be sent again.
 
+mod planner;
+mod truth;
+
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -9,11 +12,12 @@ use palpate_client::schemas::{
     AddReadings, Belief, BeliefDetail, CreateSession, Method, Reading, ReadingsQuery, SensorPreset,
     Session,
 };
-use palpate_sim::explore::Statistics;
 use palpate_sim::shapes;
 use serde::Serialize;
 use uuid::Uuid;
 
+use self::planner::Planner;
+use self::truth::Truth;
 use super::Context;
 use super::objects::Unit;
 use super::sensors::parse_preset;
@@ -22,6 +26,7 @@ use crate::exit::Ended;
 use crate::explorer::{self, Plan};
 use crate::output;
 use crate::readings_file::ReadingsFile;
+use crate::verdict::Verdict;
 
 /// Arguments of `palpate explore`.
 #[derive(Debug, Args)]
@@ -30,10 +35,12 @@ use crate::readings_file::ReadingsFile;
     palpate explore --object mug --perturb --method appearance --readings 40\n  \
     palpate explore --mesh part.stl --readings 100 --offline --out part.json\n  \
     palpate explore --replay mug.json --session 0198a0d0-0000-7000-8000-000000000000\n\n\
-    Exits with 4 when the object is known and the likeliest one at the end is another."
+    The answer is the likeliest of the catalogue's objects and \"none of these\". Exits with 4 \
+    when --object says what was touched and the answer at the end is another."
 )]
 pub(crate) struct ExploreArgs {
-    /// What is touched: a built-in example, or with --mesh its name in the catalogue.
+    /// What is touched: a built-in example, or with --mesh its name in the catalogue, or `none`
+    /// for an object outside the catalogue: "none of these" is right then (method `hybrid`).
     #[arg(long, required_unless_present_any = ["mesh", "replay"])]
     object: Option<String>,
     /// The mesh to explore: .stl, .obj, .ply or .off.
@@ -128,38 +135,12 @@ struct Explored {
     planner: Option<Planner>,
     /// What was touched, if that is known.
     truth: Option<String>,
-    /// The likeliest object at the end, if a server was asked.
+    /// The likeliest answer at the end, if a server was asked.
     answer: Option<String>,
     probability: Option<f64>,
+    /// The probability of "none of these".
+    unknown: Option<f64>,
     right: Option<bool>,
-}
-
-/// What the planner did, see [`Statistics`].
-#[derive(Debug, Serialize)]
-struct Planner {
-    iterations: usize,
-    local_iterations: usize,
-    vertices: usize,
-    collisions: usize,
-    inverse_failures: usize,
-    contacts: usize,
-    rejected: usize,
-    unreachable: usize,
-}
-
-impl From<Statistics> for Planner {
-    fn from(statistics: Statistics) -> Self {
-        Self {
-            iterations: statistics.iterations,
-            local_iterations: statistics.local_iterations,
-            vertices: statistics.vertices,
-            collisions: statistics.collisions,
-            inverse_failures: statistics.inverse_failures,
-            contacts: statistics.contacts,
-            rejected: statistics.rejected,
-            unreachable: statistics.unreachable,
-        }
-    }
 }
 
 /// Does what was asked.
@@ -187,6 +168,10 @@ async fn unless_interrupted(work: impl Future<Output = anyhow::Result<()>>) -> a
 /// Sends the readings of a file.
 async fn replay(args: &ExploreArgs, file: ReadingsFile, context: &Context) -> anyhow::Result<()> {
     let session = session(args, context).await?;
+    let truth = match &file.object {
+        Some(object) => Truth::of_file(object, &session, context).await?,
+        None => None,
+    };
     let mut last = None;
     let n_readings = file.readings.len();
     for (idx, reading) in file.readings.into_iter().enumerate() {
@@ -194,17 +179,29 @@ async fn replay(args: &ExploreArgs, file: ReadingsFile, context: &Context) -> an
         context.output.say(belief_words(idx + 1, &belief));
         last = Some(belief);
     }
-    answer(Some(&session), n_readings, None, file.object, last.as_ref(), context)
+    answer(Some(&session), n_readings, None, truth, last.as_ref(), context)
 }
 
 /// Explores, sends each reading as it is taken, and writes them all at the end.
 async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
     let plan = plan(args)?;
-    let session = if args.offline {
-        None
+    if args.mesh.is_some() {
+        context.output.say(crate::robot::read_as(args.unit.wire(), &plan.mesh));
+    }
+    let (session, truth) = if args.offline {
+        (None, args.object.as_deref().map(Truth::named))
     } else {
         ensure_sensor(&context.client, args.sensor).await?;
-        Some(session(args, context).await?)
+        let session = session(args, context).await?;
+        let truth = match &args.object {
+            Some(object) => Some(Truth::told(object, &session, context).await),
+            None => None,
+        };
+        if matches!(truth, Some(Err(_))) && args.session.is_none() {
+            context.client.delete_session(session.id).await?;
+        }
+        let truth = truth.transpose()?;
+        (Some(session), truth)
     };
     // One reading waits while another is on its way: the arm does not run ahead of the server.
     let (sender, mut taken) = tokio::sync::mpsc::channel::<Reading>(1);
@@ -240,7 +237,7 @@ async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
         ));
     }
     let planner = Some(explored.statistics.into());
-    answer(session.as_ref(), n_readings, planner, args.object.clone(), last.as_ref(), context)
+    answer(session.as_ref(), n_readings, planner, truth, last.as_ref(), context)
 }
 
 /// Gathers readings as they are taken and sends them, if there is a session; gives the last
@@ -323,13 +320,13 @@ async fn send(session: &Session, reading: Reading, context: &Context) -> anyhow:
 }
 
 fn belief_words(touches: usize, belief: &Belief) -> String {
-    let best = belief.objects.first();
-    let probability = best.map_or(0.0, |best| best.probability);
+    let verdict = Verdict::of(belief);
     format!(
-        "touch {touches:3}  {:<16} {} {:5.1} %  {:.2} bits",
-        best.map_or("–", |best| best.name.as_str()),
-        output::bar(probability),
-        probability * 100.0,
+        "touch {touches:3}  {:<16} {} {:5.1} %  none of these {:5.1} %  {:.2} bits",
+        verdict.name(),
+        output::bar(verdict.probability),
+        verdict.probability * 100.0,
+        belief.unknown * 100.0,
         belief.entropy_bits,
     )
 }
@@ -338,19 +335,20 @@ fn answer(
     session: Option<&Session>,
     readings: usize,
     planner: Option<Planner>,
-    truth: Option<String>,
+    truth: Option<Truth>,
     last: Option<&Belief>,
     context: &Context,
 ) -> anyhow::Result<()> {
-    let best = last.and_then(|belief| belief.objects.first());
-    let right = best.zip(truth.as_ref()).map(|(best, truth)| best.name == *truth);
+    let verdict = last.map(Verdict::of);
+    let right = verdict.zip(truth.as_ref()).map(|(verdict, truth)| truth.is_told_by(verdict));
     let explored = Explored {
         session: session.map(|session| session.id),
         readings,
         planner,
-        truth,
-        answer: best.map(|best| best.name.clone()),
-        probability: best.map(|best| best.probability),
+        truth: truth.map(|truth| truth.name().to_owned()),
+        answer: verdict.map(|verdict| verdict.name().to_owned()),
+        probability: verdict.map(|verdict| verdict.probability),
+        unknown: last.map(|belief| belief.unknown),
         right,
     };
     context.output.answer(&explored, words)?;
@@ -360,14 +358,7 @@ fn answer(
 fn words(explored: &Explored) -> String {
     let mut words = format!("\n{} readings", explored.readings);
     if let Some(planner) = &explored.planner {
-        words += &format!(
-            " from {} contacts in {} steps of the planner ({} local); {} vertices, {} collisions",
-            planner.contacts,
-            planner.iterations,
-            planner.local_iterations,
-            planner.vertices,
-            planner.collisions,
-        );
+        words += &planner.words();
     }
     if let (Some(answer), Some(probability)) = (&explored.answer, explored.probability) {
         words += &format!("\nit is {answer} with {:.1} %", probability * 100.0);

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::{Args, Subcommand, ValueEnum};
 use palpate_client::schemas::{
-    AddTrainingReadings, CreateObject, MeshReport, MeshUnit, ObjectInfo, PageQuery, Reading,
+    AddTrainingReadings, CreateObject, MeshReport, MeshUnit, ObjectInfo, PageQuery, ProblemType,
+    Reading,
 };
+use palpate_client::{Client, Error as ClientError};
 use palpate_core::units::MM;
 use palpate_sim::shapes;
 
@@ -147,22 +149,32 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
         Action::Add { name, mesh, unit, description } => {
             // A file that cannot be read is noticed before the object is there.
             let file = mesh.as_deref().map(robot::read_mesh_file).transpose()?;
-            let object = client.create_object(&CreateObject { name, description }).await?;
-            output.say(format!("added object {} ({})", object.name, object.id));
+            let created = client.create_object(&CreateObject { name, description }).await;
+            let object = match created {
+                Err(error) if error.kind() == Some(ProblemType::Conflict) && mesh.is_some() => {
+                    return Err(anyhow::Error::from(error)).context(
+                        "the object is there; `palpate objects mesh NAME FILE` gives it a mesh",
+                    );
+                }
+                other => other?,
+            };
+            let id = object.id.to_string();
             if let Some((format, bytes)) = file {
                 let format = robot::wire_format(format);
-                let id = object.id.to_string();
-                let report = client.put_mesh(&id, format, unit.wire(), bytes.into()).await;
-                say_mesh(output, &report.context("the object is there, its mesh is not")?);
+                match client.put_mesh(&id, format, unit.wire(), bytes.into()).await {
+                    Ok(report) => output.say(read_words(&report)),
+                    Err(error) => return Err(without_mesh(client, &object, error).await),
+                }
             }
-            let object = client.object(&object.id.to_string()).await?;
+            output.say(format!("added object {} ({})", object.name, object.id));
+            let object = client.object(&id).await?;
             if output.json { output.answer(&object, |_| String::new()) } else { Ok(()) }
         }
         Action::Mesh { object, file, unit } => {
             let (format, bytes) = robot::read_mesh_file(&file)?;
             let format = robot::wire_format(format);
             let report = client.put_mesh(&object, format, unit.wire(), bytes.into()).await?;
-            output.answer(&report, mesh_words)
+            output.answer(&report, read_words)
         }
         Action::Remove { object } => {
             client.delete_object(&object).await?;
@@ -236,8 +248,23 @@ fn example(name: Option<&str>, out: &Path, output: Output) -> anyhow::Result<()>
     if output.json { output.answer(&written, |_| String::new()) } else { Ok(()) }
 }
 
-fn say_mesh(output: Output, report: &MeshReport) {
-    output.say(mesh_words(report));
+/// Takes back an object whose mesh was not taken, and says so with the reason.
+async fn without_mesh(client: &Client, object: &ObjectInfo, error: ClientError) -> anyhow::Error {
+    let taken_back = client.delete_object(&object.id.to_string()).await.is_ok();
+    let error = anyhow::Error::from(error);
+    if taken_back {
+        error.context(format!("object {} was not added", object.name))
+    } else {
+        error.context(format!(
+            "object {} is there without a mesh; `palpate objects mesh {} FILE` gives it one",
+            object.name, object.name
+        ))
+    }
+}
+
+/// A mesh with the unit that its file was read in: the file does not say it.
+fn read_words(report: &MeshReport) -> String {
+    format!("read as {}: {}", output::word(&report.mesh.unit), mesh_words(report))
 }
 
 fn mesh_words(report: &MeshReport) -> String {

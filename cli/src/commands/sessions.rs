@@ -15,6 +15,7 @@ use super::Context;
 use crate::exit::Ended;
 use crate::output;
 use crate::symmetry;
+use crate::verdict::{NONE, NONE_OF_THESE, Verdict};
 
 /// Arguments of `palpate sessions`.
 #[derive(Debug, Args)]
@@ -43,9 +44,10 @@ enum Action {
     Close {
         /// Its id.
         session: Uuid,
-        /// What the object was, by id or name: the server counts how often it is right.
-        #[arg(long, value_name = "OBJECT", conflicts_with = "none_of_these")]
-        truth: Option<String>,
+        /// What the object was, by id or name, or `none` for none of the catalogue's: the server
+        /// counts how often it is right.
+        #[arg(long, alias = "truth", conflicts_with = "none_of_these")]
+        object: Option<String>,
         /// It was none of the catalogue's objects.
         #[arg(long)]
         none_of_these: bool,
@@ -138,9 +140,10 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             let session = client.extend_session(session, seconds).await?;
             output.answer(&session, |session| table(std::slice::from_ref(session)))
         }
-        Action::Close { session, truth, none_of_these } => {
-            let none_of_these = none_of_these.then_some(true);
-            let told = CloseSession { object: truth, none_of_these };
+        Action::Close { session, object, none_of_these } => {
+            let is_none = none_of_these || object.as_deref() == Some(NONE);
+            let object = object.filter(|_| !is_none);
+            let told = CloseSession { object, none_of_these: is_none.then_some(true) };
             let session = client.close_session_with(session, &told).await?;
             output.answer(&session, |session| {
                 let closed = table(std::slice::from_ref(session));
@@ -215,21 +218,14 @@ async fn watch(session: Uuid, context: &Context) -> anyhow::Result<()> {
     }
 }
 
-/// What an object is called that the catalogue does not know.
-const NONE_OF_THESE: &str = "none of these";
-
 fn one_line(belief: &Belief) -> String {
-    let best = belief.objects.first();
-    let (name, probability) = match best {
-        Some(best) if best.probability >= belief.unknown => (best.name.as_str(), best.probability),
-        _ if belief.unknown > 0.0 => (NONE_OF_THESE, belief.unknown),
-        _ => ("–", 0.0),
-    };
+    let verdict = Verdict::of(belief);
     format!(
-        "{:4} readings  {name:<16} {} {:5.1} %  {:.2} bits",
+        "{:4} readings  {:<16} {} {:5.1} %  {:.2} bits",
         belief.n_readings,
-        output::bar(probability),
-        probability * 100.0,
+        verdict.name(),
+        output::bar(verdict.probability),
+        verdict.probability * 100.0,
         belief.entropy_bits
     )
 }

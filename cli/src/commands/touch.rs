@@ -21,15 +21,19 @@ use crate::exit::Ended;
 use crate::output;
 use crate::robot::{self, Approach, Robot};
 use crate::trial::{self, Step, StopRule, Truth};
+use crate::verdict::{NONE, can_answer_none};
 
 /// Arguments of `palpate touch`.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  palpate touch --object mug --mesh mug.stl --readings 15 --seed 7\n\n\
-    Exits with 4 when the likeliest object at the end is not the one that was touched."
+    Example:\n  palpate touch --object none --mesh vase.stl\n\n\
+    The answer is the likeliest of the catalogue's objects and \"none of these\". Exits with 4 \
+    when the answer at the end is not what was touched."
 )]
 pub(crate) struct TouchArgs {
-    /// Which object the mesh is: its name when it was trained.
+    /// Which object the mesh is: its name when it was trained, or `none` for an object outside
+    /// the catalogue: "none of these" is right then (method `hybrid`).
     #[arg(long)]
     object: String,
     /// The mesh to touch: .stl, .obj, .ply or .off.
@@ -108,6 +112,10 @@ impl TouchMethod {
 struct Touched {
     session: uuid::Uuid,
     truth: String,
+    /// The likeliest answer at the end, its probability, and that of "none of these".
+    answer: String,
+    probability: f64,
+    unknown: f64,
     right: bool,
     position_error_mm: Option<f64>,
     angle_error_deg: Option<f64>,
@@ -119,6 +127,7 @@ struct Touched {
 pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     let mesh = robot::read_mesh(&args.mesh, args.unit.wire())?;
+    output.say(robot::read_as(args.unit.wire(), &mesh));
     ensure_sensor(client, args.sensor).await?;
     let current = client.current_version(&args.catalogue).await?.version;
     let version = client.catalogue_version(&args.catalogue, current).await?;
@@ -127,7 +136,13 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     let simulator = Arc::new(PressSimulator::new(mesh, described(args.sensor)));
     let approach = approach(method, &version);
     let mut robot = Robot::approaching(simulator, approach, args.seed, 0);
-    let truth = Truth::new(&robot, &symmetry, &args.object, &version.report)?;
+    let truth = match args.object.as_str() {
+        NONE => {
+            can_answer_none(method.unwrap_or(Method::Hybrid))?;
+            Truth::none_of_these(&robot)
+        }
+        object => Truth::new(&robot, &symmetry, object, &version.report)?,
+    };
     let session = CreateSession {
         catalogue: Some(args.catalogue),
         version: Some(current),
@@ -163,18 +178,21 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         position_error_mm: result.last.position_error_mm(),
         angle_error_deg: result.last.angle_error_deg(),
         plain_angle_error_deg: result.last.plain_angle_error_deg(),
+        answer: result.last.answer.clone(),
+        probability: result.last.probability,
+        unknown: result.last.unknown,
         steps: result.steps,
     };
     output.answer(&touched, |touched| {
         let last = &result.last;
         let verdict = if touched.right { "right" } else { "wrong" };
-        let answer = last.object.as_deref().unwrap_or("nothing");
         let identity = format!(
-            "\n{verdict}: {answer} with {:.1} %; it was {}",
-            last.probability * 100.0,
+            "\n{verdict}: {} with {:.1} %; it was {}",
+            touched.answer,
+            touched.probability * 100.0,
             touched.truth
         );
-        if is_appearance(method) {
+        if is_appearance(method) || args.object == NONE {
             return identity;
         }
         format!(
@@ -207,11 +225,12 @@ fn approach(method: Option<Method>, version: &CatalogueVersion) -> Approach {
 
 fn step_words(step: &Step) -> String {
     format!(
-        "touch {:3}  {:<16} {} {:5.1} %  {:.2} bits  {:>10} {:>8}",
+        "touch {:3}  {:<16} {} {:5.1} %  none of these {:5.1} %  {:.2} bits  {:>10} {:>8}",
         step.touches,
-        step.object.as_deref().unwrap_or("–"),
+        step.answer,
         output::bar(step.probability),
         step.probability * 100.0,
+        step.unknown * 100.0,
         step.entropy_bits,
         step.position_error.map_or("–".to_owned(), output::mm),
         step.angle_error.map_or("–".to_owned(), output::degrees),

@@ -99,7 +99,7 @@ fn row(robot: usize, truth: &str, step: &Step) -> String {
         "robot-{:<3} {truth:<13} {:>7}  {:<13} {} {:>5.1}% {:>4.2} bits {:>9} {:>8} {verdict}",
         robot + 1,
         step.touches,
-        step.object.as_deref().unwrap_or("–"),
+        step.answer,
         output::bar(step.probability),
         step.probability * 100.0,
         step.entropy_bits,

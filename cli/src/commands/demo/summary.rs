@@ -86,7 +86,7 @@ pub(super) fn table(results: &[TrialResult]) -> String {
             [
                 result.truth.clone(),
                 if last.right { "right" } else { "wrong" }.to_owned(),
-                last.object.clone().unwrap_or_default(),
+                last.answer.clone(),
                 format!("{:.1} %", last.probability * 100.0),
                 last.touches.to_string(),
                 last.misses.to_string(),
@@ -107,8 +107,11 @@ mod tests {
         let last = Step {
             touches,
             misses: 1,
-            object: Some("mug".to_owned()),
+            answer: "mug".to_owned(),
             probability: 1.0,
+            unknown: 0.0,
+            object: Some("mug".to_owned()),
+            object_probability: 1.0,
             entropy_bits: 0.0,
             right,
             position_error: Some(position_error),
