@@ -230,7 +230,7 @@ fn none_of_these_is_an_answer(ask: impl Fn(&str) -> Output) {
     let session = answer["session"].as_str().unwrap();
     let closed = ask(&format!("sessions close {session} --object none"));
     assert!(stdout(&closed).contains("it was none of these: right"), "{}", stdout(&closed));
-    let unknown = ask("explore --readings 1 --object bottle");
+    let unknown = ask("explore --readings 1 --object dragon");
     assert!(stderr(&unknown).contains("or none for an object"), "{}", stderr(&unknown));
 }
 
