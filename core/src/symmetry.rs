@@ -13,6 +13,7 @@ mod fit;
 mod group;
 mod line;
 mod orbit;
+mod presses;
 mod seeds;
 mod shape;
 mod verify;
@@ -22,9 +23,8 @@ mod tests;
 
 use glam::DVec3;
 
-use crate::patch::MapPatch;
-
 pub use axes::ORDER_MAX;
+pub use presses::Press;
 pub use shape::Shape;
 
 /// A map of fewer patches is too coarse for a symmetry to be told from none.
@@ -54,13 +54,10 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// What the patches of a map say.
+    /// What touches say.
     #[must_use]
-    pub fn of_touches(patches: &[MapPatch]) -> Self {
-        match PATCHES_MIN.checked_sub(patches.len()) {
-            None | Some(0) => Self::Settled(Symmetry::of_patches(patches)),
-            Some(touches_needed) => Self::Undetermined { touches_needed },
-        }
+    pub fn of_touches(presses: &[Press]) -> Self {
+        discover::discover(presses)
     }
 
     /// The symmetry that poses are answered modulo: none while it is undetermined.
@@ -96,18 +93,6 @@ pub enum AxisOrder {
 impl Symmetry {
     /// An object that only looks like itself.
     pub const NONE: Self = Self { center: DVec3::ZERO, axes: Vec::new() };
-
-    /// The symmetry of an object from the patches of its map; [`Symmetry::NONE`] when there are
-    /// fewer than [`PATCHES_MIN`].
-    ///
-    /// Turns about the axes that the spread of the patches leaves possible are laid onto the
-    /// map, and kept when they explain its patches as well as these explain each other; the
-    /// turns that are left make a group. Equal patches give an equal answer on any number of
-    /// threads.
-    #[must_use]
-    pub fn of_patches(patches: &[MapPatch]) -> Self {
-        if patches.len() < PATCHES_MIN { Self::NONE } else { discover::discover(patches) }
-    }
 
     /// The symmetry of an object whose shape is known; see [`Shape`] for which turns count.
     #[must_use]

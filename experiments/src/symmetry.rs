@@ -1,83 +1,69 @@
-//! Symmetry found from touches: which axes, of which order, and how long it takes.
+//! Symmetry found from touches alone, and by the mesh: true and false axes, seed by seed.
 //!
-//! Objects and the solid letters I and O are touched by the training sampler; symmetry is
-//! discovered from the touches' positions and normals, on one core. For comparison it is also
-//! sought on as many points of the mesh itself, with 0.1 mm and 5° of noise: what a sensor
-//! without extent would find. Expected are the symmetries that the objects were made with.
+//! Ten solids and the same ten with a handle or a notch (`bodies`) are touched by the training
+//! sampler. Symmetry is discovered in the first touches of each seed as in a training by a
+//! robot, without the mesh; rows `mesh` are what a training that has the mesh decides. The truth
+//! is what the solids were made with. An axis is false when no turn about it that it claims is
+//! a symmetry, or not every: a fine turn of a round object is false, too.
+
+mod bodies;
 
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::Context as _;
 use glam::DVec3;
-use palpate_core::contact::{center_of_pressure, contact_points, normal_constraint};
-use palpate_core::model::MapPatch;
-use palpate_core::patch::touches;
 use palpate_core::reading::Reading;
-use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::symmetry::{AxisOrder, Symmetry};
+use palpate_core::symmetry::{AxisOrder, Finding, Symmetry, SymmetryAxis};
+use palpate_core::train::TrainingSet;
+use palpate_core::train::surface::find_symmetry;
 use palpate_core::units::{DEG, MM};
-use palpate_sim::letters::Font;
-use palpate_sim::mesh::Mesh;
+use palpate_sim::symmetry::of_mesh;
 use serde_json::json;
 
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
+use bodies::{Body, bodies};
 
-/// How thick the letters are, metres; their capitals are 25 mm high.
-const LETTER_THICKNESS: f64 = 3.0 * MM;
+/// Axes are the same within this angle, rad: touches fix them to about a degree.
+const SAME_AXIS: f64 = 5.0 * DEG;
 
-/// The sizes of maps that are compared, besides the whole.
-const FEWER: [usize; 2] = [200, 500];
+/// From this many touches on, true symmetries are expected to be found.
+const EXPECTED_FROM: usize = 300;
 
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct SymmetryTrials {
-    /// A folder of meshes; `None` for the built-in objects.
+    /// A folder of meshes, whose truth is then what the mesh says; `None` for the twenty solids.
     pub meshes: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
+    /// Largest dimension of meshes of a folder, metres.
     pub size: f64,
-    /// The seed of the touches.
+    /// The seed of the solids and of the first touches; the others follow.
     pub seed: u64,
-    /// Touches an object.
-    pub touches: usize,
+    /// How many seeds of touches.
+    pub n_seeds: u64,
+    /// Touches of each map, ascending.
+    pub touches: Vec<usize>,
 }
 
 impl Default for SymmetryTrials {
     fn default() -> Self {
-        Self { meshes: None, size: 80.0 * MM, seed: 1, touches: 1_000 }
-    }
-}
-
-/// What is known of an object beforehand.
-#[derive(Clone, Copy, PartialEq)]
-enum Expected {
-    /// It only looks like itself.
-    Nothing,
-    /// It has an axis of at least this order, continuous included.
-    Axis(u8),
-    /// Details near what touches resolve decide; it does not count.
-    Unsettled,
-}
-
-/// The expectation for an object by its name. The built-in gear has 16 teeth, but 5 holes and
-/// one key, which touches hardly enter; a chess piece may have 4 sides in some of its rings.
-fn expected(name: &str, is_built_in: bool) -> Expected {
-    match (name, is_built_in) {
-        ("glass" | "wine_glass" | "tire" | "tyre", _) | ("gear", false) => Expected::Axis(8),
-        ("letter I" | "letter O" | "screwdriver", _) | ("pliers", true) => Expected::Axis(2),
-        ("dragon" | "hand" | "mug" | "hammer" | "chess_knight", _) => Expected::Nothing,
-        _ => Expected::Unsettled,
+        let touches = vec![100, 150, 300, 1_000];
+        Self { meshes: None, size: 80.0 * MM, seed: 1, n_seeds: 6, touches }
     }
 }
 
 /// What was found on one map.
-struct Found {
-    symmetry: Symmetry,
-    seconds: f64,
+struct Trial {
+    object: usize,
+    touches: usize,
+    /// None while it is undetermined.
+    orders: Option<Vec<AxisOrder>>,
+    n_false: usize,
+    is_whole: bool,
+    ms: f64,
 }
 
 /// Runs the experiment.
@@ -91,178 +77,174 @@ pub fn run(
 ) -> anyhow::Result<Outcome> {
     let one_core = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let sensor = SensorDescription::digitacts_6x6();
-    let mut objects = objects::load(config.meshes.as_deref(), config.size)?;
-    objects.extend(letters()?);
+    let bodies = load(config)?;
     let mut report = Report::new("symmetry", command, config.seed);
-    let mut tally = Tally::default();
-    for (done, object) in objects.iter().enumerate() {
-        progress("objects", done, objects.len());
-        let readings = objects::touch(object, &sensor, config.touches, config.seed)?;
-        let touched: Vec<MapPatch> =
-            readings.iter().filter_map(|reading| patch_of(reading, &sensor)).collect();
-        let on_mesh = points_of(&object.mesh, touched.len(), config.seed);
-        let discover = |patches: &[MapPatch]| {
-            let started = Instant::now();
-            let symmetry = one_core.install(|| Symmetry::of_patches(patches));
-            Found { symmetry, seconds: started.elapsed().as_secs_f64() }
-        };
-        let fewer = FEWER.iter().filter(|n| **n < touched.len());
-        let sizes: Vec<usize> = fewer.copied().chain([touched.len()]).collect();
-        for n in &sizes {
-            let found = discover(&touched[..*n]);
-            report.row(row(&object.name, "touches", *n, &found));
-            tally.times.push((*n as f64, found.seconds * 1e3));
-            if *n == touched.len() {
-                tally.count(expected(&object.name, config.meshes.is_none()), &found);
+    let (mut trials, mut n_exact) = (Vec::new(), 0);
+    let most = config.touches.iter().copied().max().unwrap_or(0);
+    for (object, body) in bodies.iter().enumerate() {
+        let begun = Instant::now();
+        let truth = of_mesh(&body.object.mesh);
+        let by_mesh = Trial::new(object, 0, &Finding::Settled(truth.clone()), &truth, begun);
+        n_exact += usize::from(by_mesh.orders.as_ref() == Some(&body.orders));
+        report.row(row(&body.object, "mesh", None, &by_mesh));
+        for index in 0..config.n_seeds {
+            progress("objects", trials.len(), bodies.len() * config.n_seeds as usize * 4);
+            let seed = config.seed.wrapping_mul(1_000).wrapping_add(index);
+            let readings = objects::touch(&body.object, &sensor, most, seed)?;
+            for n in &config.touches {
+                let begun = Instant::now();
+                let found = one_core.install(|| find(&readings[..*n], &sensor));
+                let trial = Trial::new(object, *n, &found, &truth, begun);
+                report.row(row(&body.object, "touches", Some(seed), &trial));
+                trials.push(trial);
             }
         }
-        report.row(row(&object.name, "mesh", on_mesh.len(), &discover(&on_mesh)));
     }
-    tally.summarise(&mut report);
-    let plot = svg(&[tally.panel()]);
+    report.summarise("mesh_exact", n_exact as f64 / bodies.len() as f64);
+    summarise(&mut report, config, &bodies, &trials);
+    let plot = svg(&[panel(config, &bodies, &trials)]);
     Ok(Outcome { report, plot, pictures: Vec::new() })
 }
 
-/// The letters I and O as solids.
-fn letters() -> anyhow::Result<Vec<TestObject>> {
-    let font = Font::built_in();
-    let solid = |symbol: char| {
-        let letter = font.letter(symbol).with_context(|| format!("no letter {symbol}"))?;
-        let mesh = letter.solid(LETTER_THICKNESS);
-        let mesh = mesh.translated(-mesh.centroid());
-        Ok(TestObject { name: format!("letter {symbol}"), mesh })
+fn load(config: &SymmetryTrials) -> anyhow::Result<Vec<Body>> {
+    let Some(folder) = &config.meshes else { return bodies(config.seed) };
+    let objects = objects::load(Some(folder), config.size)?;
+    let known = |object: TestObject| {
+        let orders = of_mesh(&object.mesh).axes.iter().map(|axis| axis.order).collect();
+        Body { object, orders }
     };
-    ['I', 'O'].into_iter().map(solid).collect()
+    Ok(objects.into_iter().map(known).collect())
 }
 
-/// The patch of a reading as a map holds it, or `None` when it touched nothing.
-fn patch_of(reading: &Reading, sensor: &SensorDescription) -> Option<MapPatch> {
-    let object_from_sensor = reading.session_from_sensor();
-    let image = reading.image();
-    touches(reading, sensor).then(|| MapPatch {
-        position: single(object_from_sensor * center_of_pressure(image, sensor)),
-        normal: single(object_from_sensor.turn(DVec3::NEG_Z)),
-        normal_confidence: normal_constraint(&contact_points(image, sensor)) as f32,
-    })
+fn find(readings: &[Reading], sensor: &SensorDescription) -> Finding {
+    find_symmetry(&TrainingSet { readings, sensor }, DVec3::ZERO)
 }
 
-/// `n` points spread evenly over a mesh, 0.1 mm and 5° from where they should be.
-fn points_of(mesh: &Mesh, n: usize, seed: u64) -> Vec<MapPatch> {
-    let mut stream = Stream::new(seed, Purpose::Sampling, u64::MAX);
-    let areas: Vec<f64> = (0..mesh.triangles().len()).map(|triangle| mesh.area(triangle)).collect();
-    let mut ends: Vec<f64> = areas.clone();
-    for triangle in 1..ends.len() {
-        ends[triangle] += ends[triangle - 1];
+impl Trial {
+    fn new(
+        object: usize,
+        touches: usize,
+        found: &Finding,
+        truth: &Symmetry,
+        begun: Instant,
+    ) -> Self {
+        let ms = begun.elapsed().as_secs_f64() * 1e3;
+        let Finding::Settled(found) = found else {
+            return Self { object, touches, orders: None, n_false: 0, is_whole: false, ms };
+        };
+        let n_false = found.axes.iter().filter(|axis| !is_true(axis, truth)).count();
+        let orders: Vec<AxisOrder> = found.axes.iter().map(|axis| axis.order).collect();
+        let same = orders.iter().eq(truth.axes.iter().map(|axis| &axis.order));
+        Self { object, touches, orders: Some(orders), n_false, is_whole: same && n_false == 0, ms }
     }
-    let total = ends.last().copied().unwrap_or(0.0);
-    let point = |_| {
-        let place = stream.uniform(0.0, total);
-        let triangle = ends.partition_point(|end| *end <= place).min(ends.len() - 1);
-        let [a, b, c] = mesh.corners(triangle);
-        let (u, v) = (stream.uniform(0.0, 1.0).sqrt(), stream.uniform(0.0, 1.0));
-        let bent = DVec3::new(stream.normal(), stream.normal(), stream.normal());
-        let normal = (mesh.normal(triangle) + 5.0 * DEG * bent).normalize();
-        let at = a * (1.0 - u) + b * (u * (1.0 - v)) + c * (u * v);
-        MapPatch {
-            position: single(at + normal * 0.1 * MM * stream.normal()),
-            normal: single(normal),
-            normal_confidence: 1.0,
-        }
-    };
-    (0..n).map(point).collect()
 }
 
-fn single(v: DVec3) -> [f32; 3] {
-    v.to_array().map(|value| value as f32)
+/// Whether the truth has every turn of an axis that was found, and no finer ones about a round
+/// axis were taken for it.
+fn is_true(found: &SymmetryAxis, truth: &Symmetry) -> bool {
+    let round: Vec<&SymmetryAxis> =
+        truth.axes.iter().filter(|axis| axis.order == AxisOrder::Continuous).collect();
+    if round.len() > 1 {
+        return found.order == AxisOrder::Continuous;
+    }
+    let sine = |axis: &SymmetryAxis| axis.direction.cross(found.direction).length();
+    let same = |axis: &&SymmetryAxis| sine(axis) < SAME_AXIS.sin();
+    match (round.first(), found.order) {
+        (Some(axis), AxisOrder::Continuous) => same(axis),
+        (Some(axis), AxisOrder::Finite(order)) => {
+            let across = axis.direction.dot(found.direction).abs() < SAME_AXIS.sin();
+            order == 2 && across && truth.axes.len() > 1
+        }
+        (None, AxisOrder::Continuous) => false,
+        (None, AxisOrder::Finite(order)) => truth.axes.iter().filter(same).any(
+            |axis| matches!(axis.order, AxisOrder::Finite(known) if known.is_multiple_of(order)),
+        ),
+    }
 }
 
 fn row<'a>(
-    object: &str,
+    object: &TestObject,
     seen: &str,
-    patches: usize,
-    found: &Found,
+    seed: Option<u64>,
+    trial: &Trial,
 ) -> Vec<(&'a str, serde_json::Value)> {
-    let axes = &found.symmetry.axes;
-    let orders: Vec<String> = axes.iter().take(3).map(|axis| order_name(axis.order)).collect();
-    let main = axes.first().map(|axis| axis.direction.to_array());
+    let orders = trial.orders.as_ref().map(|orders| {
+        let names: Vec<String> = orders.iter().map(|order| order_name(*order)).collect();
+        names.join(" ")
+    });
     vec![
-        ("object", json!(object)),
+        ("object", json!(object.name)),
         ("seen", json!(seen)),
-        ("patches", json!(patches)),
-        ("axes", json!(axes.len())),
-        ("orders", json!(orders.join(" "))),
-        ("main_axis_x", json!(main.map(|direction| direction[0]))),
-        ("main_axis_y", json!(main.map(|direction| direction[1]))),
-        ("main_axis_z", json!(main.map(|direction| direction[2]))),
-        ("ms", json!(found.seconds * 1e3)),
+        ("seed", json!(seed)),
+        ("touches", json!(trial.touches)),
+        ("orders", json!(orders.unwrap_or_else(|| "undetermined".to_owned()))),
+        ("false_axes", json!(trial.n_false)),
+        ("whole", json!(trial.is_whole)),
+        ("ms", json!(trial.ms)),
     ]
 }
 
 fn order_name(order: AxisOrder) -> String {
     match order {
         AxisOrder::Finite(n) => n.to_string(),
-        AxisOrder::Continuous => "continuous".to_owned(),
+        AxisOrder::Continuous => "round".to_owned(),
     }
 }
 
-/// What the summary is made of.
-#[derive(Default)]
-struct Tally {
-    expected: usize,
-    found: usize,
-    false_axes: usize,
-    /// Patches of a map and milliseconds.
-    times: Vec<(f64, f64)>,
+fn share<'a>(trials: impl Iterator<Item = &'a Trial>, of: impl Fn(&Trial) -> bool) -> f64 {
+    let (mut n, mut n_of) = (0.0, 0.0);
+    for trial in trials {
+        n += 1.0;
+        n_of += f64::from(u8::from(of(trial)));
+    }
+    n_of / f64::max(n, 1.0)
 }
 
-impl Tally {
-    fn count(&mut self, expected: Expected, found: &Found) {
-        let axes = &found.symmetry.axes;
-        match expected {
-            Expected::Unsettled => {}
-            Expected::Nothing => self.false_axes += axes.len(),
-            Expected::Axis(order) => {
-                let reaches = |found: &AxisOrder| match found {
-                    AxisOrder::Continuous => true,
-                    AxisOrder::Finite(found) => *found >= order,
-                };
-                self.expected += 1;
-                self.found += usize::from(axes.iter().any(|axis| reaches(&axis.order)));
-            }
-        }
+fn summarise(report: &mut Report, config: &SymmetryTrials, bodies: &[Body], trials: &[Trial]) {
+    let n_false: usize = trials.iter().map(|trial| trial.n_false).sum();
+    report.summarise("false_axes", n_false as f64);
+    let is_symmetric = |trial: &&Trial| !bodies[trial.object].orders.is_empty();
+    let many = trials.iter().filter(|trial| trial.touches >= EXPECTED_FROM);
+    report.summarise("found_expected", share(many.filter(is_symmetric), |trial| trial.is_whole));
+    let most = config.touches.iter().copied().max().unwrap_or(0);
+    let agree = |object: usize| {
+        let mut of = trials.iter().filter(|t| t.object == object && t.touches == most);
+        let first = of.next().map(|trial| &trial.orders);
+        of.all(|trial| Some(&trial.orders) == first)
+    };
+    let n_agree = (0..bodies.len()).filter(|object| agree(*object)).count();
+    report.summarise("seeds_agree", n_agree as f64 / bodies.len() as f64);
+    for n in &config.touches {
+        let of_size = || trials.iter().filter(|trial| trial.touches == *n);
+        report.summarise(&format!("undetermined_{n}"), share(of_size(), |t| t.orders.is_none()));
+        let found = share(of_size().filter(is_symmetric), |trial| trial.is_whole);
+        report.summarise(&format!("found_{n}"), found);
     }
+    let times: Vec<f64> = trials.iter().filter(|t| t.touches == most).map(|t| t.ms).collect();
+    report.summarise("ms_median", median(&times));
+    report.summarise("ms_max", times.iter().copied().fold(0.0, f64::max));
+}
 
-    fn summarise(&mut self, report: &mut Report) {
-        let most = self.times.iter().map(|time| time.0).fold(0.0, f64::max);
-        let whole: Vec<f64> =
-            self.times.iter().filter(|time| time.0 > 0.9 * most).map(|time| time.1).collect();
-        report.summarise("found_expected", self.found as f64 / self.expected.max(1) as f64);
-        report.summarise("false_axes", self.false_axes as f64);
-        report.summarise("ms_median", median(&whole));
-        report.summarise("ms_max", whole.iter().copied().fold(0.0, f64::max));
-        self.times.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    }
-
-    fn panel(&self) -> Panel {
-        let lines = [("median", 0.5), ("slowest", 1.0)].map(|(name, share)| {
-            let mut points: Vec<(f64, f64)> = Vec::new();
-            for n in FEWER.map(|n| n as f64).into_iter().chain([f64::INFINITY]) {
-                let low = points.last().map_or(0.0, |point| point.0);
-                let group: Vec<&(f64, f64)> =
-                    self.times.iter().filter(|time| time.0 > low && time.0 <= n).collect();
-                if let Some(last) = group.last() {
-                    let times: Vec<f64> = group.iter().map(|time| time.1).collect();
-                    points.push((last.0, crate::statistics::quantile(&times, share)));
-                }
-            }
-            Line { name: name.to_owned(), points }
-        });
-        Panel {
-            title: "symmetry, one core".to_owned(),
-            x: "patches of the map".to_owned(),
-            y: "time (ms)".to_owned(),
-            lines: lines.into(),
-        }
+fn panel(config: &SymmetryTrials, bodies: &[Body], trials: &[Trial]) -> Panel {
+    let line = |name: &str, symmetric: bool, of: &dyn Fn(&Trial) -> bool| {
+        let at = |n: &usize| {
+            let group = trials.iter().filter(|trial| {
+                trial.touches == *n && bodies[trial.object].orders.is_empty() != symmetric
+            });
+            (*n as f64, share(group, of))
+        };
+        Line { name: name.to_owned(), points: config.touches.iter().map(at).collect() }
+    };
+    Panel {
+        title: "symmetry from touches alone".to_owned(),
+        x: "touches".to_owned(),
+        y: "share of trainings".to_owned(),
+        lines: vec![
+            line("symmetric: found", true, &|trial| trial.is_whole),
+            line("symmetric: undetermined", true, &|trial| trial.orders.is_none()),
+            line("handle or notch: undetermined", false, &|trial| trial.orders.is_none()),
+            line("handle or notch: false", false, &|trial| trial.n_false > 0),
+        ],
     }
 }
 
@@ -283,16 +265,50 @@ mod tests {
         let config = SymmetryTrials {
             meshes: Some(folder.clone()),
             seed: 101,
-            touches: 300,
+            n_seeds: 1,
+            touches: vec![60, 1_000],
             ..SymmetryTrials::default()
         };
         let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         let summary = &outcome.report.summary;
-        assert!((summary["found_expected"] - 1.0).abs() < 1e-12, "{summary:?}");
-        assert!(summary["false_axes"].abs() < 1e-12, "{summary:?}");
-        // Two sizes of map and the mesh, of two objects and two letters.
-        assert_eq!(outcome.report.rows.len(), 3 * 4);
+        for (key, expected) in [
+            ("false_axes", 0.0),
+            ("found_expected", 1.0),
+            ("seeds_agree", 1.0),
+            ("mesh_exact", 1.0),
+            ("undetermined_60", 1.0),
+        ] {
+            assert!((summary[key] - expected).abs() < 1e-12, "{key}: {summary:?}");
+        }
+        // The mesh and two sizes of map, of two objects.
+        assert_eq!(outcome.report.rows.len(), 3 * 2);
         assert!(outcome.plot.contains("polyline"));
+    }
+
+    #[test]
+    fn an_axis_is_true_when_the_object_has_all_its_turns() {
+        use AxisOrder::{Continuous, Finite};
+        let through = |axes: &[(DVec3, AxisOrder)]| Symmetry::through(DVec3::ZERO, axes);
+        let can = through(&[(DVec3::Z, Continuous), (DVec3::X, Finite(2))]);
+        let nut = through(&[(DVec3::Z, Finite(6))]);
+        let ball = through(&DVec3::AXES.map(|axis| (axis, Continuous)));
+        for (truth, direction, order, expected) in [
+            (&can, DVec3::Z, Continuous, true),
+            (&can, DVec3::Y, Finite(2), true),
+            (&can, DVec3::Z, Finite(28), false),
+            (&can, DVec3::X, Continuous, false),
+            (&nut, DVec3::Z, Finite(3), true),
+            (&nut, DVec3::Z, Finite(6), true),
+            (&nut, DVec3::Z, Finite(4), false),
+            (&nut, DVec3::X, Finite(2), false),
+            (&nut, DVec3::Z, Continuous, false),
+            (&ball, DVec3::ONE.normalize(), Continuous, true),
+            (&ball, DVec3::Z, Finite(28), false),
+            (&Symmetry::NONE, DVec3::Z, Finite(2), false),
+        ] {
+            let axis = SymmetryAxis { point: DVec3::ZERO, direction, order };
+            assert_eq!(is_true(&axis, truth), expected, "{direction} {order:?} of {truth:?}");
+        }
     }
 }

@@ -108,9 +108,9 @@ enum Experiment {
     },
     /// Chapter 2: elastic reference, point spread, choice of a covering, H indenter.
     Covering,
-    /// Symmetries found from touches: objects and the letters I and O as solids.
+    /// Symmetries by touches alone and by the mesh: ten solids, also with a handle or a notch.
     Symmetry {
-        /// A folder of meshes; the built-in objects when not given.
+        /// A folder of meshes; the twenty solids when not given.
         #[arg(long, value_name = "DIR")]
         meshes: Option<PathBuf>,
     },

@@ -37,12 +37,12 @@ pub(super) trait Judge: Sync {
     /// The symmetries next to some turns, at most `n_max` of the most promising tried.
     fn verified(&self, turns: Vec<Pose>, n_max: usize) -> Vec<Verified>;
 
-    /// Whether the turn about a line by an angle (rad) is a symmetry.
-    fn accepts(&self, line: &Line, angle: f64) -> bool;
+    /// Whether the turns about a line by some angles (rad) are symmetries, taken together.
+    fn accepts(&self, line: &Line, angles: &[f64]) -> bool;
 
     /// Whether every turn about a line is a symmetry.
     fn is_continuous(&self, line: &Line) -> bool {
-        PROBES.iter().all(|angle| self.accepts(line, *angle))
+        self.accepts(line, &PROBES)
     }
 }
 
@@ -111,13 +111,12 @@ fn order(judge: &dyn Judge, line: &Line) -> Option<AxisOrder> {
         return Some(AxisOrder::Continuous);
     }
     // A small turn fits nearly anything a little: every multiple has to.
-    let steps = (2..=ORDER_MAX).filter(|order| judge.accepts(line, TAU / f64::from(*order)));
-    let possible: Vec<u8> = steps.collect();
-    let fits = |order: &&u8| {
-        let step = TAU / f64::from(**order);
-        (2..=**order / 2).all(|k| judge.accepts(line, step * f64::from(k)))
+    let fits = |order: &u8| {
+        let step = TAU / f64::from(*order);
+        let multiples: Vec<f64> = (1..=*order / 2).map(|k| step * f64::from(k)).collect();
+        judge.accepts(line, &multiples)
     };
-    possible.iter().rev().find(fits).map(|order| AxisOrder::Finite(*order))
+    (2..=ORDER_MAX).rev().find(fits).map(AxisOrder::Finite)
 }
 
 /// The symmetry of an object with a continuous axis: a spindle, a rod alike at both ends, or

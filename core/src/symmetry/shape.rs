@@ -122,8 +122,8 @@ impl Judge for Search<'_> {
         fitted.into_iter().flatten().collect()
     }
 
-    fn accepts(&self, line: &Line, angle: f64) -> bool {
-        self.is_symmetry(&line.turn(angle), self.depth)
+    fn accepts(&self, line: &Line, angles: &[f64]) -> bool {
+        angles.iter().all(|angle| self.is_symmetry(&line.turn(*angle), self.depth))
     }
 
     fn is_continuous(&self, line: &Line) -> bool {

@@ -57,12 +57,6 @@ struct Excess {
     place: f64,
 }
 
-impl Excess {
-    fn is_symmetry(self) -> bool {
-        self.mean.max(self.place) <= 1.0
-    }
-}
-
 impl Baseline {
     /// The baseline of a map.
     pub(super) fn new(cloud: &Cloud) -> Self {
@@ -84,15 +78,14 @@ impl Baseline {
         Self { places, usual, of_places, mean, variance, explained }
     }
 
-    /// The mean relative misfit under `motion` (object to object) when it is a symmetry of the
-    /// map.
-    pub(super) fn misfit(&self, cloud: &Cloud, motion: &Pose) -> Option<f64> {
+    /// How badly `motion` (object to object) and its inverse fit: 1 at the bound, up to which it
+    /// is a symmetry; `None` when too many patches are unexplained.
+    pub(super) fn excess_of(&self, cloud: &Cloud, motion: &Pose) -> Option<f64> {
         let compare = |motion: &Pose| {
             let excess = self.excess(&self.explained_by(cloud, motion, 1, 1.0)?);
-            excess.is_symmetry().then_some(excess.mean)
+            Some(excess.mean.max(excess.place))
         };
-        let there = compare(motion)?;
-        Some(0.5 * (there + compare(&motion.inverse())?))
+        Some(compare(motion)?.max(compare(&motion.inverse())?))
     }
 
     /// Whether so many of the patches are unexplained under `motion`, by one in `stride` of

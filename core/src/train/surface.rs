@@ -4,13 +4,14 @@
 //! the space alone. Two touches less than [`SAME_PLACE`] apart that face the same way count as
 //! touches of one place: how they differ is what the space must ignore.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{TrainError, TrainingSet, check_shapes};
 use crate::contact::{center_of_pressure, contact_points, normal_constraint};
 use crate::model::MapError;
 use crate::patch::{MapPatch, touches};
+use crate::pose::Pose;
 use crate::reading::Reading;
 use crate::rng::{Purpose, Stream};
 use crate::surface::appearance::{
@@ -19,7 +20,7 @@ use crate::surface::appearance::{
 use crate::surface::map::{PATCHES_MAX, SurfaceLayout, SurfaceMap, SurfacePatch};
 use crate::surface::thinning::farthest_first;
 use crate::surface::touch::{Touch, observe_touch};
-use crate::symmetry::Finding;
+use crate::symmetry::{Finding, Press};
 use crate::units::MM;
 use crate::vocabulary::discriminant::find_discriminants;
 
@@ -170,18 +171,26 @@ pub fn map_surface(
 #[must_use]
 pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Finding {
     let single = |v: DVec3| v.to_array().map(|value| value as f32);
-    let patch = |reading: &Reading| {
+    let grid = set.sensor.grid();
+    let half = 0.5 * grid.pitch * DVec2::new(grid.cols as f64, grid.rows as f64);
+    let press = |reading: &Reading| {
         let object_from_sensor = reading.session_from_sensor();
         let image = reading.image();
-        touches(reading, set.sensor).then(|| MapPatch {
-            position: single(
-                object_from_sensor * center_of_pressure(image, set.sensor) - origin_in_training,
+        let center = object_from_sensor * center_of_pressure(image, set.sensor);
+        touches(reading, set.sensor).then(|| Press {
+            patch: MapPatch {
+                position: single(center - origin_in_training),
+                normal: single(object_from_sensor.turn(DVec3::NEG_Z)),
+                normal_confidence: normal_constraint(&contact_points(image, set.sensor)) as f32,
+            },
+            object_from_sensor: Pose::from_parts(
+                object_from_sensor.rotation,
+                object_from_sensor.translation - origin_in_training,
             ),
-            normal: single(object_from_sensor.turn(DVec3::NEG_Z)),
-            normal_confidence: normal_constraint(&contact_points(image, set.sensor)) as f32,
+            half,
         })
     };
-    Finding::of_touches(&set.readings.iter().filter_map(patch).collect::<Vec<_>>())
+    Finding::of_touches(&set.readings.iter().filter_map(press).collect::<Vec<_>>())
 }
 
 /// How far normals scatter about one touch: the deviation among its near neighbours.
@@ -207,7 +216,6 @@ mod tests {
 
     use super::*;
     use crate::descriptor::Descriptor as _;
-    use crate::pose::Pose;
     use crate::reading::SensorId;
     use crate::sensor::SensorDescription;
     use crate::surface::appearance::raw_descriptor;

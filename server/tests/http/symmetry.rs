@@ -4,6 +4,7 @@ use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::symmetry::{AxisOrder, Symmetry};
 use palpate_core::units::{DEG, MM};
+use palpate_sim::shapes;
 use serde_json::{Value, json};
 
 use crate::harness::{BAR, Harness, off_box, touches};
@@ -50,6 +51,7 @@ fn pose(value: &Value) -> Pose {
 async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
     let it = Harness::start().await;
     let report = train(&it).await;
+    assert!(report["objects"].as_array().unwrap().iter().all(|o| o["symmetry_by"] == "mesh"));
     let [bar, brick] = [0, 1].map(|object| symmetry(&report["objects"][object]["symmetry"]));
     let orders = |symmetry: &Symmetry| symmetry.axes.iter().map(|a| a.order).collect::<Vec<_>>();
     let (two, four) = (AxisOrder::Finite(2), AxisOrder::Finite(4));
@@ -89,4 +91,31 @@ async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
     let belief = it.post(&path, &readings).await.expect(200)["belief"].clone();
     let poses = belief["poses"].as_array().unwrap();
     assert!(!poses.is_empty() && poses.iter().all(|pose| pose["symmetry"] == json!([])));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_mesh_decides_a_symmetry_and_few_touches_leave_it_undetermined() {
+    let it = Harness::start().await;
+    // With 100 touches by this seed the mug could be "turned by any angle", handle and all.
+    let mug = shapes::example("mug").unwrap().scaled_to_largest_dimension(80.0);
+    let mug = String::from_utf8(mug.to_off_bytes()).unwrap();
+    it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
+    it.put_mesh("mug", &mug).await.expect(200);
+    it.post("/v1/objects", &json!({"name": "taught"})).await.expect(201);
+    let readings = touches(BRICK, 70, 5, Pose::IDENTITY);
+    it.post("/v1/objects/taught/readings", &json!({"readings": readings})).await.expect(200);
+    let training = json!({
+        "readings_per_object": 100, "pair_maps": false, "surfaces": true, "seed": 2,
+        "objects": ["mug", "taught"],
+    });
+    let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
+    let job = it.finished(job["id"].as_str().unwrap()).await;
+    assert_eq!(job["state"], "succeeded", "{job}");
+    let report = it.get("/v1/catalogues/default/versions/1/report").await.expect(200);
+    let [mug, taught] = [0, 1].map(|object| &report["objects"][object]);
+    assert_eq!((&mug["symmetry"], &mug["symmetry_by"]), (&json!([]), &json!("mesh")), "{mug}");
+    assert_eq!(mug["symmetry_touches_needed"], Value::Null);
+    assert_eq!(taught["symmetry"], json!([]), "{taught}");
+    assert_eq!(taught["symmetry_by"], "undetermined", "{taught}");
+    assert!((1..1_000).contains(&taught["symmetry_touches_needed"].as_u64().unwrap()), "{taught}");
 }

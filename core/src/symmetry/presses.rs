@@ -1,0 +1,182 @@
+//! What touches would have shown: where the sensor stood, nothing else was, and where it never
+//! stood, a handle may be.
+//!
+//! A turn that takes a touched point into the space that the sensor filled at another touch is
+//! no symmetry: there was no object. And touches settle a symmetry only when they lie so
+//! densely that a feature as large as a contact would have been touched.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
+use super::cells::Cells;
+use crate::patch::MapPatch;
+use crate::pose::Pose;
+use crate::units::MM;
+
+/// One touch of an object.
+#[derive(Clone, Copy, Debug)]
+pub struct Press {
+    /// The patch that it left on the map.
+    pub patch: MapPatch,
+    /// Where the sensor stood; its z points at the object. Object frame.
+    pub object_from_sensor: Pose,
+    /// Half the sides of the array along the sensor's x and y, metres.
+    pub half: DVec2,
+}
+
+/// How far behind its face the sensor is taken to be solid, metres. Chosen: the housing that the
+/// simulator collides, and less than any arm that carries a sensor.
+const HOUSING: f64 = 10.0 * MM;
+
+/// How far into the sensor a point may come: coverings give way, and turns are known to about a
+/// degree. Metres. Chosen: the deepest presses are 1 mm, and a degree at 40 mm is 0.7 mm.
+const GIVES_WAY: f64 = 2.5 * MM;
+
+/// This share of each half side of the array counts: at the edge the turn's error shows.
+const MIDDLE: f64 = 0.85;
+
+/// A feature is as large as a contact: a disc of three quarters of the array's side. A touch
+/// within its radius shows it.
+const FEATURE: f64 = 0.75;
+
+/// The share of the surface on which a feature may have been missed.
+const MISSED_MAX: f64 = 0.02;
+
+/// The neighbour whose distance tells how densely touches lie, and the density from it: within
+/// the distance to the k-th neighbour lie k touches, of which the last is on the rim.
+const NEIGHBOUR: usize = 6;
+
+/// The presses of an object, by place.
+pub(super) struct Presses {
+    positions: Vec<DVec3>,
+    normals: Vec<DVec3>,
+    sensor_from_object: Vec<Pose>,
+    centers: Vec<DVec3>,
+    half: Vec<DVec2>,
+    cells: Cells,
+}
+
+impl Presses {
+    pub(super) fn new(presses: &[Press]) -> Self {
+        let positions: Vec<DVec3> = presses
+            .iter()
+            .map(|press| DVec3::from_array(press.patch.position.map(f64::from)))
+            .collect();
+        let normal = |press: &Press| press.object_from_sensor.turn(DVec3::NEG_Z);
+        // The middle of the housing.
+        let center = |press: &Press| press.object_from_sensor * (-0.5 * HOUSING * DVec3::Z);
+        let centers: Vec<DVec3> = presses.iter().map(center).collect();
+        let half: Vec<DVec2> = presses.iter().map(|press| MIDDLE * press.half).collect();
+        let reach = half.iter().map(|half| half.extend(0.5 * HOUSING).length()).fold(0.0, f64::max);
+        Self {
+            cells: Cells::new(&centers, reach),
+            sensor_from_object: presses.iter().map(|p| p.object_from_sensor.inverse()).collect(),
+            positions,
+            normals: presses.iter().map(normal).collect(),
+            centers,
+            half,
+        }
+    }
+
+    /// How many of the touched points a motion (object to object) takes into a sensor.
+    pub(super) fn contradicting(&self, motion: &Pose) -> usize {
+        let is_inside = |point: DVec3| {
+            let mut inside = false;
+            self.cells.each_near(point, |press| {
+                if inside || self.centers[press].distance_squared(point) > 1e-3 {
+                    return;
+                }
+                let at = self.sensor_from_object[press] * point;
+                let depth = -at.z;
+                inside = (GIVES_WAY..HOUSING).contains(&depth)
+                    && at.x.abs() < self.half[press].x
+                    && at.y.abs() < self.half[press].y;
+            });
+            inside
+        };
+        self.positions.iter().filter(|position| is_inside(*motion * **position)).count()
+    }
+
+    /// How many more touches it takes until touches `times` rarer would miss a feature as large
+    /// as a contact on less than [`MISSED_MAX`] of the surface; 0 when these do.
+    pub(super) fn touches_needed(&self, times: f64) -> usize {
+        let n = self.positions.len();
+        if n <= NEIGHBOUR {
+            return super::PATCHES_MIN;
+        }
+        // The surface that each touch stands for, and how many touches a feature there has.
+        let of_touch = |at: usize| {
+            // Touches of the other side of a wall say nothing of this one.
+            let mut squares: Vec<f64> = (0..n)
+                .filter(|other| *other != at && self.normals[*other].dot(self.normals[at]) > 0.0)
+                .map(|other| self.positions[other].distance_squared(self.positions[at]))
+                .collect();
+            let place = NEIGHBOUR.min(squares.len()).saturating_sub(1);
+            squares.sort_unstable_by(f64::total_cmp);
+            let squared = squares.get(place).copied().unwrap_or(1.0);
+            let area = PI * squared.max(1e-12) / (NEIGHBOUR as f64 - 0.5);
+            let radius = FEATURE * 2.0 * self.half[at].min_element() / MIDDLE;
+            (area, PI * radius * radius / (times * area))
+        };
+        let touches: Vec<(f64, f64)> = (0..n).map(of_touch).collect();
+        let total: f64 = touches.iter().map(|touch| touch.0).sum();
+        let missed = |factor: f64| {
+            let sum: f64 =
+                touches.iter().map(|(area, within)| area * (-factor * within).exp()).sum();
+            sum / total
+        };
+        if missed(1.0) <= MISSED_MAX {
+            return 0;
+        }
+        let (mut low, mut high) = (1.0, 2.0);
+        while missed(high) > MISSED_MAX && high < 1e4 {
+            (low, high) = (high, 2.0 * high);
+        }
+        for _halving in 0..20 {
+            let middle = 0.5 * (low + high);
+            if missed(middle) > MISSED_MAX { low = middle } else { high = middle }
+        }
+        (((high - 1.0) * n as f64).ceil() as usize).max(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use glam::DQuat;
+
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+
+    /// Touches all round a cylinder about z with a radius of 20 mm and a height of 80 mm.
+    fn cylinder(n: usize, stream: &mut Stream) -> Presses {
+        let touch = |_| {
+            let (angle, up) = (stream.uniform(0.0, TAU), stream.uniform(-40.0, 40.0));
+            let outward = DVec3::new(angle.cos(), angle.sin(), 0.0);
+            let at = (20.0 * outward + DVec3::Z * up) * MM;
+            let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, outward);
+            let single = |v: DVec3| v.to_array().map(|value| value as f32);
+            let (position, normal) = (single(at), single(outward));
+            Press {
+                patch: MapPatch { position, normal, normal_confidence: 1.0 },
+                object_from_sensor: Pose::from_parts(turn, at),
+                half: DVec2::splat(6.0 * MM),
+            }
+        };
+        Presses::new(&(0..n).map(touch).collect::<Vec<Press>>())
+    }
+
+    #[test]
+    fn more_touches_are_needed_where_they_are_rare() {
+        let mut stream = Stream::new(2, Purpose::Shape, 0);
+        assert_eq!(cylinder(600, &mut stream).touches_needed(1.0), 0);
+        // 10,053 mm² and features of 254 mm²: exp(−254 n/10,053) = 0.02 at n = 155 if touches
+        // were even, and more because they are not.
+        let few = cylinder(100, &mut stream);
+        let (once, thrice) = (100 + few.touches_needed(1.0), 100 + few.touches_needed(3.0));
+        assert!((155..400).contains(&once), "{once}");
+        assert!(thrice.abs_diff(3 * once) <= 3, "{thrice} {once}");
+    }
+}
