@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::commands::{
-    analyses::AnalysesArgs, audit::AuditArgs, config::ConfigArgs, demo::DemoArgs,
-    experiment::ExperimentArgs, explore::ExploreArgs, fsck::FsckArgs, jobs::JobsArgs,
-    keys::KeysArgs, letters::LettersArgs, load::LoadArgs, maps::MapsArgs, migrate::MigrateArgs,
-    next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs, sensors::SensorsArgs,
-    serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs,
-    train::TrainArgs,
+    analyses::AnalysesArgs, audit::AuditArgs, catalogues::CataloguesArgs, config::ConfigArgs,
+    demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs, fsck::FsckArgs,
+    jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs, load::LoadArgs, maps::MapsArgs,
+    migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs,
+    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs,
+    touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -110,6 +110,8 @@ pub(crate) enum Command {
     Jobs(JobsArgs),
     /// What a training says of appearance: who is taken for whom, who is alike.
     Report(ReportArgs),
+    /// Catalogues: list them, remove what nothing needs.
+    Catalogues(CataloguesArgs),
     /// Trained maps of contact: show, export, merge.
     Maps(MapsArgs),
     /// Let a simulated robot touch a mesh and see whether it is recognised.

@@ -3,6 +3,7 @@
 pub(crate) mod analyses;
 pub(crate) mod audit;
 pub(crate) mod calibrate;
+pub(crate) mod catalogues;
 pub(crate) mod config;
 pub(crate) mod demo;
 pub(crate) mod experiment;
@@ -64,6 +65,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Analyses(args) => analyses::run(args, &context()?).await,
         Command::Objects(args) => objects::run(args, &context()?).await,
         Command::Letters(args) => letters::run(args, output),
+        Command::Catalogues(args) => catalogues::run(args, &context()?).await,
         Command::Train(args) => train::run(args, &context()?).await,
         Command::Maps(args) => maps::run(args, &context()?).await,
         Command::Report(args) => report::run(args, &context()?).await,

@@ -35,6 +35,14 @@ impl Client {
         self.send(Request::get(["v1", "sensors", sensor])).await
     }
 
+    /// Deletes a sensor that nothing needs.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 while something needs it.
+    pub async fn delete_sensor(&self, sensor: &str) -> Result<(), Error> {
+        self.send_for_nothing(Request::delete(["v1", "sensors", sensor])).await
+    }
+
     /// Asks how the server understands a reading; nothing is stored.
     ///
     /// # Errors

@@ -28,6 +28,24 @@ impl Client {
         self.send(Request::get(["v1", "catalogues", name])).await
     }
 
+    /// Deletes a catalogue that nothing needs, with all its versions.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 while something needs it.
+    pub async fn delete_catalogue(&self, name: &str) -> Result<(), Error> {
+        self.send_for_nothing(Request::delete(["v1", "catalogues", name])).await
+    }
+
+    /// Deletes a version that nothing needs.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 while something needs it.
+    pub async fn delete_version(&self, name: &str, version: u32) -> Result<(), Error> {
+        let version = version.to_string();
+        let path = ["v1", "catalogues", name, "versions", &version];
+        self.send_for_nothing(Request::delete(path)).await
+    }
+
     /// A page of a catalogue's versions.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ mod appearance;
 mod loading;
 mod maps;
 mod memory;
+mod removal;
 
 use std::sync::Arc;
 
@@ -103,6 +104,7 @@ impl Model {
 
 /// All catalogues.
 pub(crate) struct Catalogues {
+    store: Database,
     table: Table,
     pool: Pool,
     memory: Memory<Key, Model>,
@@ -111,6 +113,10 @@ pub(crate) struct Catalogues {
     loading: tokio::sync::Mutex<()>,
     /// Versions that are damaged, and why.
     damaged: DashMap<(Uuid, u32), String>,
+    /// Held for reading by what begins to need a version, for writing by what removes one.
+    using: tokio::sync::RwLock<()>,
+    /// Held while a version's blocks and its manifest are written, or removed.
+    publishing: tokio::sync::Mutex<()>,
 }
 
 /// The version that a new session is about to pin.
@@ -131,8 +137,17 @@ impl Catalogues {
         tables_bytes_max: usize,
     ) -> Self {
         let (memory, tables) = (Memory::new(memory_bytes_max), TableBudget::new(tables_bytes_max));
-        let (loading, damaged) = (tokio::sync::Mutex::new(()), DashMap::new());
-        Self { table: store.catalogues(), pool, memory, tables, loading, damaged }
+        Self {
+            store: store.clone(),
+            table: store.catalogues(),
+            pool,
+            memory,
+            tables,
+            loading: tokio::sync::Mutex::new(()),
+            damaged: DashMap::new(),
+            using: tokio::sync::RwLock::new(()),
+            publishing: tokio::sync::Mutex::new(()),
+        }
     }
 
     /// Bytes of what beliefs by geometry look up and share.
@@ -261,6 +276,7 @@ impl Catalogues {
         version: u32,
         revision: u64,
     ) -> Result<Catalogue, Refusal> {
+        let _using = self.using().await;
         let catalogue = self.find(name)?;
         self.manifest(&catalogue, version)
             .map_err(|refusal| Refusal::field("/version", refusal))?;
@@ -283,6 +299,7 @@ impl Catalogues {
         draft: Draft,
         activate: bool,
     ) -> Result<u32, Refusal> {
+        let _publishing = self.publishing.lock().await;
         let catalogue = self.find(name)?;
         let manifest = self.table.publish(catalogue.id, draft).await?;
         if activate {

@@ -109,6 +109,7 @@ impl Jobs {
         catalogue: &str,
         request: &StartTraining,
     ) -> Result<wire::Job, Refusal> {
+        let _using = (self.sensors.using().await, self.catalogues.using().await);
         let training = self.checked(catalogue, request)?;
         let n_objects = training.objects.as_ref().map_or(0, Vec::len);
         let _starting = self.starting.lock().await;

@@ -160,6 +160,7 @@ impl Objects {
     ) -> Result<wire::TrainingReadingsAdded, Refusal> {
         let object = self.find(reference)?;
         let frame_id = convert::reading::shared_frame(&request.readings)?;
+        let _using = self.sensors.using().await;
         let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
         let journal = self.store.training();
         for _ in 0..APPEND_ATTEMPTS {

@@ -206,6 +206,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::LastAdmin { .. }
         | Refusal::KeyRefused { .. }
         | Refusal::KeysFull { .. }
+        | Refusal::Needed { .. }
         | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,
         Refusal::RevisionChanged { .. } => ProblemType::PreconditionFailed,
         Refusal::RevisionMissing => ProblemType::PreconditionRequired,

@@ -139,6 +139,8 @@ pub(crate) enum Refusal {
     NoRandom,
     #[error("job {job} has ended already: {}", state.name())]
     JobFinished { job: Uuid, state: JobState },
+    #[error("{what} is needed: {by}")]
+    Needed { what: String, by: String },
     #[error("object {object:?} is being trained by job {job}: cancel the job first")]
     ObjectInTraining { object: String, job: Uuid },
     #[error("the revision is {found}, `If-Match` expects {expected}")]

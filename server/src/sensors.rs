@@ -1,9 +1,11 @@
 //! The sensors that robots may send readings of. They never change, so they are kept in
-//! memory once they were asked for.
+//! memory once they were asked for, until they are removed.
+
+mod removal;
 
 use std::sync::Arc;
 
-use dashmap::DashMap;
+use dashmap::{DashMap, DashSet};
 use palpate_core::sensor::SensorDescription;
 use palpate_schemas as wire;
 use palpate_store::database::Database;
@@ -21,12 +23,22 @@ pub(crate) struct Sensors {
     store: Database,
     known: DashMap<String, Arc<Sensor>>,
     calibrations: Calibrations,
+    /// Sensors that are about to be removed: no reading of them comes in.
+    closed: DashSet<Uuid>,
+    /// Held for reading while readings are on their way into the store.
+    using: Arc<tokio::sync::RwLock<()>>,
 }
 
 impl Sensors {
     pub(crate) fn new(store: Database) -> Self {
         let calibrations = Calibrations::new(store.clone());
-        Self { store, known: DashMap::new(), calibrations }
+        Self {
+            store,
+            known: DashMap::new(),
+            calibrations,
+            closed: DashSet::new(),
+            using: Arc::default(),
+        }
     }
 
     /// What is known of how they respond.
@@ -71,6 +83,11 @@ impl Sensors {
             self.known.insert(key, Arc::clone(sensor));
         }
         Ok(found)
+    }
+
+    /// As [`Sensors::find`], without sensors that are about to be removed.
+    pub(crate) fn find_to_use(&self, reference: &str) -> Result<Option<Arc<Sensor>>, StoreError> {
+        Ok(self.find(reference)?.filter(|sensor| !self.closed.contains(&sensor.id)))
     }
 
     /// The sensor of an id or a name.

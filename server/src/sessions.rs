@@ -97,11 +97,14 @@ impl Sessions {
     ) -> Result<wire::ReadingsAdded, Refusal> {
         let live = self.live(self.parse(id)?).await?;
         let frame_id = convert::session::frame_id(live.session());
+        let using = self.sensors.using().await;
         let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
         live.check(&readings)?;
         let sessions = Arc::clone(self);
-        let adding =
-            tokio::spawn(async move { live.add(&sessions.tools(), readings, detail).await });
+        let adding = tokio::spawn(async move {
+            let _using = using;
+            live.add(&sessions.tools(), readings, detail).await
+        });
         adding.await.unwrap_or(Err(Refusal::Panicked))
     }
 

@@ -6,6 +6,8 @@
 //! so a crash leaves the old state or the new one, at worst with blocks nobody names.
 //! Not here: what is in the blocks (`model_codec`).
 
+mod removal;
+
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -29,7 +31,7 @@ pub const HISTORY_MAX: usize = 1000;
 /// A manifest's key: space, catalogue, version.
 const MANIFEST_KEY_BYTES: usize = 25;
 
-/// A catalogue: its versions are 1 ..= `latest`.
+/// A catalogue: its versions are 1 ..= `latest`, without those that were removed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Catalogue {
     /// Its id.
@@ -237,10 +239,16 @@ impl Catalogues {
         let head = key::numbered(Space::Version, catalogue, u64::from(version));
         let bytes = pieces::read(&*self.engine, Space::Version, &head)?
             .ok_or(StoreError::NoVersion { catalogue, version })?;
-        record::decode(&bytes).map_err(StoreError::damaged(Space::Version))
+        let manifest: Manifest =
+            record::decode(&bytes).map_err(StoreError::damaged(Space::Version))?;
+        if manifest.is_removed() {
+            return Err(StoreError::NoVersion { catalogue, version });
+        }
+        Ok(manifest)
     }
 
-    /// Up to `limit` manifests of versions above `after`, in ascending order.
+    /// Up to `limit` manifests of versions above `after` that were not removed, in ascending
+    /// order.
     ///
     /// # Errors
     /// [`StoreError::Damaged`]; the engine's.
@@ -250,20 +258,25 @@ impl Catalogues {
         after: u32,
         limit: usize,
     ) -> Result<Vec<Manifest>, StoreError> {
-        let mut behind = key::numbered(Space::Version, catalogue, u64::from(after));
-        behind.extend_from_slice(&[0xff; 5]);
-        let prefix = key::id(Space::Version, catalogue);
-        let records = pieces::scan(
-            &*self.engine,
-            Space::Version,
-            &prefix,
-            MANIFEST_KEY_BYTES,
-            Some(behind),
-            limit,
-        )?;
-        let decoded: Result<_, _> =
-            records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
-        decoded.map_err(StoreError::damaged(Space::Version))
+        let (mut found, mut after) = (Vec::new(), after);
+        loop {
+            let wanted = limit - found.len();
+            let mut behind = key::numbered(Space::Version, catalogue, u64::from(after));
+            behind.extend_from_slice(&[0xff; 5]);
+            let (prefix, space) = (key::id(Space::Version, catalogue), Space::Version);
+            let from = Some(behind);
+            let records =
+                pieces::scan(&*self.engine, space, &prefix, MANIFEST_KEY_BYTES, from, wanted)?;
+            let decoded: Result<Vec<Manifest>, _> =
+                records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
+            let decoded = decoded.map_err(StoreError::damaged(space))?;
+            let (n_read, last) = (decoded.len(), decoded.last().map(|last| last.version));
+            found.extend(decoded.into_iter().filter(|manifest| !manifest.is_removed()));
+            match last {
+                Some(last) if n_read == wanted && found.len() < limit => after = last,
+                _ => return Ok(found),
+            }
+        }
     }
 
     /// The content of a block, checked against its hash.

@@ -19,6 +19,7 @@ use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
 use crate::memory::MemoryEngine;
 use crate::mesh::Meshes;
+use crate::pieces;
 use crate::record::{self, LayoutV1};
 use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
@@ -217,6 +218,16 @@ impl Database {
     pub async fn remove_session(&self, id: Uuid) -> Result<bool, StoreError> {
         let removed = self.sessions().remove(id).await?;
         self.journal().remove(id).await?;
+        Ok(removed)
+    }
+
+    /// Removes a sensor, then its calibrations; `false` when there was none.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub async fn remove_sensor(&self, id: Uuid) -> Result<bool, StoreError> {
+        let removed = self.sensors().remove(id).await?;
+        pieces::remove_all(&*self.engine, &key::id(Space::Calibration, id)).await?;
         Ok(removed)
     }
 

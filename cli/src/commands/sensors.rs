@@ -44,6 +44,11 @@ enum Action {
         #[arg(long, value_name = "FILE", conflicts_with = "preset")]
         description: Option<PathBuf>,
     },
+    /// Remove a sensor that nothing needs.
+    Remove {
+        /// Its id or name.
+        sensor: String,
+    },
     /// Fit how a sensor's taxels respond to indentations; later readings are corrected.
     Calibrate {
         /// The sensor's id or name.
@@ -99,6 +104,10 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
             let new = CreateSensor { name, preset, description, image_order: None };
             let sensor = client.create_sensor(&new).await?;
             output.answer(&sensor, |sensor| format!("added sensor {} ({})", sensor.name, sensor.id))
+        }
+        Action::Remove { sensor } => {
+            client.delete_sensor(&sensor).await?;
+            output.answer(&(), |()| format!("removed sensor {sensor}"))
         }
         Action::Calibrate { sensor, file } => {
             let indentations: CalibrateSensor = read_json(file)?;

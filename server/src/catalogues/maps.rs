@@ -93,6 +93,7 @@ impl Catalogues {
         name: &str,
         request: &wire::MergeMaps,
     ) -> Result<wire::CatalogueVersion, Refusal> {
+        let _using = self.using().await;
         let catalogue = self.find(name)?;
         let ours = self.pin(name, request.version)?;
         let ours = self.whole(ours.catalogue, ours.version).await?;

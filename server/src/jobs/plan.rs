@@ -24,7 +24,7 @@ impl Jobs {
             }
         };
         let sensor = training.sensor.clone().unwrap_or_default();
-        let sensor = self.sensors.find(&sensor)?.ok_or_else(|| {
+        let sensor = self.sensors.find_to_use(&sensor)?.ok_or_else(|| {
             Refusal::field(
                 "/sensor",
                 format!("there is no sensor {sensor:?}, expected an id or a name"),

@@ -2,6 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
+use axum::http::StatusCode;
 use axum::response::Response;
 use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, SensorPage};
 
@@ -47,6 +48,22 @@ pub(crate) async fn get_sensor(
 ) -> Result<Json<Sensor>, Refusal> {
     let sensor = app.sensors().get(&sensor)?;
     Ok(Json(app.sensors().show(&sensor)?))
+}
+
+/// Delete a sensor
+///
+/// Its calibrations go too. 409 while something needs it: an object or a session that is kept
+/// has a reading of it, or an unfinished job touches with it. Presets stay.
+#[utoipa::path(delete, path = "/v1/sensors/{sensor}", operation_id = "delete_sensor",
+    tag = "sensors",
+    params(("sensor" = String, Path, description = "The sensor's id or name")),
+    responses((status = 204, description = "It is gone"), Conflict))]
+pub(crate) async fn delete_sensor(
+    State(app): State<App>,
+    Segment1(sensor): Segment1,
+) -> Result<StatusCode, Refusal> {
+    app.sensors().remove(&sensor, app.pool()).await?;
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Try a reading out

@@ -58,6 +58,21 @@ pub(crate) async fn start_training(
     Ok((StatusCode::ACCEPTED, location, Json(job)).into_response())
 }
 
+/// Delete a catalogue
+///
+/// All its versions go too. 409 while something needs it: a session that is kept began with one
+/// of them, or an unfinished job trains it.
+#[utoipa::path(delete, path = "/v1/catalogues/{name}", operation_id = "delete_catalogue",
+    tag = "training", params(("name" = String, Path, description = "The catalogue's name")),
+    responses((status = 204, description = "It is gone"), Conflict))]
+pub(crate) async fn delete_catalogue(
+    State(app): State<App>,
+    Segment1(name): Segment1,
+) -> Result<StatusCode, Refusal> {
+    app.catalogues().remove(&name).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
 /// List a catalogue's versions
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions", operation_id = "list_versions",
     tag = "training",
@@ -83,6 +98,24 @@ pub(crate) async fn get_version(
     Segment2(name, version): Segment2,
 ) -> Result<Json<CatalogueVersion>, Refusal> {
     Ok(Json(app.catalogues().version(&name, &version)?))
+}
+
+/// Delete a version
+///
+/// Its model goes, as far as no other version shares it; its number is not used again. 409 while
+/// something needs it: it is current, a session that is kept began with it, or an unfinished job
+/// extends it.
+#[utoipa::path(delete, path = "/v1/catalogues/{name}/versions/{version}",
+    operation_id = "delete_version", tag = "training",
+    params(("name" = String, Path, description = "The catalogue's name"),
+        ("version" = u32, Path, description = "The version's number")),
+    responses((status = 204, description = "It is gone"), Conflict))]
+pub(crate) async fn delete_version(
+    State(app): State<App>,
+    Segment2(name, version): Segment2,
+) -> Result<StatusCode, Refusal> {
+    app.catalogues().remove_version(&name, &version).await?;
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Get what a version's training made

@@ -51,6 +51,7 @@ impl Sessions {
         &self,
         request: &wire::CreateSession,
     ) -> Result<wire::Session, Refusal> {
+        let _using = self.catalogues.using().await;
         let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
         let pinned = self.catalogues.pin(name, request.version)?;
         let method = convert::session::method(request, &pinned);

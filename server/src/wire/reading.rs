@@ -116,7 +116,7 @@ pub(crate) fn one(
 ) -> Result<Incoming, Refusal> {
     let id = reading_id(pointer, given)?;
     frame(pointer, given, frame_id)?;
-    let sensor = sensors.find(&given.sensor)?.ok_or_else(|| {
+    let sensor = sensors.find_to_use(&given.sensor)?.ok_or_else(|| {
         let detail = format!("there is no sensor {:?}, expected an id or a name", given.sensor);
         Refusal::field(format!("{pointer}/sensor"), detail)
     })?;

@@ -25,6 +25,7 @@ mod msgpack;
 mod next_touches;
 mod objects;
 mod order;
+mod removal;
 mod sessions;
 mod sharing;
 mod site;

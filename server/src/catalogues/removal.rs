@@ -1,0 +1,96 @@
+//! Removing versions and catalogues that nothing needs.
+//!
+//! A version is needed while it is current, while a session that began with it is kept (its
+//! belief must be replayed), and while an unfinished training extends it. What is about to use a
+//! version holds `using` for reading from the look-up until its record is stored; removal holds
+//! it for writing, so that nothing begins to need what goes.
+
+use palpate_schemas::StartTraining;
+use palpate_store::catalogue::Catalogue;
+use palpate_store::entity::{Job, JobState, Session};
+
+use super::{Catalogues, number};
+use crate::refusal::Refusal;
+
+impl Catalogues {
+    /// Held while something begins to need a version.
+    pub(crate) async fn using(&self) -> tokio::sync::RwLockReadGuard<'_, ()> {
+        self.using.read().await
+    }
+
+    /// Removes a version that nothing needs.
+    pub(crate) async fn remove_version(&self, name: &str, version: &str) -> Result<(), Refusal> {
+        let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
+        let catalogue = self.find(name)?;
+        let version = self.manifest(&catalogue, number(version)?)?.version;
+        let what = format!("version {version} of catalogue {name:?}");
+        if catalogue.current == Some(version) {
+            let by = "new sessions use it: make another version current first".to_owned();
+            return Err(Refusal::Needed { what, by });
+        }
+        self.expect_unused(&what, &catalogue, Some(version))?;
+        self.table.remove_version(catalogue.id, version).await?;
+        self.damaged.remove(&(catalogue.id, version));
+        tracing::info!(catalogue.id = %catalogue.id, version, "Removed {what}");
+        Ok(())
+    }
+
+    /// Removes a catalogue that nothing needs, with all its versions.
+    pub(crate) async fn remove(&self, name: &str) -> Result<(), Refusal> {
+        let (_alone, _publishing) = (self.using.write().await, self.publishing.lock().await);
+        let catalogue = self.find(name)?;
+        let what = format!("catalogue {name:?}");
+        self.expect_unused(&what, &catalogue, None)?;
+        self.table.remove(catalogue.id).await?;
+        self.damaged.retain(|(id, _), _| *id != catalogue.id);
+        tracing::info!(catalogue.id = %catalogue.id, "Removed {what}");
+        Ok(())
+    }
+
+    /// Refuses while sessions or trainings need a version, or any of a catalogue.
+    fn expect_unused(
+        &self,
+        what: &str,
+        catalogue: &Catalogue,
+        version: Option<u32>,
+    ) -> Result<(), Refusal> {
+        let needed = |by: String| Err(Refusal::Needed { what: what.to_owned(), by });
+        let uses = |session: &Session| {
+            session.catalogue == catalogue.id && version.is_none_or(|v| v == session.version)
+        };
+        let (mut first, mut n, mut after) = (None, 0, None);
+        loop {
+            let page = self.store.sessions().list_whole(after, SESSIONS_PER_PAGE)?;
+            for session in page.items.iter().filter(|session| uses(session)) {
+                n += 1;
+                first.get_or_insert(session.id);
+            }
+            after = page.next;
+            if after.is_none() {
+                break;
+            }
+        }
+        if let Some(first) = first {
+            let sessions = if n == 1 { "session" } else { "sessions" };
+            return needed(format!(
+                "{n} {sessions} began with it, first {first}: delete them first"
+            ));
+        }
+        let is_unfinished = |job: &&Job| matches!(job.state, JobState::Queued | JobState::Running);
+        let jobs = self.store.jobs().list_whole(None, usize::MAX - 1)?.items;
+        let trains = |job: &&Job| job.catalogue == catalogue.name;
+        let extends = |job: &&Job| {
+            version.is_none_or(|version| {
+                let asked = serde_json::from_str::<StartTraining>(&job.request);
+                asked.is_ok_and(|asked| asked.extend == Some(version))
+            })
+        };
+        match jobs.iter().filter(is_unfinished).filter(trains).find(extends) {
+            Some(job) => needed(format!("job {} trains with it: cancel it first", job.id)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// How many sessions are read at once.
+const SESSIONS_PER_PAGE: usize = 256;

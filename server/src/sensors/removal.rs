@@ -1,0 +1,120 @@
+//! Removing a sensor that nothing needs.
+//!
+//! A sensor is needed while an object or a session that is kept has a reading of it, and while an
+//! unfinished training touches with it. To look through all readings takes time, in which more
+//! may come: a sensor that no reading was found of is closed first, then looked for again.
+
+use std::sync::Arc;
+
+use palpate_store::database::Database;
+use palpate_store::entity::{Job, JobState, Sensor};
+use palpate_store::journal::{Event, Journal};
+use uuid::Uuid;
+
+use super::Sensors;
+use crate::compute::Pool;
+use crate::refusal::Refusal;
+
+/// How many records are read at once.
+const PER_PAGE: usize = 256;
+
+/// Takes a sensor's closing back unless it is removed.
+struct Closed<'a> {
+    sensors: &'a Sensors,
+    id: Uuid,
+}
+
+impl Drop for Closed<'_> {
+    fn drop(&mut self) {
+        self.sensors.closed.remove(&self.id);
+    }
+}
+
+impl Sensors {
+    /// Held while readings of sensors, or a training with one, are on their way into the store.
+    pub(crate) async fn using(&self) -> tokio::sync::OwnedRwLockReadGuard<()> {
+        Arc::clone(&self.using).read_owned().await
+    }
+
+    /// Removes a sensor that nothing needs, with its calibrations.
+    pub(crate) async fn remove(&self, reference: &str, pool: &Pool) -> Result<(), Refusal> {
+        let sensor = self.get(reference)?;
+        if sensor.preset.as_ref() == Some(&sensor.name) {
+            let what = format!("sensor {:?}", sensor.name);
+            return Err(Refusal::Needed { what, by: "every server has its preset".to_owned() });
+        }
+        self.expect_unused(&sensor, pool).await?;
+        // From here on no reading of it comes in; those on their way are waited for.
+        self.closed.insert(sensor.id);
+        let _closed = Closed { sensors: self, id: sensor.id };
+        drop(self.using.write().await);
+        self.expect_unused(&sensor, pool).await?;
+        self.store.remove_sensor(sensor.id).await?;
+        self.known.retain(|_, known| known.id != sensor.id);
+        tracing::info!(sensor.id = %sensor.id, "Removed sensor {:?}", sensor.name);
+        Ok(())
+    }
+
+    /// Refuses while anything needs the sensor. Looks on a thread of the pool.
+    async fn expect_unused(&self, sensor: &Sensor, pool: &Pool) -> Result<(), Refusal> {
+        let (store, id, created) = (self.store.clone(), sensor.id, sensor.created_at_ms);
+        let needs = move || needs(&store, id, created);
+        match pool.place()?.run(needs).await?? {
+            None => Ok(()),
+            Some(by) => Err(Refusal::Needed { what: format!("sensor {:?}", sensor.name), by }),
+        }
+    }
+}
+
+/// What needs a sensor that is there since `created_at_ms`, if anything does. Blocks.
+fn needs(store: &Database, sensor: Uuid, created_at_ms: u64) -> Result<Option<String>, Refusal> {
+    let is_unfinished = |job: &&Job| matches!(job.state, JobState::Queued | JobState::Running);
+    let jobs = store.jobs().list_whole(None, usize::MAX - 1)?.items;
+    let touches = |job: &&Job| job.request.contains(&sensor.to_string());
+    if let Some(job) = jobs.iter().filter(is_unfinished).find(touches) {
+        return Ok(Some(format!("job {} touches with it: cancel it first", job.id)));
+    }
+    // An object's readings are all of one sensor.
+    for object in store.objects().all()? {
+        let first = store.training().entry(object.id, 0)?;
+        if first.is_some_and(|entry| is_of(&entry.event, sensor)) {
+            let name = object.name;
+            return Ok(Some(format!("object {name:?} has readings of it: delete it first")));
+        }
+    }
+    let mut after = None;
+    loop {
+        let page = store.sessions().list_whole(after, PER_PAGE)?;
+        // One that ended before has none.
+        let may_have =
+            page.items.iter().filter(|it| it.closed_at_ms.is_none_or(|at| at >= created_at_ms));
+        for session in may_have {
+            if has_reading(&store.journal(), session.id, sensor)? {
+                let id = session.id;
+                return Ok(Some(format!("session {id} has readings of it: delete it first")));
+            }
+        }
+        after = page.next;
+        if after.is_none() {
+            return Ok(None);
+        }
+    }
+}
+
+fn has_reading(journal: &Journal, session: Uuid, sensor: Uuid) -> Result<bool, Refusal> {
+    let mut next = 0;
+    loop {
+        let entries = journal.entries(session, next, PER_PAGE)?;
+        if entries.is_empty() {
+            return Ok(false);
+        }
+        if entries.iter().any(|entry| is_of(&entry.event, sensor)) {
+            return Ok(true);
+        }
+        next += entries.len() as u64;
+    }
+}
+
+fn is_of(event: &Event, sensor: Uuid) -> bool {
+    matches!(event, Event::Reading(reading) if reading.sensor == sensor)
+}
