@@ -39,7 +39,19 @@ pub(crate) struct Serving {
 impl Serving {
     /// Starts a server on a folder, and returns when it listens.
     pub(crate) fn start(data: &Path, arguments: &[&str]) -> Self {
-        let mut child = Command::new(palpate())
+        Self::start_as(Command::new(palpate()), data, arguments)
+    }
+
+    /// The same for a server that may have this much virtual memory, KiB.
+    pub(crate) fn start_within(data: &Path, arguments: &[&str], memory_kib: u64) -> Self {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "ulimit -v \"$0\" && exec \"$@\""]);
+        shell.arg(memory_kib.to_string()).arg(palpate());
+        Self::start_as(shell, data, arguments)
+    }
+
+    fn start_as(mut command: Command, data: &Path, arguments: &[&str]) -> Self {
+        let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--json", "--data"])
             .arg(data)
             .args(arguments)
@@ -61,6 +73,11 @@ impl Serving {
         let mut serving = Self { child, log: Some(log), url };
         assert!(!serving.url.is_empty(), "{}", serving.stop().1);
         serving
+    }
+
+    /// The number of its process.
+    pub(crate) fn process(&self) -> u32 {
+        self.child.id()
     }
 
     /// Asks it to stop, as a supervisor does; how it ended, and what it logged.

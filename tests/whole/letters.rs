@@ -119,8 +119,8 @@ async fn a_letter_is_recognised_in_its_plane() {
     let found = belief.poses[0].pose;
     let found =
         session_from_plane.inverse() * Pose::new(found.position, found.orientation).unwrap();
-    let off = (found.translation - truth.translation).truncate().length();
-    assert!(off < 1.5 * MM, "{off} m");
+    let off = found.translation - truth.translation;
+    assert!(off.length() < 1.5 * MM && off.z.abs() < 0.35 * MM, "{off} m");
     assert!(found.angle_to(&truth) < 5.0 * DEG, "{found:?} {truth:?}");
     let marginals = client.marginals(session.id(), &MarginalsQuery::default()).await.unwrap();
     for axis in &marginals.axes {

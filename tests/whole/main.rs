@@ -6,6 +6,7 @@ mod corpora;
 mod house;
 mod letters;
 mod load;
+mod numbers;
 mod serving;
 mod story;
 mod torture;

@@ -1,0 +1,271 @@
+//! Every number that a client may send, at its smallest and its largest: the server answers
+//! within ten seconds, within a gigabyte, and lives on.
+//!
+//! The fields come from `schemas/openapi.json`, the requests around them from a table here: an
+//! operation with a number that no request has fails the test. Not here: what is answered.
+
+mod fields;
+mod requests;
+
+use std::path::Path;
+use std::time::Duration;
+
+use futures::stream::{self, StreamExt};
+use reqwest::{Client, Method, StatusCode};
+use serde_json::{Value, json};
+
+use crate::command::Serving;
+use fields::{Field, operations};
+use requests::{Base, bases, placeholders};
+
+/// How long any answer may take.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// What the server may take beyond its idle size, KiB.
+const ROOM_KIB: u64 = 1 << 20;
+/// Requests under way at once.
+const AT_ONCE: usize = 2;
+/// How long a training works at most before it is cancelled.
+const TRAINING: Duration = Duration::from_secs(2);
+
+/// A server and who talks to it.
+pub(crate) struct Asked {
+    client: Client,
+    url: String,
+}
+
+/// One request with one number changed.
+struct Case {
+    name: String,
+    method: Method,
+    path: String,
+    body: Option<Value>,
+}
+
+impl Asked {
+    fn new(url: &str) -> Self {
+        // Another test of this binary may have been quicker.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+        let client = Client::builder().timeout(PATIENCE).build().unwrap();
+        Self { client, url: url.to_owned() }
+    }
+
+    /// Sends a request; its status and body.
+    pub(crate) async fn send(
+        &self,
+        method: &Method,
+        path: &str,
+        body: Option<&Value>,
+    ) -> Result<(StatusCode, Value), reqwest::Error> {
+        let mut request = self.client.request(method.clone(), format!("{}{path}", self.url));
+        if let Some(body) = body {
+            request = request.json(body).header("if-match", "\"1\"");
+        }
+        let response = request.send().await?;
+        let (status, bytes) = (response.status(), response.bytes().await?);
+        Ok((status, serde_json::from_slice(&bytes).unwrap_or_default()))
+    }
+
+    /// Sends a request that must succeed.
+    pub(crate) async fn must(&self, method: Method, path: &str, body: Option<&Value>) -> Value {
+        let (status, value) = self.send(&method, path, body).await.unwrap();
+        assert!(status.is_success(), "{method} {path}: {status} {value}");
+        value
+    }
+
+    /// Stores an object's mesh.
+    pub(crate) async fn put_mesh(&self, object: &str, stl: Vec<u8>) {
+        let url = format!("{}/v1/objects/{object}/mesh?format=stl&unit=m", self.url);
+        let put = self.client.put(url).header("content-type", "application/octet-stream");
+        assert!(put.body(stl).send().await.unwrap().status().is_success());
+    }
+
+    /// Waits for a training's end, or cancels it when it takes too long.
+    pub(crate) async fn end(&self, job: &Value, within: Duration) -> String {
+        let path = format!("/v1/jobs/{}", job["id"].as_str().unwrap());
+        let begun = std::time::Instant::now();
+        let mut is_cancelled = false;
+        loop {
+            let shown = self.must(Method::GET, &path, None).await;
+            let state = shown["state"].as_str().unwrap().to_owned();
+            if !matches!(state.as_str(), "queued" | "running") {
+                return state;
+            }
+            if begun.elapsed() > within && !is_cancelled {
+                self.must(Method::POST, &format!("{path}/cancel"), None).await;
+                is_cancelled = true;
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
+    /// Plays a case to its end: a session that is made is used, a training is waited for.
+    async fn play(&self, case: &Case) -> Result<(), String> {
+        let told = |error: reqwest::Error| format!("{}: no answer: {error:?}", case.name);
+        let (status, made) =
+            self.send(&case.method, &case.path, case.body.as_ref()).await.map_err(told)?;
+        is_fine(&case.name, status, &made)?;
+        if status == StatusCode::ACCEPTED {
+            self.end(&made, TRAINING).await;
+        }
+        if status == StatusCode::CREATED && case.path == "/v1/sessions" {
+            let session = format!("/v1/sessions/{}", made["id"].as_str().unwrap_or_default());
+            let readings = requests::readings(&made["catalogue"]);
+            let uses = [
+                (Method::POST, "readings", Some(&readings)),
+                (Method::GET, "belief?poses=100", None),
+                (Method::GET, "marginals", None),
+                (Method::DELETE, "", None),
+            ];
+            for (method, what, body) in uses {
+                let name = format!("{}, then {method} {what}", case.name);
+                let path = format!("{session}/{what}");
+                let path = path.trim_end_matches('/');
+                let told = |error: reqwest::Error| format!("{name}: no answer: {error:?}");
+                let (status, answer) = self.send(&method, path, body).await.map_err(told)?;
+                is_fine(&name, status, &answer)?;
+            }
+        }
+        if status == StatusCode::CREATED && case.path == "/v1/sensors" {
+            let training = requests::training_with(&made["name"]);
+            let name = format!("{}, then a training with it", case.name);
+            let told = |error: reqwest::Error| format!("{name}: no answer: {error:?}");
+            let path = "/v1/catalogues/probing/trainings";
+            let (status, job) =
+                self.send(&Method::POST, path, Some(&training)).await.map_err(told)?;
+            is_fine(&name, status, &job)?;
+            if status == StatusCode::ACCEPTED {
+                self.end(&job, TRAINING).await;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A refusal is fine, and so is a bound that is told of; a fault of the server is not.
+fn is_fine(name: &str, status: StatusCode, answer: &Value) -> Result<(), String> {
+    let overloaded = "urn:palpate:problem:overloaded";
+    let is_fine = !status.is_server_error()
+        || (status == StatusCode::SERVICE_UNAVAILABLE && answer["type"] == overloaded);
+    if is_fine { Ok(()) } else { Err(format!("{name}: {status} {answer}")) }
+}
+
+/// The cases of a field in a request that has it.
+fn cases(base: &Base, field: &Field) -> Vec<Case> {
+    let with = |bound: &Value| {
+        let name = format!("{} {} {} = {bound}", base.method, base.path, field.pointer);
+        let (mut path, mut body) = (base.path.clone(), base.body.clone());
+        match (&field.place, &mut body) {
+            (fields::Place::Body, Some(body)) => *field.find(body)? = bound.clone(),
+            (fields::Place::Body, None) => return None,
+            (fields::Place::Query, _) => path = format!("{path}?{}={bound}", field.pointer),
+            (fields::Place::Path, _) => return None,
+        }
+        // What is made must not fail because there is one of its name.
+        if let Some(made) = body.as_mut().and_then(|body| body.get_mut("name")) {
+            let unique: String = name.chars().filter(char::is_ascii_alphanumeric).collect();
+            *made = json!(unique[unique.len().saturating_sub(60)..]);
+        }
+        Some(Case { name, method: base.method.clone(), path, body })
+    };
+    field.bounds.iter().filter_map(with).collect()
+}
+
+/// Whether a case waits for a training.
+fn has_training(path: &str) -> bool {
+    path.ends_with("/trainings") || path == "/v1/sensors"
+}
+
+/// The virtual memory of a process, KiB.
+fn memory_kib(process: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmSize:")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse().unwrap()
+}
+
+/// All cases, and the fields that no request of the table has.
+fn all_cases(placeholders: &[(String, Vec<String>)]) -> (Vec<Case>, Vec<String>) {
+    let description = Path::new(env!("CARGO_MANIFEST_DIR")).join("../schemas/openapi.json");
+    let description: Value = serde_json::from_slice(&std::fs::read(description).unwrap()).unwrap();
+    let (mut found, mut missing) = (Vec::new(), Vec::new());
+    for operation in operations(&description) {
+        let bases = bases(&operation, placeholders);
+        for field in &operation.fields {
+            if field.place == fields::Place::Path {
+                let bound = |bound: &Value| Case {
+                    name: format!("{} {} {}", operation.method, operation.path, field.pointer),
+                    method: operation.method.clone(),
+                    path: requests::with_number(
+                        &operation.path,
+                        &field.pointer,
+                        bound,
+                        placeholders,
+                    ),
+                    body: None,
+                };
+                found.extend(field.bounds.iter().map(bound));
+                continue;
+            }
+            let own: Vec<Case> = bases.iter().flat_map(|base| cases(base, field)).collect();
+            if own.is_empty() {
+                missing.push(format!("{} {} {}", operation.method, operation.path, field.pointer));
+            }
+            found.extend(own);
+        }
+    }
+    (found, missing)
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn no_number_of_a_client_takes_the_server_or_its_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut serving = Serving::start(folder.path(), &[]);
+    requests::set_up(&Asked::new(&serving.url)).await;
+    let idle_kib = memory_kib(serving.process());
+    let (ended, log) = tokio::task::spawn_blocking(move || serving.stop()).await.unwrap();
+    assert!(ended.success(), "{log}");
+
+    let mut serving = Serving::start_within(folder.path(), &[], idle_kib + ROOM_KIB);
+    let asked = Asked::new(&serving.url);
+    let placeholders = placeholders(&asked).await;
+    let (cases, missing) = all_cases(&placeholders);
+    assert!(missing.is_empty(), "no request of the table has these numbers: {missing:#?}");
+    assert!(cases.len() > 300, "{} cases", cases.len());
+    // Trainings are worked on one at a time: they come last, one after the other.
+    let (trainings, quick): (Vec<Case>, Vec<Case>) =
+        cases.into_iter().partition(|case| has_training(&case.path));
+    let playing = stream::iter(&quick).map(|case| asked.play(case)).buffer_unordered(AT_ONCE);
+    let mut faults: Vec<String> = playing.filter_map(|done| async { done.err() }).collect().await;
+    for case in &trainings {
+        faults.extend(asked.play(case).await.err());
+    }
+    let alive = asked.send(&Method::GET, "/readyz", None).await;
+    let alive = alive.map(|(status, _)| status);
+    let log = if matches!(alive, Ok(StatusCode::OK)) { String::new() } else { serving.stop().1 };
+    assert!(matches!(alive, Ok(StatusCode::OK)), "{alive:?} {faults:#?} {log}");
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn a_field_is_found_wherever_its_schema_is() {
+    let description = json!({
+        "paths": {"/a": {"post": {"requestBody": {"content": {"application/json": {
+            "schema": {"$ref": "#/components/schemas/A"}}}}, "parameters": [
+            {"name": "n", "in": "query", "schema": {"type": "integer", "minimum": 1}}]}}},
+        "components": {"schemas": {
+            "A": {"type": "object", "properties": {"list": {"type": ["array", "null"],
+                "items": {"oneOf": [{"type": "null"}, {"$ref": "#/components/schemas/B"}]}}}},
+            "B": {"properties": {"x": {"type": ["number", "null"], "maximum": 2.5}}}}}});
+    let operation = operations(&description).remove(0);
+    let fields: Vec<(&str, &[Value])> =
+        operation.fields.iter().map(|field| (&field.pointer[..], &field.bounds[..])).collect();
+    let expected =
+        [("n", [json!(1), json!(i64::from(i32::MAX))]), ("/list/*/x", [json!(-1e308), json!(2.5)])];
+    assert_eq!(fields.len(), 2);
+    for ((pointer, bounds), (expected, numbers)) in fields.into_iter().zip(&expected) {
+        assert_eq!((pointer, bounds), (*expected, &numbers[..]));
+    }
+    let mut body = json!({"list": [{"x": null}]});
+    *operation.fields[1].find(&mut body).unwrap() = json!(7);
+    assert_eq!(body, json!({"list": [{"x": 7}]}));
+}

@@ -1,0 +1,281 @@
+//! A valid request of every operation that has numbers, on a server with something of everything:
+//! sensors, flat and solid objects, a version of each, and a session of each method.
+
+use std::f64::consts::PI;
+use std::time::Duration;
+
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::SensorDescription;
+use palpate_sim::indent::indentation_run;
+use palpate_sim::letters::Font;
+use palpate_sim::press::PressSimulator;
+use palpate_sim::rig::{Rig, RigNoise, rig_sensor};
+use palpate_sim::sampler::{SamplerConfig, sample};
+use palpate_sim::shapes;
+use reqwest::Method;
+use serde_json::{Value, json};
+
+use super::Asked;
+use super::fields::Operation;
+
+/// A request in which a number is changed.
+pub(crate) struct Base {
+    pub(crate) method: Method,
+    pub(crate) path: String,
+    pub(crate) body: Option<Value>,
+}
+
+/// How long a training of the set-up may take.
+const SET_UP: Duration = Duration::from_secs(120);
+
+/// Makes what requests are about: two catalogues with a version each, and a sensor.
+pub(crate) async fn set_up(asked: &Asked) {
+    for name in ["hammer", "mug", "spare", "I", "O"] {
+        asked.must(Method::POST, "/v1/objects", Some(&json!({"name": name}))).await;
+    }
+    let probe = json!({"name": "probe", "preset": "digitacts-6x6"});
+    asked.must(Method::POST, "/v1/sensors", Some(&probe)).await;
+    asked.must(Method::POST, "/v1/sensors/probe/calibration", Some(&calibration())).await;
+    asked.put_mesh("mug", shapes::example("mug").unwrap().to_stl_bytes()).await;
+    let own = [("hammer", touches("hammer", 60)), ("I", letter_presses('I'))];
+    for (name, readings) in own.into_iter().chain([("O", letter_presses('O'))]) {
+        let path = format!("/v1/objects/{name}/readings");
+        asked.must(Method::POST, &path, Some(&json!({"readings": readings}))).await;
+    }
+    for training in [
+        json!({"objects": ["hammer", "mug"], "readings_per_object": 60, "n_classes": 8,
+            "geometry": {"kind": "solid", "cell": 0.004}, "appearance": {"n_classes": [8]}}),
+        json!({"objects": ["I", "O"], "n_classes": 4, "geometry": {"kind": "planar"}}),
+    ] {
+        let flat = training["geometry"]["kind"] == "planar";
+        let catalogue = if flat { "flat" } else { "solid" };
+        let path = format!("/v1/catalogues/{catalogue}/trainings");
+        let job = asked.must(Method::POST, &path, Some(&training)).await;
+        assert_eq!(asked.end(&job, SET_UP).await, "succeeded", "{training}");
+    }
+    for session in sessions() {
+        let made = asked.must(Method::POST, "/v1/sessions", Some(&session)).await;
+        let path = format!("/v1/sessions/{}/readings", made["id"].as_str().unwrap());
+        let catalogue = &session["catalogue"];
+        for _ in 0..6 {
+            asked.must(Method::POST, &path, Some(&readings(catalogue))).await;
+        }
+    }
+}
+
+/// What stands for each name in braces of a path.
+pub(crate) async fn placeholders(asked: &Asked) -> Vec<(String, Vec<String>)> {
+    let all = asked.must(Method::GET, "/v1/sessions", None).await;
+    let ids = all["items"].as_array().unwrap().iter();
+    let ids: Vec<String> = ids.map(|session| session["id"].as_str().unwrap().to_owned()).collect();
+    assert_eq!(ids.len(), sessions().len());
+    let one = |name: &str, value: &str| (name.to_owned(), vec![value.to_owned()]);
+    vec![
+        ("session".to_owned(), ids),
+        one("name", "solid"),
+        one("version", "1"),
+        one("object", "hammer"),
+        one("sensor", "probe"),
+        one("key", "none"),
+        one("job", "none"),
+    ]
+}
+
+/// A path with its names filled in, but for the one that is a number itself.
+pub(crate) fn with_number(
+    path: &str,
+    name: &str,
+    number: &Value,
+    placeholders: &[(String, Vec<String>)],
+) -> String {
+    let path = path.replace(&format!("{{{name}}}"), &number.to_string());
+    filled(&path, placeholders).remove(0)
+}
+
+fn filled(path: &str, placeholders: &[(String, Vec<String>)]) -> Vec<String> {
+    // What objects are trained from stays as it is.
+    let path = path.replace("/v1/objects/{object}", "/v1/objects/spare");
+    let mut paths = vec![path.clone()];
+    for (name, values) in placeholders {
+        let name = format!("{{{name}}}");
+        if path.contains(&name) {
+            let of = |path: &String| -> Vec<String> {
+                values.iter().map(|value| path.replace(&name, value)).collect()
+            };
+            paths = paths.iter().flat_map(of).collect();
+        }
+    }
+    paths
+}
+
+/// Valid requests of an operation. Requests without a body are valid by their path alone.
+pub(crate) fn bases(operation: &Operation, placeholders: &[(String, Vec<String>)]) -> Vec<Base> {
+    let bodies = match &operation.method {
+        &Method::GET | &Method::DELETE => vec![None],
+        _ => bodies(&operation.path).into_iter().map(Some).collect(),
+    };
+    let mut bases = Vec::new();
+    for path in filled(&operation.path, placeholders) {
+        for body in &bodies {
+            let (method, path, body) = (operation.method.clone(), path.clone(), body.clone());
+            bases.push(Base { method, path, body });
+        }
+    }
+    bases
+}
+
+/// Valid bodies of an operation, as many as it takes for every number to be in one.
+fn bodies(path: &str) -> Vec<Value> {
+    let reading = || touches("hammer", 1).remove(0);
+    match path {
+        "/v1/analyses/covering" => vec![
+            json!({"element_width": 0.002, "force_resolutions": [0.01], "spreads": [0.002]}),
+            json!({"element_width": 0.002, "thicknesses": [0.001, 0.002]}),
+        ],
+        "/v1/catalogues/{name}/current" => vec![json!({"version": 1})],
+        "/v1/catalogues/{name}/merges" => {
+            vec![json!({"version": 1, "with": {"catalogue": "solid", "version": 1}})]
+        }
+        "/v1/catalogues/{name}/trainings" => vec![
+            json!({"objects": ["mug"], "readings_per_object": 20, "n_classes": 2, "seed": 1,
+                "distance_range": {"min": 0.008, "max": 0.16},
+                "geometry": {"kind": "solid", "cell": 0.004},
+                "appearance": {"n_classes": [2], "discriminant_axes": 1, "report_readings": 1,
+                    "variance_share": 0.9}}),
+            json!({"objects": ["I"], "n_classes": 2, "geometry": {"kind": "planar", "cell": 0.001}}),
+            json!({"objects": ["I"], "extend": 1}),
+        ],
+        "/v1/keys" => vec![json!({"name": "probing", "role": "viewer", "expires_in_s": 60})],
+        "/v1/keys/{key}/rotate" => vec![json!({"grace_s": 1})],
+        "/v1/sensors" => vec![json!({"name": "made", "description": description()})],
+        "/v1/sensors/{sensor}/calibration" => vec![calibration()],
+        "/v1/sensors/{sensor}/check" => vec![full(reading()), featured()],
+        "/v1/sessions" => sessions(),
+        "/v1/sessions/{session}/lease" => vec![json!({"seconds": 60})],
+        "/v1/sessions/{session}/next-touches" => vec![
+            json!({"n": 4, "deadline_ms": 100, "seed": 1,
+                "workspace": {"center": [0.0, 0.0, 0.0], "radius": 0.1}}),
+            json!({"deadline_ms": 100, "candidates": [
+                {"pose": reading()["pose"], "reach_m": 0.1, "cost": 1.0}]}),
+        ],
+        "/v1/objects/{object}/readings" | "/v1/sessions/{session}/readings" => {
+            vec![json!({"readings": [full(reading())]}), json!({"readings": [featured()]})]
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// New sessions, one of each method and kind of maps at least; also at the ends of two numbers
+/// at once.
+fn sessions() -> Vec<Value> {
+    let at = json!({"position": [0.0, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0]});
+    let looseness = json!({"position_m": 0.01, "angle_rad": 0.1});
+    let planar = |half_extent: f64| {
+        json!({"kind": "planar", "plane": at, "center": [0.0, 0.0], "half_extent": half_extent,
+            "angle": 0.0, "half_angle": PI})
+    };
+    let bounded = |half_angle: f64| {
+        json!({"kind": "bounded", "pose": at, "half_extents": [0.01, 0.01, 0.01],
+            "half_angle": half_angle})
+    };
+    let flat = |method: &str, prior: Value| json!({"catalogue": "flat", "method": method, "pose_prior": prior, "seed": 1});
+    let solid = |method: &str, prior: Value| json!({"catalogue": "solid", "method": method, "pose_prior": prior, "seed": 1});
+    let with = |mut session: Value, field: &str, value: Value| {
+        session[field] = value;
+        session
+    };
+    let histogram = |half_extent: f64, bins: [u32; 3]| {
+        with(flat("geometric_histogram", planar(half_extent)), "bins", json!(bins))
+    };
+    vec![
+        json!({"catalogue": "solid", "method": "hybrid", "risk": 0.01, "unknown_prior": 0.1,
+            "ttl_s": 600, "version": 1, "object_moves": looseness,
+            "prior": [{"object": "hammer", "probability": 0.5}],
+            "robots": [{"robot": "arm", "base": looseness}]}),
+        json!({"catalogue": "solid", "method": "sva"}),
+        json!({"catalogue": "solid", "method": "sva_literal"}),
+        json!({"catalogue": "solid", "method": "appearance"}),
+        flat("geometric", planar(0.01)),
+        histogram(0.01, [25, 25, 16]),
+        histogram(0.01, [200, 200, 2]),
+        histogram(0.0008, [2, 2, 200]),
+        with(flat("geometric_particles", planar(0.01)), "particles", json!(1000)),
+        solid("geometric", bounded(0.3)),
+        with(solid("geometric_particles", bounded(0.3)), "particles", json!(1000)),
+        with(solid("geometric_particles", bounded(0.001)), "particles", json!(100_000)),
+    ]
+}
+
+/// Readings that a session of this catalogue takes.
+pub(crate) fn readings(catalogue: &Value) -> Value {
+    let readings = if catalogue == "flat" { letter_presses('I') } else { touches("hammer", 2) };
+    json!({"readings": readings[..2]})
+}
+
+/// A reading with every number but a feature's.
+fn full(mut reading: Value) -> Value {
+    reading["robot"] = json!("arm");
+    reading["seq"] = json!(7);
+    reading["stamp"] = json!({"sec": 1, "nanosec": 5});
+    reading["approach_m"] = json!(0.1);
+    reading["object_moved"] = json!({"position_m": 0.01, "angle_rad": 0.1});
+    reading
+}
+
+/// A reading with a feature of the client's own.
+fn featured() -> Value {
+    json!({"sensor": "probe", "image": [], "feature": [0.5, 0.25]})
+}
+
+fn wire(sensor: &str, reading: &Reading) -> Value {
+    let pose = reading.session_from_sensor();
+    json!({"sensor": sensor, "image": reading.image().pressures, "pose": {
+        "position": pose.translation.to_array(), "orientation": pose.rotation.to_array()}})
+}
+
+/// Touches of an example object.
+fn touches(name: &str, n: usize) -> Vec<Value> {
+    let mesh = shapes::example(name).unwrap();
+    let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
+    let config = SamplerConfig::for_simulator(&simulator);
+    let mut go_on = |_, _| std::ops::ControlFlow::Continue(());
+    let touches = sample(&simulator, SensorId(0), n, 7, &config, &mut go_on).unwrap();
+    touches.iter().map(|touch| wire("digitacts-6x6", touch)).collect()
+}
+
+/// Presses of a raised letter, straight down.
+fn letter_presses(symbol: char) -> Vec<Value> {
+    let rig = Rig::new(SensorId(0), &rig_sensor(), RigNoise::physical(), 1);
+    let presses = rig.session(&rig.field(Font::built_in().letter(symbol).unwrap()), 0);
+    presses.iter().map(|press| wire("digitacts-6x6-thin", press)).collect()
+}
+
+/// Indentations of every taxel.
+fn calibration() -> Value {
+    let run = indentation_run(&SensorDescription::digitacts_6x6(), 3);
+    let response = run.response.iter().map(|press| {
+        json!({"row": press.taxel / 6, "col": press.taxel % 6, "depth": press.depth,
+            "pressures": press.pressures})
+    });
+    let presses = run.spread.iter().take(60).map(|press| {
+        json!({"x": press.at.0, "y": press.at.1, "depth": press.depth,
+            "pressures": press.pressures})
+    });
+    json!({"response": response.collect::<Vec<_>>(), "spread": {"indenter_diameter": 0.001,
+        "covering_thickness": 0.002, "presses": presses.collect::<Vec<_>>()}})
+}
+
+/// A sensor of 6 × 6 taxels.
+fn description() -> Value {
+    json!({"grid": {"rows": 6, "cols": 6, "pitch": 0.002, "taxel_width": 0.0018},
+        "covering_thickness": 0.00254, "point_spread": 0.003482, "saturation": 20000.0,
+        "noise": 100.0, "quantisation": 78.125,
+        "force_curve": [{"displacement": 0.0, "pressure": 0.0},
+            {"displacement": 0.00254, "pressure": 20000.0}]})
+}
+
+/// A training that presses a mesh with a sensor.
+pub(crate) fn training_with(sensor: &Value) -> Value {
+    json!({"objects": ["mug"], "sensor": sensor, "readings_per_object": 20, "n_classes": 2,
+        "activate": false})
+}
