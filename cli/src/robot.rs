@@ -156,14 +156,9 @@ impl Robot {
             y: self.touches.uniform(low.y, high.y),
             angle: self.touches.uniform(-PI, PI),
         };
-        let mesh_from_sensor = at.object_from_sensor(-self.pressed_height());
-        self.simulator.read(SensorId(0), mesh_from_sensor, &mut self.touches)
-    }
-
-    /// How high the sensor is when it presses straight down, in the mesh.
-    fn pressed_height(&self) -> f64 {
         let below_top = INDENTATION * self.simulator.sensor().parameters().covering_thickness;
-        self.simulator.mesh().bounds().1.z - below_top
+        let mesh_from_sensor = at.object_from_sensor(below_top - high.z);
+        self.simulator.read(SensorId(0), mesh_from_sensor, &mut self.touches)
     }
 
     /// What a camera would say of where the object's frame is, roughly; as a session's prior.
@@ -174,7 +169,8 @@ impl Robot {
         match self.approach {
             Approach::StraightDown => {
                 let turn = along(PI);
-                let height = self.pressed_height() - origin_in_mesh[2];
+                // The face that is pressed is the object's highest.
+                let height = self.simulator.mesh().bounds().1.z - origin_in_mesh[2];
                 let object_from_plane =
                     Pose::from_parts(DQuat::from_rotation_z(turn), off.with_z(height));
                 PosePrior::Planar {

@@ -4,6 +4,7 @@
 //! keeps the force. A cell holds the mean pressure at unit press amplitude and how far single
 //! readings stray from it. Frame: the object's, in the grid's plane.
 
+pub mod face;
 mod kernel;
 pub mod learn;
 pub mod press_fit;

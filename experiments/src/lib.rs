@@ -39,6 +39,7 @@ pub mod restart;
 pub mod sensing;
 pub mod server_throughput;
 pub mod sim_to_real;
+pub mod solid_geometry;
 pub mod stated;
 pub mod statistics;
 pub mod sva_objects;

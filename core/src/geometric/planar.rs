@@ -19,6 +19,7 @@ use crate::filter::adaptive::{AdaptiveHistogram, Bin, BinLikelihood, Division, E
 use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
 use crate::model::ObjectIdx;
 use crate::model::geometry::GeometricModel;
+use crate::mosaic::face::FaceDepth;
 use crate::mosaic::learn::lay_down;
 use crate::mosaic::press_fit::{Placement, Press, PressPrior, Workspace, fit};
 use crate::mosaic::screen::{ScreenTile, TurnedPress};
@@ -40,6 +41,9 @@ const FORGOTTEN: f64 = 40.0;
 
 /// How far a taxel's gain may be from 1 when nobody has learnt it.
 const UNKNOWN_GAIN: f32 = 0.2;
+
+/// How well the stated plane is known, metres. Chosen: what a client that measures it gets.
+const PLANE_DEVIATION: f64 = 0.1 * MM;
 
 /// Fewer objects than this are looked at with the effort for so many.
 const LOOKED_AT_MIN: usize = 5;
@@ -93,6 +97,8 @@ pub(super) struct PlanarModel {
     geometry: Arc<GeometricModel>,
     maps: Vec<PlanarMap>,
     readings: Vec<PlanarReading>,
+    /// The thickest covering that took one of them, metres.
+    covering: f64,
     options: AdaptiveOptions,
     precision: PrecisionByPressure,
     /// Spread of a bin by depth: of x and y (m) and of θ (rad).
@@ -111,6 +117,8 @@ struct PlanarMap {
     tiles: Vec<Arc<Counted<Tile>>>,
     screen: Arc<Counted<ScreenTile>>,
     height: f64,
+    /// The deviation of that height: what the presses leave open of their depth.
+    height_deviation: f64,
 }
 
 /// A reading in the plane's frame.
@@ -142,12 +150,13 @@ impl PlanarModel {
             tiles.push(prepared.tile(object, 0.0)?);
             let screen = prepared.screen(object, reach(&spreads[0]).hypot(options.press.shift))?;
             let height = geometry.maps[object].occupancy.shape().min().z;
-            maps.push(PlanarMap { tiles, screen, height });
+            maps.push(PlanarMap { tiles, screen, height, height_deviation: 0.0 });
         }
         Ok(Self {
             geometry: geometry.clone(),
             maps,
             readings: Vec::new(),
+            covering: 0.0,
             options,
             precision: PrecisionByPressure::new(geometry),
             spreads,
@@ -156,6 +165,21 @@ impl PlanarModel {
             turned_as: None,
             turn: [1.0, 0.0],
         })
+    }
+
+    /// How well the heights of the maps' faces are known. Maps do not say which sensor made
+    /// them: the one with the thickest covering of this belief's readings stands for it.
+    fn note_heights(&mut self, sensor: &SensorDescription) {
+        let covering = sensor.parameters().covering_thickness;
+        if covering <= self.covering {
+            return;
+        }
+        self.covering = covering;
+        for (map, trained) in self.maps.iter_mut().zip(&self.geometry.maps) {
+            if let Some(mosaic) = &trained.mosaic {
+                map.height_deviation = FaceDepth::of_mosaic(mosaic, sensor).deviation;
+            }
+        }
     }
 
     /// Where a reading lies on an object at a pose.
@@ -347,6 +371,7 @@ impl PlanarBelief {
         let (center, mut press, _) = lay_down(&plane_from_sensor, reading, sensor, gains);
         press.gain_deviation = if gains.is_some() { 0.0 } else { UNKNOWN_GAIN };
         self.model.readings.push(PlanarReading { center, press });
+        self.model.note_heights(sensor);
         self.histogram.add(&mut self.model, &self.effort);
         Ok(())
     }
@@ -405,14 +430,15 @@ impl PlanarBelief {
 
     fn pose_mode(&self, object: u32, mode: &Mode, weight: f64) -> PoseMode {
         let [x, y, angle] = mode.pose;
-        let height = self.model.maps[object as usize].height;
+        let PlanarMap { height, height_deviation, .. } = self.model.maps[object as usize];
+        let z_deviation = height_deviation.hypot(PLANE_DEVIATION);
         let plane_from_object =
             Pose::from_parts(DQuat::from_rotation_z(angle), DVec3::new(x, y, -height));
         let session_from_plane = self.plane.session_from_plane;
         PoseMode {
             object: ObjectIdx(object),
             session_from_object: session_from_plane * plane_from_object,
-            covariance: in_session(&session_from_plane, &mode.covariance),
+            covariance: in_session(&session_from_plane, &mode.covariance, z_deviation),
             weight,
         }
     }
@@ -439,9 +465,13 @@ fn most_massive(bins: &[(f64, Bin<3>)]) -> Option<usize> {
     (0..bins.len()).max_by(order)
 }
 
-/// Covariance in ROS order of x, y and θ in a plane; the three fixed axes are known to
-/// 0.1 mm and 0.1 degrees.
-fn in_session(session_from_plane: &Pose, covariance: &Matrix3<f64>) -> Matrix6<f64> {
+/// Covariance in ROS order of x, y and θ in a plane; the height is known to `z_deviation`
+/// (m), tilts to 0.1 degrees.
+fn in_session(
+    session_from_plane: &Pose,
+    covariance: &Matrix3<f64>,
+    z_deviation: f64,
+) -> Matrix6<f64> {
     let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| session_from_plane.turn(axis));
     let mut moves = Matrix6x3::zeros();
     let mut fixed = Matrix6x3::zeros();
@@ -449,7 +479,7 @@ fn in_session(session_from_plane: &Pose, covariance: &Matrix3<f64>) -> Matrix6<f
         moves[(row, 0)] = x[row];
         moves[(row, 1)] = y[row];
         moves[(row + 3, 2)] = z[row];
-        fixed[(row, 0)] = 0.1 * MM * z[row];
+        fixed[(row, 0)] = z_deviation * z[row];
         fixed[(row + 3, 1)] = 0.1 * DEG * x[row];
         fixed[(row + 3, 2)] = 0.1 * DEG * y[row];
     }

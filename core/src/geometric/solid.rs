@@ -22,17 +22,21 @@ use crate::reading::Reading;
 use crate::sensor::SensorDescription;
 use crate::units::{DEG, MM};
 
-/// A length (m) that stands for a turn of one rad: an object's reach from its origin.
+/// A length (m) that stands for a turn of one rad: an object's reach from its origin. Chosen for
+/// objects of a hand's size, 60 to 100 mm across; not fitted.
 const LEVER: f64 = 30.0 * MM;
 
-/// The first bins are about this wide, metres, and at most this many along an axis.
+/// The first bins are about this wide, metres, and at most this many along an axis. Chosen: more
+/// than 4⁶ bins an object cost more than a touch may; wider boxes have wider bins.
 const FIRST_WIDTH: f64 = 7.0 * MM;
 const FIRST_MAX: usize = 4;
 
-/// The exponent of a press: its taxels see one blurred contact, not as many facts.
+/// The exponent of a press: its taxels see one blurred contact, not as many facts. Chosen, not
+/// fitted; `palpate experiment solid-geometry` measures the answers with it.
 const TEMPER: f64 = 0.3;
 
-/// Six axes take so many times the evaluations of a plane's three.
+/// Evaluations of a split against those of a plane's three axes. Chosen: a few splits of 2⁶
+/// children on all readings of a usual session; not fitted.
 const EVALUATIONS: usize = 46;
 
 /// Bins that an answer is made of.
@@ -40,6 +44,28 @@ const ANSWERED_MAX: usize = 400;
 
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 48;
+
+/// Half the side of the largest box along each axis, metres. Derived: six sides of a bin give
+/// each axis a spread of the side times √6/6, and the widest blur must reach that.
+fn half_max() -> f64 {
+    let widest_bin = BLURS[BLURS.len() - 1] * 6.0_f64.sqrt();
+    0.5 * FIRST_MAX as f64 * widest_bin
+}
+
+/// Refuses a box whose first bins are wider than what they can be compared by.
+fn check_resolved(half_extent: DVec3, half_angle: f64) -> Result<(), GeometricError> {
+    let fields = ["half_extent x", "half_extent y", "half_extent z", "half_angle"];
+    let [x, y, z] = half_extent.to_array();
+    for (field, (found, unit)) in
+        fields.into_iter().zip([(x, 1.0), (y, 1.0), (z, 1.0), (half_angle, LEVER)])
+    {
+        let high = half_max() / unit;
+        if found > high {
+            return Err(GeometricError::Range { field, found, low: 0.0, high });
+        }
+    }
+    Ok(())
+}
 
 /// Metres a unit of each axis.
 const LENGTHS: [f64; 6] = [1.0, 1.0, 1.0, LEVER, LEVER, LEVER];
@@ -130,6 +156,7 @@ impl SolidBelief {
         if prepared.model().maps.iter().any(|map| map.occupancy.shape().is_planar()) {
             return Err(GeometricError::NotSolid);
         }
+        check_resolved(half_extent, half_angle)?;
         let first: usize = first_bins(half_extent, half_angle).iter().product();
         let own = first * n_alive * size_of::<Bin<6>>();
         Ok(BeliefMemory::new(own, prepared.blurs_bytes(), prepared.has_blurs()))
@@ -215,5 +242,23 @@ impl SolidBelief {
     pub(super) fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
         let (low, high) = (self.low, self.high);
         marginals::of_object(&self.histogram, object, &AXES, low, high, MARGINAL_CELLS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_that_the_first_bins_cannot_resolve_are_refused_by_axis() {
+        // Four bins of 14.7 mm: 29.4 mm, and 0.98 rad at 30 mm.
+        assert_eq!(check_resolved(DVec3::splat(29.0 * MM), 0.97), Ok(()));
+        let error = check_resolved(DVec3::new(0.01, 0.5, 0.01), 0.3).unwrap_err();
+        let GeometricError::Range { field: "half_extent y", high, .. } = error else {
+            panic!("{error}");
+        };
+        assert!((high - 29.4 * MM).abs() < 0.1 * MM, "{high}");
+        let error = check_resolved(DVec3::splat(0.01), 1.6).unwrap_err();
+        assert!(matches!(error, GeometricError::Range { field: "half_angle", .. }), "{error}");
     }
 }

@@ -13,10 +13,15 @@ use super::force::add_force;
 use super::{TrainError, TrainingSet};
 use crate::model::MapError;
 use crate::model::geometry::{GeometricMap, GeometricModel};
+use crate::mosaic::ForceMosaic;
+use crate::mosaic::face::FaceDepth;
 use crate::occupancy::mapping::{map_presses, shape_around};
-use crate::occupancy::{ClassifiedPress, ContactClass, InverseModel, OccupancyGrid, learn_table};
+use crate::occupancy::{
+    ClassifiedPress, ContactClass, GridShape, InverseModel, OccupancyGrid, learn_table,
+};
 use crate::pose::Pose;
 use crate::reading::Reading;
+use crate::sensor::SensorDescription;
 use crate::units::{DEG, MM};
 
 /// How far a planar press may be tilted from the object's −z.
@@ -64,8 +69,8 @@ impl Default for GeometryConfig {
 
 /// Maps the objects of `sets`, whose frames' origins lie at `origins_in_training` (metres).
 ///
-/// A planar map keeps x and y alone; its plane lies at the mean height of the sensors that
-/// touched, in the object frame.
+/// A planar map keeps x and y alone; its plane lies where the pressed face is, in the object
+/// frame: above the sensors that touched by how deep they were pressed.
 ///
 /// # Errors
 /// [`TrainError`] when an object has no reading or no origin, when a planar reading does not
@@ -98,8 +103,25 @@ pub fn map_geometry(
     let mut model = GeometricModel { table, gains: Vec::new(), maps };
     if config.dimensions == Dimensions::Planar {
         add_force(&mut model, &pressed)?;
+        for (map, (_, sensor)) in model.maps.iter_mut().zip(&pressed) {
+            *map = Arc::new(at_the_face(map, sensor)?);
+        }
     }
     Ok(model)
+}
+
+/// A map whose plane is that of the sensors, moved to the face that they were pressed onto.
+fn at_the_face(map: &GeometricMap, sensor: &SensorDescription) -> Result<GeometricMap, TrainError> {
+    let Some(mosaic) = &map.mosaic else { return Ok(map.clone()) };
+    let depth = FaceDepth::of_mosaic(mosaic, sensor).mean;
+    let raised =
+        |shape: &GridShape| GridShape::new(shape.min() + depth * DVec3::Z, shape.cell(), shape.n());
+    let (shape, occupancy) = (raised(map.occupancy.shape())?, &map.occupancy);
+    let log_odds = occupancy.log_odds().to_vec();
+    let occupancy = OccupancyGrid::from_parts(shape, occupancy.prior(), log_odds)?;
+    let (pressure, deviation) = (mosaic.pressure().to_vec(), mosaic.deviation().to_vec());
+    let mosaic = ForceMosaic::from_parts(raised(mosaic.shape())?, pressure, deviation)?;
+    Ok(GeometricMap { occupancy, mosaic: Some(mosaic) })
 }
 
 /// The readings of a set in the object frame.
@@ -163,7 +185,6 @@ mod tests {
 
     use super::*;
     use crate::reading::SensorId;
-    use crate::sensor::SensorDescription;
     use crate::units::KPA;
 
     /// Presses straight down at height `z` on a strip |x| < 3 mm that is 20 mm long.
@@ -199,11 +220,16 @@ mod tests {
     }
 
     #[test]
-    fn a_planar_map_lies_in_the_object_frame_at_the_pressed_height() {
+    fn a_planar_map_lies_in_the_object_frame_at_the_face() {
         let origin = DVec3::new(4.0 * MM, 0.0, 1.0 * MM);
         let model = mapped(&presses(3.0 * MM, 0.0), origin, &GeometryConfig::planar()).unwrap();
-        let map = &model.maps[0].occupancy;
-        assert!((map.shape().min().z - 2.0 * MM).abs() < 1e-12);
+        let (map, mosaic) = (&model.maps[0].occupancy, model.maps[0].mosaic.as_ref().unwrap());
+        // The sensors are 2 mm above the origin. 10 kPa are half of the covering's 2.54 mm, so
+        // the face is 1.27 to 2.54 mm higher: in the middle, but for what presses with steps for
+        // edges do to the mosaic.
+        let height = map.shape().min().z;
+        assert!((3.6 * MM..4.3 * MM).contains(&height), "{height}");
+        assert!((mosaic.shape().min().z - height).abs() < 1e-12);
         // The strip's middle lies at −4 mm now.
         let at = |x: f64| map.log_odds_at(DVec3::new(x, 0.0, 0.0));
         assert!(at(-4.0 * MM) > 2.0 && at(4.0 * MM) < -2.0, "{} {}", at(-4.0 * MM), at(4.0 * MM));

@@ -4,7 +4,7 @@ use palpate_core::units::{DEG, MM};
 use palpate_sim::render::occupancy::layer_png;
 use serde_json::{Value, json};
 
-use super::methods::Method;
+use super::methods::{Kind, Method};
 use super::trials::{POSES_AT, PoseError, Step};
 use super::{Lab, LettersGeometric, TestLetter};
 use crate::plot::{Line, Panel, svg};
@@ -66,6 +66,7 @@ fn row(report: &mut Report, method: &Method, n_letters: usize, readings: usize, 
         ("translation_error_mm_mean", of(|error| error.translation / MM)),
         ("angle_error_deg_mean", of(|error| error.angle / DEG)),
         ("inertial_error_mm_mean", of(|error| error.inertial / MM)),
+        ("height_error_mm_mean", of(|error| error.height / MM)),
     ]);
 }
 
@@ -101,6 +102,12 @@ fn summarise(report: &mut Report, config: &LettersGeometric, method: &Method, st
         if POSES_AT.contains(&readings) && !inertial.is_empty() {
             state(&format!("inertial_error_mm_mean_at_{readings}"), mean(&inertial));
         }
+    }
+    // The other methods are told the plane and answer nothing else.
+    if matches!(method.kind, Kind::Adaptive) {
+        let errors = steps.iter().filter_map(|step| step.error);
+        let heights: Vec<f64> = errors.map(|error| error.height / MM).collect();
+        state("height_error_mm_mean", mean(&heights));
     }
 }
 

@@ -233,9 +233,9 @@ impl<'a> Prepared<'a> {
 
 /// The default method before the first reading of a trial.
 pub(super) fn adaptive_belief(lab: &Lab) -> GeometricBelief {
-    let height = lab.model.maps.first().map_or(0.0, |map| map.occupancy.shape().min().z);
     let pose = PosePrior::Planar {
-        session_from_plane: Pose { translation: height * DVec3::Z, ..Pose::IDENTITY },
+        // A letter's face is the plane z = 0 of its frame, and so is the session's.
+        session_from_plane: Pose::IDENTITY,
         center: [0.0; 2],
         half_extent: REACH,
         angle: 0.0,

@@ -28,12 +28,14 @@ pub(super) struct Step {
 /// How far an answer is off, modulo the letter's symmetry.
 #[derive(Clone, Copy)]
 pub(super) struct PoseError {
-    /// Of the letter's centroid, metres.
+    /// Of the letter's centroid in the plane, metres.
     pub(super) translation: f64,
     /// Radians.
     pub(super) angle: f64,
-    /// Metres.
+    /// Metres, in the plane.
     pub(super) inertial: f64,
+    /// Of the face along the plane's normal, metres.
+    pub(super) height: f64,
 }
 
 /// Runs all trials of a seed with one method (its index and itself).
@@ -87,7 +89,11 @@ pub(super) fn draw(
 fn error(letter: &TestLetter, lab: &Lab, idx: usize, found: &Pose, truth: &Pose) -> PoseError {
     let centroid = letter.symmetry.through;
     let angle = |pose: &Pose| 2.0 * pose.rotation.z.atan2(pose.rotation.w);
+    let height = (found.translation.z - truth.translation.z).abs();
+    // The dissertation's poses are planar, and so are its errors.
+    let found = &Pose { translation: found.translation.with_z(truth.translation.z), ..*found };
     PoseError {
+        height,
         translation: (*found * centroid).distance(*truth * centroid),
         angle: planar_angle_error(angle(found), angle(truth), letter.symmetry.order),
         inertial: lab.inertias[idx].distance_modulo(found, truth, &letter.symmetry),

@@ -8,6 +8,7 @@ use palpate_experiments::hybrid_noise::{self, HybridNoise};
 use palpate_experiments::other_physics::{self, OtherPhysics};
 use palpate_experiments::ppf_peer::{self, PpfPeer};
 use palpate_experiments::report::{Outcome, Progress};
+use palpate_experiments::solid_geometry::{self, SolidGeometry};
 use palpate_experiments::thinning::{self, Thinning};
 use palpate_experiments::unknown::{self, Unknown};
 
@@ -32,6 +33,15 @@ pub(super) enum RobustnessExperiment {
     },
     /// Fewer touches kept of each object: what is lost, farthest first and at random.
     Thinning(TrialArgs),
+    /// `geometric` with solid maps: how large a box of poses it resolves.
+    SolidGeometry {
+        /// A folder of meshes; the built-in objects when not given.
+        #[arg(long, value_name = "DIR")]
+        meshes: Option<PathBuf>,
+        /// Trials an object and box.
+        #[arg(long, default_value_t = 5, value_parser = count)]
+        trials: usize,
+    },
     /// OpenCV's point-pair features and ICP on the same touches.
     PpfPeer(PeerArgs),
 }
@@ -132,6 +142,10 @@ impl RobustnessExperiment {
                 let config = Thinning { meshes, seed, trials, literal_sessions, ..defaults };
                 thinning::run(&config, command, progress)
             }
+            Self::SolidGeometry { meshes, trials } => {
+                let config = SolidGeometry { meshes, seed, trials, ..SolidGeometry::default() };
+                solid_geometry::run(&config, command, progress)
+            }
             Self::PpfPeer(PeerArgs { meshes, trials, python, script }) => {
                 let defaults = PpfPeer::default();
                 let config = PpfPeer { meshes, seed, trials, python, script, ..defaults };
@@ -160,6 +174,9 @@ impl RobustnessExperiment {
                 format!("{} --size-mm {size_mm}{only}", trials.line("hybrid-noise"))
             }
             Self::Thinning(trials) => trials.line("thinning"),
+            Self::SolidGeometry { meshes, trials } => {
+                format!("solid-geometry{} --trials {trials}", meshes_of(meshes))
+            }
             // Where a Python is, is no part of the figures.
             Self::PpfPeer(args) => {
                 format!("ppf-peer{} --trials {}", meshes_of(&args.meshes), args.trials)

@@ -1,0 +1,222 @@
+//! `geometric` with solid maps: how large a box of poses it resolves.
+//!
+//! Not in the dissertation, which says that its techniques generalise to three dimensions. Every
+//! box has its own trials: the object's pose is drawn uniformly from the box, and touches are
+//! those of the training sampler with a seed that training never saw.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use palpate_core::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
+};
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::train::TrainingSet;
+use palpate_core::train::geometry::{GeometryConfig, map_geometry};
+use palpate_core::units::{DEG, MM};
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::objects;
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::statistics::median;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct SolidGeometry {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Trials an object and box.
+    pub trials: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Readings a trial.
+    pub readings: usize,
+    /// Boxes: half extent along each axis, metres, and half angle about each, radians.
+    pub boxes: Vec<[f64; 2]>,
+}
+
+impl Default for SolidGeometry {
+    fn default() -> Self {
+        let boxes = [[5.0, 10.0], [10.0, 17.0], [14.0, 26.0], [20.0, 40.0]];
+        Self {
+            meshes: None,
+            seed: 1,
+            trials: 5,
+            train_readings: 400,
+            readings: 10,
+            boxes: boxes.map(|[place, turn]| [place * MM, turn * DEG]).to_vec(),
+        }
+    }
+}
+
+/// One trial at one number of readings.
+struct Step {
+    is_right: bool,
+    /// Probability of the object that was named.
+    stated: f64,
+    /// Of the best pose when the object is right: position (m) and angle (rad).
+    error: Option<[f64; 2]>,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, or training fails.
+pub fn run(
+    config: &SolidGeometry,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("solid-geometry", command, config.seed);
+    let sensor = SensorDescription::digitacts_6x6();
+    let objects = objects::load(config.meshes.as_deref(), 80.0 * MM)?;
+    let touch_all = |n: usize, seed: u64| -> anyhow::Result<Vec<Vec<Reading>>> {
+        let touch = |object| objects::touch(object, &sensor, n, seed);
+        objects.iter().map(touch).collect()
+    };
+    progress("touching objects", 0, 2);
+    let train = touch_all(config.train_readings, 2 * config.seed)?;
+    let test = touch_all(10 * config.readings, 2 * config.seed + 1)?;
+    progress("training", 1, 2);
+    let sets: Vec<TrainingSet<'_>> =
+        train.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
+    let origins = vec![DVec3::ZERO; sets.len()];
+    let model = map_geometry(&sets, &origins, &GeometryConfig::solid())?;
+    let prepared = PreparedGeometry::new(Arc::new(model));
+    let mut lines = Vec::new();
+    for (done, [half, turn]) in config.boxes.iter().enumerate() {
+        progress("trials", done, config.boxes.len());
+        let trials: anyhow::Result<Vec<Vec<Step>>> = (0..config.trials * objects.len())
+            .into_par_iter()
+            .map(|trial| play(config, &prepared, &sensor, &test, [*half, *turn], trial))
+            .collect();
+        lines.push(summarise(&mut report, config, [*half, *turn], &trials?));
+    }
+    let panel = |title: &str, y: &str, at: usize| Panel {
+        title: title.to_owned(),
+        x: "readings".to_owned(),
+        y: y.to_owned(),
+        lines: lines
+            .iter()
+            .map(|(name, points)| Line { name: name.clone(), points: points[at].clone() })
+            .collect(),
+    };
+    let panels = [panel("objects", "share right", 0), panel("position", "median error (mm)", 1)];
+    Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
+}
+
+/// One trial: the object lies somewhere in the box.
+fn play(
+    config: &SolidGeometry,
+    prepared: &PreparedGeometry,
+    sensor: &SensorDescription,
+    test: &[Vec<Reading>],
+    [half, turn]: [f64; 2],
+    trial: usize,
+) -> anyhow::Result<Vec<Step>> {
+    let object = trial % test.len();
+    let mut stream = Stream::new(config.seed, Purpose::ObjectPose, trial as u64);
+    let middle = Pose::from_parts(stream.rotation(), 0.3 * stream.direction());
+    let mut along = |reach: f64| stream.uniform(-reach, reach);
+    let moved = DVec3::new(along(half), along(half), along(half));
+    let turned = DQuat::from_scaled_axis(DVec3::new(along(turn), along(turn), along(turn)));
+    let truth = Pose::from_parts(turned * middle.rotation, middle.translation + moved);
+    let pose = PosePrior::Bounded {
+        session_from_object: middle,
+        half_extent: DVec3::splat(half),
+        half_angle: turn,
+    };
+    let filter = GeometricFilter::Adaptive(AdaptiveOptions::default());
+    let mut belief =
+        GeometricBelief::new(prepared, GeometricOptions { pose, filter, seed: 1 }, None)?;
+    let mut choice = Stream::new(config.seed, Purpose::ReadingChoice, trial as u64);
+    let mut steps = Vec::with_capacity(config.readings);
+    for _ in 0..config.readings {
+        let reading = &test[object][choice.index(test[object].len())];
+        belief.add(&reading.moved_by(truth), sensor)?;
+        let answer = belief.answer(1);
+        let named = answer.best_object().map_or(usize::MAX, |object| object.0 as usize);
+        let best = answer.modes.first().filter(|mode| mode.object.0 as usize == object);
+        let error = best.map(|mode| {
+            let found = &mode.session_from_object;
+            [found.distance_to(&truth), found.angle_to(&truth)]
+        });
+        let stated = answer.probabilities.get(named).copied().unwrap_or(0.0);
+        steps.push(Step { is_right: named == object, stated, error });
+    }
+    Ok(steps)
+}
+
+/// A plotted line's name with its points: share right, and error of position.
+type Plotted = (String, [Vec<(f64, f64)>; 2]);
+
+fn summarise(
+    report: &mut Report,
+    config: &SolidGeometry,
+    [half, turn]: [f64; 2],
+    trials: &[Vec<Step>],
+) -> Plotted {
+    let name = format!("{:.0}_mm_{:.0}_deg", half / MM, turn / DEG);
+    let mut points = [Vec::new(), Vec::new()];
+    for n in 1..=config.readings {
+        let steps = || trials.iter().map(|steps| &steps[n - 1]);
+        let share = |is: &dyn Fn(&Step) -> f64| steps().map(is).sum::<f64>() / trials.len() as f64;
+        let accuracy = share(&|step| f64::from(u8::from(step.is_right)));
+        let stated = share(&|step| step.stated);
+        let errors = |axis: usize, unit: f64| -> Vec<f64> {
+            steps().filter_map(|step| step.error.map(|error| error[axis] / unit)).collect()
+        };
+        let (moved, turned) = (median(&errors(0, MM)), median(&errors(1, DEG)));
+        report.row(vec![
+            ("half_extent_mm", json!(half / MM)),
+            ("half_angle_deg", json!(turn / DEG)),
+            ("readings", json!(n)),
+            ("accuracy", json!(accuracy)),
+            ("stated", json!(stated)),
+            ("position_error_mm_median", json!(moved)),
+            ("angle_error_deg_median", json!(turned)),
+        ]);
+        points[0].push((n as f64, accuracy));
+        points[1].push((n as f64, moved));
+        if n == config.readings {
+            let mut state =
+                |key: &str, value: f64| report.summarise(&format!("{name}_{key}"), value);
+            state(&format!("accuracy_at_{n}"), accuracy);
+            state(&format!("stated_at_{n}"), stated);
+            state(&format!("position_error_mm_median_at_{n}"), moved);
+            state(&format!("angle_error_deg_median_at_{n}"), turned);
+        }
+    }
+    (name, points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_box_is_resolved() {
+        let config = SolidGeometry {
+            seed: 101,
+            trials: 1,
+            train_readings: 200,
+            readings: 6,
+            boxes: vec![[5.0 * MM, 10.0 * DEG]],
+            ..SolidGeometry::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["5_mm_10_deg_accuracy_at_6"] >= 0.7, "{summary:?}");
+        assert!(summary["5_mm_10_deg_position_error_mm_median_at_6"] < 5.0, "{summary:?}");
+        assert_eq!(outcome.plot.matches("polyline").count(), 2);
+    }
+}
