@@ -6,6 +6,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
 
 mod args;
+mod calibrated;
 mod commands;
 mod exit;
 mod explorer;

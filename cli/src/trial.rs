@@ -267,6 +267,8 @@ mod tests {
             n_readings: 1,
             objects: [(names[0], 0.9), (names[1], 0.1)].map(probability).to_vec(),
             stop: None,
+            calibrated: true,
+            uncalibrated_reason: None,
             unknown: 0.0,
             entropy_bits: 0.47,
             poses: vec![PoseHypothesis {

@@ -116,6 +116,8 @@ struct ObjectState {
     standing: f64,
     /// Where it was before it may have moved.
     carried: Carried,
+    /// Its prior is zero: it has no part in the search.
+    is_ruled_out: bool,
 }
 
 /// What a pair of touches says of an object without asking for a pose.
@@ -127,6 +129,20 @@ struct PairEvidence {
 }
 
 impl ObjectState {
+    /// Before any touch, of an object with this prior (ln).
+    fn new(log_prior: f64) -> Self {
+        let mut state = Self { is_ruled_out: is_impossible(log_prior), ..Self::default() };
+        state.forget_evidence();
+        state
+    }
+
+    /// As if nothing had been touched: no evidence for or against it, unless it is ruled out.
+    fn forget_evidence(&mut self) {
+        let log = if self.is_ruled_out { f64::NEG_INFINITY } else { 0.0 };
+        (self.log_evidence, self.standing) = (log, log);
+        self.pair = PairEvidence::default();
+    }
+
     /// Bytes behind its lists.
     fn bytes(&self) -> usize {
         self.hypotheses.capacity() * size_of::<Hypothesis>() + self.carried.bytes()
@@ -134,7 +150,8 @@ impl ObjectState {
 }
 
 impl HybridBelief {
-    /// The belief before any reading. `prior` weighs the objects; `None` is even.
+    /// The belief before any reading. `prior` weighs the objects; `None` is even. An object with
+    /// a weight of zero is searched for as little as one that the catalogue does not have.
     ///
     /// # Errors
     /// [`RecogniseError::Prior`] when the weights do not fit the catalogue.
@@ -143,10 +160,10 @@ impl HybridBelief {
         options: HybridOptions,
         prior: Option<&[f64]>,
     ) -> Result<Self, RecogniseError> {
-        let n_objects = model.maps().len();
+        let log_prior = log_prior(prior, model.maps().len())?;
         Ok(Self {
-            log_prior: log_prior(prior, n_objects)?,
-            objects: vec![ObjectState::default(); n_objects],
+            objects: log_prior.iter().map(|log| ObjectState::new(*log)).collect(),
+            log_prior,
             kernel: Kernel::new(&options),
             anchor: DVec3::ZERO,
             touches: Vec::new(),
@@ -289,10 +306,10 @@ impl HybridBelief {
             return;
         }
         self.stage = 2;
-        let n_objects = self.objects.len().max(1) as f32;
+        let n_objects = self.n_searched().max(1) as f32;
         let sum: f32 = self.objects.iter().map(|state| state.pair.geometry).sum();
         let usual = VISITED_WEIGHT * sum / n_objects;
-        for state in &mut self.objects {
+        for state in searched(&mut self.objects) {
             let pair = &state.pair;
             let fits = if usual > 0.0 { pair.evidence / usual } else { 0.0 };
             let total = (1.0 - PAIR_OUTLIERS) * fits + PAIR_OUTLIERS * pair.looks;
@@ -337,10 +354,15 @@ impl HybridBelief {
         self.stage = 3;
         let lost = |touch| f64::from(self.kernel.floor_of(touch));
         let floor: f64 = self.touches.iter().map(lost).sum();
-        for state in &mut self.objects {
+        for state in searched(&mut self.objects) {
             let scores = state.hypotheses.iter().map(|h| f64::from(h.score));
             state.log_evidence = log_sum_exp(scores.chain([floor]));
         }
+    }
+
+    /// How many objects are not ruled out.
+    fn n_searched(&self) -> usize {
+        self.objects.iter().filter(|state| !state.is_ruled_out).count()
     }
 
     /// How many readings were added.
@@ -350,12 +372,27 @@ impl HybridBelief {
     }
 }
 
-/// Works on every object, many of them side by side.
+/// Whether a prior (ln) rules an object out.
+fn is_impossible(log_prior: f64) -> bool {
+    log_prior == f64::NEG_INFINITY
+}
+
+/// The objects that are not ruled out.
+fn searched(objects: &mut [ObjectState]) -> impl Iterator<Item = &mut ObjectState> {
+    objects.iter_mut().filter(|state| !state.is_ruled_out)
+}
+
+/// Works on every object that is not ruled out, many of them side by side.
 fn for_each_object(
     objects: &mut [ObjectState],
     maps: &[Arc<SurfaceMap>],
     work: impl Fn(&mut ObjectState, &SurfaceMap) + Send + Sync,
 ) {
+    let work = |state: &mut ObjectState, map: &SurfaceMap| {
+        if !state.is_ruled_out {
+            work(state, map);
+        }
+    };
     if objects.len() < 2 * OBJECTS_PER_THREAD {
         objects.iter_mut().zip(maps).for_each(|(state, map)| work(state, map));
     } else {

@@ -2,7 +2,7 @@
 //!
 //! Here are measures only; `unknown` plays the sessions. Intervals are Wilson's (1927) at 95 %.
 
-use palpate_core::belief::answer::stopping_risk;
+use palpate_core::belief::answer::{assured, stopping_risk};
 
 /// What was stated after one touch of one session.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,25 +11,25 @@ pub struct Stated {
     pub best: f64,
     /// The probability of "none of these".
     pub unknown: f64,
+    /// What the stop rule takes the probability of the answer for.
+    pub assured: f64,
     /// Whether the answer is right.
     pub is_right: bool,
 }
 
 impl Stated {
-    /// The same statement had the prior of "none of these" been `to` instead of `from`, given
-    /// all probabilities: those of the objects, the unknown last, and which one is the truth.
+    /// What probabilities say: those of the objects, the unknown last, of which one is the
+    /// truth. `untold_prior` is the prior of the unknown when nobody named it.
     #[must_use]
-    pub fn with_prior(probabilities: &[f64], truth: usize, from: f64, to: f64) -> Self {
-        let factor = |place: usize| {
-            let last = place + 1 == probabilities.len();
-            if last { to / from } else { (1.0 - to) / (1.0 - from) }
-        };
-        let weighed = || probabilities.iter().enumerate().map(|(at, p)| p * factor(at));
-        let total: f64 = weighed().sum();
+    pub fn new(probabilities: &[f64], truth: usize, untold_prior: Option<f64>) -> Self {
+        let unknown = probabilities.last().copied().unwrap_or(0.0);
+        let known = probabilities.split_last().map_or(&[][..], |(_, known)| known);
+        let known = known.iter().copied().fold(0.0, f64::max);
+        let all = probabilities.iter().enumerate();
         let (named, best) =
-            weighed().enumerate().fold((0, -1.0), |top, new| if new.1 > top.1 { new } else { top });
-        let unknown = weighed().next_back().unwrap_or(0.0) / total;
-        Self { best: best / total, unknown, is_right: named == truth }
+            all.fold((0, -1.0), |top, new| if *new.1 > top.1 { (new.0, *new.1) } else { top });
+        let assured = assured(known, unknown, untold_prior);
+        Self { best, unknown, assured, is_right: named == truth }
     }
 }
 
@@ -98,6 +98,17 @@ pub fn wilson(hits: usize, n: usize) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
+/// Of the sessions that are at some touch so sure that at most `doubt` is left, how many there
+/// are and how many of them are wrong at the first such touch: what the stop rule is fitted to.
+#[must_use]
+pub fn crossings(sessions: &[Vec<Stated>], doubt: f64) -> (usize, usize) {
+    let first = |steps: &Vec<Stated>| {
+        steps.iter().find(|step| 1.0 - step.assured <= doubt).map(|step| step.is_right)
+    };
+    let found: Vec<bool> = sessions.iter().filter_map(first).collect();
+    (found.len(), found.iter().filter(|is_right| !**is_right).count())
+}
+
 /// How sessions end under the stop rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stops {
@@ -117,7 +128,7 @@ pub struct Stops {
 pub fn stops(sessions: &[Vec<Stated>], risk: f64) -> Stops {
     let (mut stopped, mut wrong, mut touches) = (0, 0, 0);
     for steps in sessions {
-        if let Some(at) = steps.iter().position(|step| stopping_risk(step.best) <= risk) {
+        if let Some(at) = steps.iter().position(|step| stopping_risk(step.assured) <= risk) {
             stopped += 1;
             wrong += usize::from(!steps[at].is_right);
             touches += at + 1;
@@ -132,7 +143,7 @@ mod tests {
     use super::*;
 
     fn stated(best: f64, is_right: bool) -> Stated {
-        Stated { best, unknown: 0.0, is_right }
+        Stated { best, unknown: 0.0, assured: best, is_right }
     }
 
     #[test]
@@ -177,11 +188,24 @@ mod tests {
     }
 
     #[test]
-    fn another_prior_moves_the_odds_by_its_own() {
-        // Odds of unknown 1 : 1 at a prior of ½ are 3 : 1 at ¾.
-        let stated = Stated::with_prior(&[0.1, 0.4, 0.5], 2, 0.5, 0.75);
-        assert!((stated.unknown - 0.75).abs() < 1e-12 && stated.is_right, "{stated:?}");
-        let same = Stated::with_prior(&[0.1, 0.6, 0.3], 1, 0.05, 0.05);
-        assert!((same.best - 0.6).abs() < 1e-12 && same.is_right, "{same:?}");
+    fn what_is_stated_is_the_likeliest_answer_and_the_first_of_equals() {
+        let stated = Stated::new(&[0.1, 0.4, 0.5], 2, Some(0.05));
+        assert!((stated.unknown - 0.5).abs() < 1e-12 && stated.is_right, "{stated:?}");
+        assert!((stated.assured - 0.5).abs() < 1e-12, "{stated:?}");
+        let even = Stated::new(&[0.4, 0.4, 0.2], 1, Some(0.5));
+        assert!((even.best - 0.4).abs() < 1e-12 && !even.is_right, "{even:?}");
+        // Nineteen times the odds of none of these: 0.8 of 0.8 + 0.1 + 1.9.
+        let rare = Stated::new(&[0.8, 0.1, 0.1], 0, Some(0.05));
+        assert!((rare.assured - 0.8 / 2.8).abs() < 1e-12, "{rare:?}");
+    }
+
+    #[test]
+    fn first_crossings_are_those_who_stop_at_a_doubt() {
+        let sessions = [
+            vec![stated(0.5, false), stated(0.92, false), stated(0.99, true)],
+            vec![stated(0.95, true), stated(0.2, false), stated(0.3, false)],
+        ];
+        assert_eq!(crossings(&sessions, 0.1), (2, 1));
+        assert_eq!(crossings(&sessions, 0.02), (1, 0));
     }
 }

@@ -6,8 +6,10 @@
 //! tenth. Sessions touch known objects and left-out ones in a stated share. The answer after a
 //! touch is the likeliest of all objects and "none of these"; the calibration error is taken
 //! over 15 bins of equal width of its probability. The prior of "none of these" is the share
-//! of the sessions that it is true of; what the service's own would have said follows from
-//! the same evidence and is stated too.
+//! of the sessions that it is true of; the same sessions are played with the service's own, of
+//! which nobody said that it does not fit (`default_prior`).
+//! Objects are procedural ones of the seed, so that of every seed they are new; or given ones.
+//! What the stop rule is fitted to are the rows with a `doubt`, of a seed that is not reported.
 //! The printed method (`literal`) knows no such answer: its score is 1 − its best probability.
 
 mod tables;
@@ -15,6 +17,7 @@ mod tables;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use anyhow::Context as _;
 use palpate_core::hybrid::HybridOptions;
 use palpate_core::reading::Reading;
 use palpate_core::recognise::SvaOptions;
@@ -23,6 +26,7 @@ use palpate_core::symmetry::Symmetry;
 use palpate_core::train::TrainingConfig;
 use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::MM;
+use palpate_sim::shapes::assembled;
 use rayon::prelude::*;
 
 use crate::disturbance::Disturbance;
@@ -35,7 +39,9 @@ use crate::stated::Stated;
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct Unknown {
-    /// A folder of meshes; `None` for the built-in objects.
+    /// Procedural objects, new ones for every seed.
+    pub procedural: usize,
+    /// A folder of meshes; `None` for the built-in objects if there are no procedural ones.
     pub meshes: Option<PathBuf>,
     /// A folder of further meshes.
     pub pool: Option<PathBuf>,
@@ -66,16 +72,17 @@ pub struct Unknown {
 impl Default for Unknown {
     fn default() -> Self {
         Self {
+            procedural: 48,
             meshes: None,
             pool: None,
             size: 80.0 * MM,
             seed: 1,
             folds: 4,
-            sessions: 4_000,
+            sessions: 2_400,
             unknown_share: 0.5,
             prior: 0.5,
-            literal_sessions: 20,
-            train_readings: 1_000,
+            literal_sessions: 4,
+            train_readings: 600,
             test_readings: 100,
             readings: 10,
             sensor: SensorDescription::digitacts_6x6(),
@@ -93,11 +100,13 @@ struct Verdict {
     probabilities: Vec<Vec<f64>>,
     /// Where the truth is among them.
     truth: usize,
+    /// The prior of "none of these" when it is the service's own and does not fit.
+    untold_prior: Option<f64>,
 }
 
 impl Verdict {
-    fn stated(&self, readings: usize, from: f64, to: f64) -> Stated {
-        Stated::with_prior(&self.probabilities[readings - 1], self.truth, from, to)
+    fn stated(&self, readings: usize) -> Stated {
+        Stated::new(&self.probabilities[readings - 1], self.truth, self.untold_prior)
     }
 
     /// The object (among all) that is named after so many touches; `None` is none of these.
@@ -107,6 +116,16 @@ impl Verdict {
             .max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]).then(b.cmp(a)));
         self.known.get(best?).copied()
     }
+}
+
+/// How sessions were played, and what their figures are called.
+#[derive(Clone, Copy)]
+struct Kind {
+    method: &'static str,
+    /// Before the names of all its figures.
+    prefix: &'static str,
+    /// Before the touches or risks in them.
+    infix: &'static str,
 }
 
 /// Objects and what was felt of them.
@@ -130,7 +149,7 @@ pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow:
         config.folds
     );
     let symmetries = objects::symmetries(&touched.objects);
-    let mut verdicts = Vec::new();
+    let (mut verdicts, mut untold) = (Vec::new(), Vec::new());
     let mut literal = Vec::new();
     for fold in 0..config.folds {
         progress("folds", fold, config.folds);
@@ -142,9 +161,13 @@ pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow:
         tables::report_calibration(&mut report, fold, &model);
         let share = |all: usize| all * (fold + 1) / config.folds - all * fold / config.folds;
         let options = HybridOptions { unknown: config.prior, ..HybridOptions::default() };
-        let hybrid = Recogniser::Hybrid { model, options };
+        let hybrid = Recogniser::Hybrid { model: model.clone(), options };
         let n_sessions = share(config.sessions);
         verdicts.extend(play(config, &touched, &known, &hybrid, fold, n_sessions)?);
+        let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
+        let default_prior = play(config, &touched, &known, &hybrid, fold, n_sessions)?;
+        let untold_prior = Some(HybridOptions::default().unknown);
+        untold.extend(default_prior.into_iter().map(|v| Verdict { untold_prior, ..v }));
         if fold == 0 && config.literal_sessions > 0 {
             progress("the printed method", fold, config.folds);
             let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
@@ -152,17 +175,35 @@ pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow:
             literal = play(config, &touched, &known, &sva, fold, config.literal_sessions)?;
         }
     }
-    tables::report_sessions(&mut report, config, "hybrid", "", &verdicts);
-    if !literal.is_empty() {
-        tables::report_sessions(&mut report, config, "literal", "literal_", &literal);
+    let played = [
+        (Kind { method: "hybrid", prefix: "", infix: "" }, &verdicts),
+        (Kind { method: "hybrid, default prior", prefix: "", infix: "default_prior_" }, &untold),
+        (Kind { method: "literal", prefix: "literal_", infix: "" }, &literal),
+    ];
+    for (kind, verdicts) in played.iter().filter(|(_, verdicts)| !verdicts.is_empty()) {
+        tables::report_sessions(&mut report, config, *kind, verdicts);
     }
     tables::report_confused(&mut report, config, &touched.objects, &verdicts);
     let panels = tables::panels(&mut report, config, &verdicts, &literal);
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
 }
 
+/// The procedural objects of the seed.
+fn procedural(config: &Unknown) -> anyhow::Result<Vec<TestObject>> {
+    let of = |index: usize| {
+        let mesh = assembled(config.seed, index as u64)
+            .with_context(|| format!("procedural object {index} never hangs together"))?;
+        let mesh = mesh.scaled_to_largest_dimension(config.size);
+        Ok(TestObject { name: format!("assembled {index}"), mesh })
+    };
+    (0..config.procedural).map(of).collect()
+}
+
 fn touch(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Touched> {
-    let mut objects = objects::load(config.meshes.as_deref(), config.size)?;
+    let mut objects = procedural(config)?;
+    if config.meshes.is_some() || objects.is_empty() {
+        objects.extend(objects::load(config.meshes.as_deref(), config.size)?);
+    }
     if let Some(pool) = &config.pool {
         objects.extend(objects::load(Some(pool), config.size)?);
     }
@@ -209,7 +250,7 @@ fn play(
         let place = known.iter().position(|at| *at == object);
         let truth = place.unwrap_or(known.len());
         let (known, is_known) = (Arc::clone(known), place.is_some());
-        Ok(Verdict { object, is_known, known, probabilities, truth })
+        Ok(Verdict { object, is_known, known, probabilities, truth, untold_prior: None })
     };
     plan.collect::<Vec<_>>().into_par_iter().map(one).collect()
 }
@@ -221,6 +262,7 @@ mod tests {
     #[test]
     fn a_small_run_states_every_figure() {
         let config = Unknown {
+            procedural: 0,
             seed: 101,
             folds: 2,
             sessions: 40,
@@ -237,7 +279,13 @@ mod tests {
         assert!((0.0..0.35).contains(&summary["expected_calibration_error"]), "{summary:?}");
         assert!((summary["sessions"] - 40.0).abs() < 1e-9);
         assert!(summary["never_stopped_at_risk_0_1"] <= summary["never_stopped_at_risk_0_001"]);
-        for key in ["literal_auroc_at_6", "wrong_stops_high_at_risk_0_05", "called_known_at_4"] {
+        for key in [
+            "literal_auroc_at_6",
+            "wrong_stops_high_at_risk_0_05",
+            "called_known_at_4",
+            "wrong_stops_default_prior_at_risk_0_01",
+            "calibration_error_default_prior_at_6",
+        ] {
             assert!(summary.contains_key(key), "{key}");
         }
         // The diagonal and 2, 4, 6 touches; hybrid and literal; three and one of the stop rule.
@@ -246,8 +294,8 @@ mod tests {
 
     #[test]
     fn too_few_objects_for_the_folds_are_an_error() {
-        let config =
-            Unknown { folds: 6, train_readings: 20, test_readings: 5, ..Unknown::default() };
+        let small = Unknown { train_readings: 20, test_readings: 5, ..Unknown::default() };
+        let config = Unknown { procedural: 10, folds: 6, ..small };
         let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();
         let expected = "10 objects in 6 folds, expected at least 2 folds and 2 objects a fold";
         assert_eq!(error.to_string(), expected);

@@ -45,12 +45,31 @@ pub struct Belief {
     /// Whether to stop touching, for sessions that named a `risk`; null otherwise.
     #[serde(default)]
     pub stop: Option<StopAdvice>,
+    /// Whether the probabilities were calibrated on readings that training held back. If not,
+    /// they and `stop` rest on simulated touches of other objects, or on none.
+    #[serde(default)]
+    pub calibrated: bool,
+    /// Why the probabilities are not calibrated; null when they are.
+    #[serde(default)]
+    pub uncalibrated_reason: Option<UncalibratedReason>,
     /// Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
     /// knows nothing of n objects.
     pub entropy_bits: f64,
     /// Pose hypotheses, likeliest first; do not average them. With the methods `hybrid` and
     /// `sva`, poses that look the same by the object's `symmetry` are one. Empty with the methods `appearance…`, which know nothing of poses.
     pub poses: Vec<PoseHypothesis>,
+}
+
+/// Why probabilities are not calibrated.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum UncalibratedReason {
+    /// The catalogue was trained with one object: no touches are known of any other.
+    OneObject,
+    /// No object has the 100 readings of which training holds a tenth back.
+    FewReadings,
+    /// The session's method has no calibration.
+    Method,
 }
 
 /// Whether the answer is sure enough to stop.

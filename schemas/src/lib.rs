@@ -34,7 +34,9 @@ pub use appearance::{
     AppearanceReport, AppearanceSummary, AppearanceTraining, ClassCandidate, ClusteringKind,
     FeatureSource, NearDuplicate, ObjectAppearance,
 };
-pub use belief::{Belief, BeliefQuery, ObjectProbability, PoseHypothesis, StopAdvice};
+pub use belief::{
+    Belief, BeliefQuery, ObjectProbability, PoseHypothesis, StopAdvice, UncalibratedReason,
+};
 pub use calibration::{
     CalibrateSensor, CalibrationQuery, ResponseGoodness, ResponseLine, ResponsePress,
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,

@@ -5,6 +5,7 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::appearance::{AppearanceSummary, AppearanceTraining};
+use crate::belief::UncalibratedReason;
 use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
 use crate::warning::Warning;
@@ -113,6 +114,17 @@ pub struct TrainingReport {
     /// `warnings`.
     #[serde(default)]
     pub warnings: Vec<Warning>,
+    /// Whether the probabilities of `hybrid` were calibrated on readings that were held back;
+    /// null without surfaces, and of versions that were trained before this was reported.
+    #[serde(default)]
+    pub calibrated: Option<bool>,
+    /// How many objects the readings are of that the calibration was learnt on: those of the
+    /// extended version, when it is kept.
+    #[serde(default)]
+    pub calibrated_on: u32,
+    /// Why the probabilities are not calibrated; null when they are, or it is not known.
+    #[serde(default)]
+    pub uncalibrated_reason: Option<UncalibratedReason>,
 }
 
 /// An object that a training left out.

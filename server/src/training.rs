@@ -12,6 +12,7 @@ mod geometry;
 mod material;
 mod skipping;
 mod surface;
+mod unseen;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -91,7 +92,7 @@ pub(crate) fn train(
     let mut materials = skipped.keep(check::usable(plan, gathered))?;
     loop {
         skipped.expect_some(&materials)?;
-        match learn(plan, &materials, progress) {
+        match learn(plan, &materials, sources, progress) {
             Ok((model, objects)) => {
                 let sizes: Vec<(&ObjectReport, f64)> =
                     objects.iter().zip(materials.iter().map(|one| one.touched.size)).collect();
@@ -109,6 +110,7 @@ pub(crate) fn train(
 fn learn(
     plan: &Plan,
     materials: &[Material],
+    sources: &Sources<'_>,
     progress: &Progress<'_>,
 ) -> Result<(Catalogue, Vec<ObjectReport>), TrainingFailure> {
     let vocabulary = vocabulary(plan, materials, progress)?;
@@ -118,8 +120,11 @@ fn learn(
         Some(config) => Some(geometry::learn(config, materials, &maps, progress)?),
         None => None,
     };
-    let surface =
-        if plan.surfaces { Some(surface::learn(plan, materials, &maps, progress)?) } else { None };
+    let surface = if plan.surfaces {
+        Some(surface::learn(plan, materials, &maps, sources, progress)?)
+    } else {
+        None
+    };
     let appearance = match &plan.appearance {
         Some(settings) => Some(appearance::learn(plan, settings, materials, progress)?),
         None => None,

@@ -38,7 +38,7 @@ pub use symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_block};
 
 /// The name of the vocabulary's block.
 pub const VOCABULARY_BLOCK: &str = "vocabulary";
-/// The number of the form that is written today.
+/// The number of the form that most blocks are written in.
 const FORM: u32 = 1;
 
 /// The name of the block with an object's map.
@@ -51,10 +51,12 @@ pub fn map_block_name(object: Uuid) -> String {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum CodecError {
     /// The block was written by a newer Palpate.
-    #[error("block has form {found}, this version of Palpate knows {FORM}")]
+    #[error("block has form {found}, this version of Palpate knows {newest}")]
     Form {
         /// The form's number.
         found: u32,
+        /// The newest one that is known.
+        newest: u32,
     },
     /// The block ends early or goes on for too long.
     #[error("block has {found} bytes, expected {expected}")]

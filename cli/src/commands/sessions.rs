@@ -12,6 +12,7 @@ use serde::Serialize;
 use uuid::Uuid;
 
 use super::Context;
+use crate::calibrated;
 use crate::exit::Ended;
 use crate::output;
 use crate::symmetry;
@@ -261,7 +262,9 @@ fn belief_words(belief: &Belief) -> String {
         }),
     );
     let entropy = belief.entropy_bits;
-    format!("{objects}\n\n{poses}\n\n{} readings, {entropy:.2} bits", belief.n_readings)
+    let note = belief.uncalibrated_reason.map(|reason| format!("\n{}", calibrated::note(reason)));
+    let note = note.unwrap_or_default();
+    format!("{objects}\n\n{poses}\n\n{} readings, {entropy:.2} bits{note}", belief.n_readings)
 }
 
 /// The likeliest bin of each coordinate.

@@ -17,6 +17,7 @@ use serde::Serialize;
 use super::Context;
 use super::objects::Unit;
 use super::sensors::parse_preset;
+use crate::calibrated;
 use crate::exit::Ended;
 use crate::output;
 use crate::robot::{self, Approach, Robot};
@@ -155,6 +156,9 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         robot = robot.without_poses();
     }
     let mut session = client.touch_session(&session, "simulated").await?;
+    if let Some(reason) = calibrated::reason_of(method, &version.report) {
+        output.say(calibrated::note(reason));
+    }
     // All readings are wanted: no probability is reached.
     let rule = StopRule {
         probability: f64::INFINITY,

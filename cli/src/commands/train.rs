@@ -13,6 +13,7 @@ use palpate_client::schemas::{
 use serde::Serialize;
 
 use super::Context;
+use crate::calibrated;
 use crate::exit::Ended;
 use crate::output::{self, Output};
 use crate::progress::TrainingProgress;
@@ -225,7 +226,7 @@ fn trained_words(trained: &Trained) -> String {
         }),
     );
     format!(
-        "{objects}\n\ntrained version {} of {} in {:.1} s: {} objects, {} classes, {:.1} MB{}{}",
+        "{objects}\n\ntrained version {} of {} in {:.1} s: {} objects, {} classes, {:.1} MB{}{}{}",
         version.version,
         version.catalogue,
         report.seconds,
@@ -234,6 +235,7 @@ fn trained_words(trained: &Trained) -> String {
         (report.index_bytes + report.surface_bytes) as f64 / 1e6,
         if version.is_current { ", current" } else { "" },
         report.appearance.as_ref().map_or(String::new(), appearance_words),
+        calibration_words(report),
     ) + &warning_words(report)
 }
 
@@ -247,6 +249,18 @@ fn warning_words(report: &TrainingReport) -> String {
         object.warnings.iter().map(words)
     });
     skipped.chain(of_whole).chain(of_objects).collect()
+}
+
+/// What the probabilities rest on; nothing when the report does not say.
+fn calibration_words(report: &TrainingReport) -> String {
+    match (report.calibrated, report.uncalibrated_reason) {
+        (Some(true), _) => format!(
+            "\nprobabilities calibrated on readings held back of {} objects",
+            report.calibrated_on
+        ),
+        (_, Some(reason)) => format!("\n{}", calibrated::note(reason)),
+        _ => String::new(),
+    }
 }
 
 fn surface(surface: &SurfaceReport) -> String {

@@ -37,11 +37,26 @@ impl Answer {
     }
 
     /// The risk that the likeliest answer, an object or "none of these", is wrong, for those who
-    /// stop as soon as it is low enough.
+    /// stop as soon as it is low enough. `untold_prior` is the prior of "none of these" when
+    /// nobody who knows the share of unknown objects named it: the risk then holds up to a half.
     #[must_use]
-    pub fn risk(&self) -> f64 {
-        stopping_risk(self.probabilities.iter().copied().fold(self.unknown, f64::max))
+    pub fn risk(&self, untold_prior: Option<f64>) -> f64 {
+        let known = self.probabilities.iter().copied().fold(0.0, f64::max);
+        stopping_risk(assured(known, self.unknown, untold_prior))
     }
+}
+
+/// The probability of the likeliest answer, an object with probability `known` or "none of
+/// these", when as many objects are unknown as is least in its favour: between the prior that
+/// the probabilities rest on and a half if nobody named it, else that prior alone.
+#[must_use]
+pub fn assured(known: f64, unknown: f64, untold_prior: Option<f64>) -> f64 {
+    if unknown >= known {
+        // More unknown objects would only make it surer.
+        return unknown;
+    }
+    let more = untold_prior.map_or(1.0, |prior| ((1.0 - prior) / prior).max(1.0));
+    known / (1.0 - unknown + unknown * more)
 }
 
 /// The risk that an answer stated with probability `p` is wrong when it is the first one so
@@ -214,6 +229,18 @@ mod tests {
         assert_eq!(answer.modes.len(), 2);
         assert!((answer.modes[0].weight - 0.6).abs() < 1e-12);
         assert!(answer.modes.iter().all(|mode| mode.session_from_object.rotation.is_finite()));
+    }
+
+    #[test]
+    fn an_object_is_assured_as_if_half_were_unknown_unless_somebody_knows() {
+        // Odds of none of these of 0.01 : 0.99 at a prior of 0.05 are nineteen times that at ½.
+        let even = 0.99 / (0.99 + 19.0 * 0.01);
+        assert!((assured(0.99, 0.01, Some(0.05)) - even).abs() < 1e-12);
+        assert!((assured(0.99, 0.01, None) - 0.99).abs() < 1e-12);
+        assert!((assured(0.99, 0.01, Some(0.8)) - 0.99).abs() < 1e-12, "more than half were");
+        // "None of these" was held to be rarer than it may be: that makes nobody too sure.
+        assert!((assured(0.1, 0.9, Some(0.05)) - 0.9).abs() < 1e-12);
+        assert!((assured(0.6, 0.0, Some(0.05)) - 0.6).abs() < 1e-12, "no such answer");
     }
 
     #[test]

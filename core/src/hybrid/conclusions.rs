@@ -12,7 +12,7 @@ use super::carried::Carried;
 use super::hypothesis::Hypothesis;
 use super::motion::AMPLITUDES;
 use super::turned::Turned;
-use super::{HybridBelief, ObjectState, PairEvidence};
+use super::{HybridBelief, ObjectState, PairEvidence, is_impossible};
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;
 
@@ -66,8 +66,8 @@ impl HybridBelief {
         for log in &mut self.log_prior {
             *log = from.double()?;
         }
-        for state in &mut self.objects {
-            *state = from.object()?;
+        for (state, log_prior) in self.objects.iter_mut().zip(&self.log_prior) {
+            *state = from.object(is_impossible(*log_prior))?;
         }
         // All that is believed of a moving object but its poses follows from the touches.
         self.moving = match n_moving {
@@ -77,7 +77,7 @@ impl HybridBelief {
         };
         for moving in &mut self.moving {
             for state in &mut moving.objects {
-                *state = from.object()?;
+                *state = from.object(state.is_ruled_out)?;
             }
         }
         if from.0.is_empty() { Ok(()) } else { Err(NotConclusions) }
@@ -158,7 +158,7 @@ impl Reader<'_> {
         (0..n).map(|_| item(self)).collect()
     }
 
-    fn object(&mut self) -> Result<ObjectState, NotConclusions> {
+    fn object(&mut self, is_ruled_out: bool) -> Result<ObjectState, NotConclusions> {
         let (log_evidence, standing) = (self.double()?, self.double()?);
         let [geometry, evidence, looks] = self.floats()?;
         let [position, angle] = self.floats()?;
@@ -180,6 +180,7 @@ impl Reader<'_> {
             pair: PairEvidence { geometry, evidence, looks },
             standing,
             carried: Carried { poses, position, angle },
+            is_ruled_out,
         })
     }
 }

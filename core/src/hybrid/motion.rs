@@ -12,10 +12,10 @@ use super::carried::{self, Carried};
 use super::evidence::{Evidence, Known};
 use super::hypothesis::{Hypothesis, merge};
 use super::placement::HALF;
-use super::{HybridBelief, ObjectState, PairEvidence, for_each_object};
+use super::{HybridBelief, ObjectState, for_each_object, is_impossible};
 use crate::reading::Looseness;
 
-/// No object is ruled out for good when what is known is carried over.
+/// What is known rules no object out for good when it is carried over; a prior of zero does.
 const SURE: f64 = 1e-12;
 
 /// By how many amplitudes an object may move untold.
@@ -52,15 +52,18 @@ impl HybridBelief {
         self.unknown = probabilities.pop().unwrap_or(0.0).clamp(SURE, 1.0 - SURE);
         let known: f64 = probabilities.iter().sum();
         let share = |p: f64| (p / known.max(f64::MIN_POSITIVE)).max(SURE).ln();
-        self.log_prior = probabilities.into_iter().map(share).collect();
+        for (log_prior, p) in self.log_prior.iter_mut().zip(probabilities) {
+            if !is_impossible(*log_prior) {
+                *log_prior = share(p);
+            }
+        }
         self.set_at_rest();
         for state in &mut self.objects {
             state.carried = Carried::of(&state.hypotheses, motion);
             state.hypotheses.truncate(carried::POSES_MAX);
             let best = state.hypotheses.first().map_or(0.0, |best| best.score);
             state.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
-            (state.log_evidence, state.standing) = (0.0, 0.0);
-            state.pair = PairEvidence::default();
+            state.forget_evidence();
         }
         self.witness_motion();
         self.stage = 0;

@@ -13,7 +13,7 @@ use super::options::HybridOptions;
 use super::pair_fit::{alignment, fit};
 use super::propose::loosened;
 use super::sighting::Sighting;
-use super::{HybridBelief, PairEvidence};
+use super::{HybridBelief, ObjectState, PairEvidence};
 use crate::surface::joint_pairs::{JointPairs, JointTable, OBJECTS_PER_TABLE};
 use crate::surface::pair_geometry::PairGeometry;
 
@@ -35,7 +35,7 @@ impl HybridBelief {
     /// How many objects are listed by the table; `None` when there is none to be asked, and
     /// all objects are.
     pub(super) fn n_listed(&self) -> Option<usize> {
-        self.model.joint_pairs().map(|_| self.options.budget.n_listed(self.objects.len()))
+        self.model.joint_pairs().map(|_| self.options.budget.n_listed(self.n_searched()))
     }
 
     /// How many objects are listed after the second touch.
@@ -54,7 +54,8 @@ impl HybridBelief {
         let mut shares = Vec::with_capacity(partners.len());
         let n_asked = self.n_listed().map_or(usize::MAX, |n| n.saturating_mul(ASKED));
         let bar = if all { f64::NEG_INFINITY } else { self.standing_of(n_asked) };
-        let wanted: Vec<bool> = self.objects.iter().map(|state| state.standing >= bar).collect();
+        let is_wanted = |state: &ObjectState| !state.is_ruled_out && state.standing >= bar;
+        let wanted: Vec<bool> = self.objects.iter().map(is_wanted).collect();
         let n_wanted = wanted.iter().filter(|wanted| **wanted).count().max(1);
         let partners: Vec<&Sighting> = partners.iter().map(|n| &earlier[*n]).collect();
         for estimates in estimate(joint, newest, &partners, &wanted, &self.options) {
@@ -192,7 +193,6 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::hybrid::ObjectState;
     use crate::hybrid::partners::in_turn;
     use crate::hybrid::test_support::{belief_over, map_of, places, seen, some_pose};
     use crate::pose::Pose;

@@ -17,7 +17,9 @@ use crate::pose::Pose;
 const LIKELY_ENOUGH: f64 = 1e-3;
 
 impl HybridBelief {
-    /// The probability of each object, then of none of them, whether it rests or moves.
+    /// The probability of each object, then of none of them, whether it rests or moves: the prior
+    /// times the evidence, which is of each object by itself. How many objects there are changes
+    /// the odds of none of them as little before a touch as after it.
     pub(super) fn probabilities(&self) -> Vec<f64> {
         let mut joint = self.joint().into_iter();
         let mut all = joint.next().unwrap_or_default();
@@ -48,7 +50,7 @@ impl HybridBelief {
             return logs.chain([self.unknown.ln()]).collect();
         }
         let stage = self.model.calibration.stage(self.stage);
-        let known = (1.0 - self.unknown).ln() + (self.objects.len() as f64).ln();
+        let known = (1.0 - self.unknown).ln();
         let logs =
             self.objects.iter().zip(&self.log_prior).enumerate().map(|(n, (state, prior))| {
                 (state.log_evidence + self.log_faded(n)) / stage.temperature + prior + known

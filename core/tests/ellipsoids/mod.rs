@@ -31,7 +31,11 @@ pub(crate) fn six_by_six() -> SensorDescription {
 /// A touch of an ellipsoid: a blob that is longest along the object's z as seen on the surface,
 /// and whose size varies along x and y.
 pub(crate) fn touch(object: usize, sensor: &SensorDescription, stream: &mut Stream) -> Reading {
-    let half = HALF_AXES[object];
+    touch_of(HALF_AXES[object], sensor, stream)
+}
+
+/// The same of an ellipsoid with these half axes (m).
+pub(crate) fn touch_of(half: DVec3, sensor: &SensorDescription, stream: &mut Stream) -> Reading {
     let on_sphere = stream.direction();
     let normal = (on_sphere / half).normalize();
     let along = (DVec3::Z - normal * normal.z).normalize_or(DVec3::X);

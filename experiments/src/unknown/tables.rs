@@ -2,21 +2,25 @@
 
 use std::sync::Arc;
 
-use palpate_core::hybrid::HybridOptions;
 use palpate_core::model::surface::SurfaceModel;
 use serde_json::json;
 
-use super::{Unknown, Verdict};
+use super::{Kind, Unknown, Verdict};
 use crate::objects::TestObject;
 use crate::plot::{Line, Panel};
 use crate::report::Report;
-use crate::stated::{Stated, auroc, expected_calibration_error, reliability, stops, wilson};
+use crate::stated::{
+    Stated, auroc, crossings, expected_calibration_error, reliability, stops, wilson,
+};
 
 /// Bins of the calibration error.
 const N_BINS: usize = 15;
 
 /// The summary states figures after so many touches.
 const STATED_AT: [usize; 5] = [2, 4, 6, 8, 10];
+
+/// Doubts at which the sessions that stop there are counted.
+const DOUBTS: [f64; 10] = [0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.000_1];
 
 /// Risks that a client names, and their names in keys.
 const RISKS: [(f64, &str); 4] = [(0.1, "0_1"), (0.05, "0_05"), (0.01, "0_01"), (0.001, "0_001")];
@@ -37,81 +41,84 @@ pub(super) fn report_calibration(report: &mut Report, fold: usize, model: &Arc<S
 pub(super) fn report_sessions(
     report: &mut Report,
     config: &Unknown,
-    method: &str,
-    prefix: &str,
+    kind: Kind,
     verdicts: &[Verdict],
 ) {
+    for readings in 1..=config.readings {
+        report_after(report, kind, readings, verdicts);
+    }
+    if kind.infix.is_empty() {
+        report.summarise(&format!("{}sessions", kind.prefix), verdicts.len() as f64);
+        let error = error(&stated_after(verdicts, 6.min(config.readings)));
+        if kind.prefix.is_empty() {
+            report.summarise("expected_calibration_error", error);
+        }
+    }
+    report_stops(report, config, kind, verdicts);
+}
+
+fn stated_after(verdicts: &[Verdict], readings: usize) -> Vec<Stated> {
+    verdicts.iter().map(|v| v.stated(readings)).collect()
+}
+
+fn error(stated: &[Stated]) -> f64 {
+    expected_calibration_error(&reliability(stated, N_BINS))
+}
+
+/// A row of what is stated after so many touches, and its figures.
+fn report_after(report: &mut Report, kind: Kind, readings: usize, verdicts: &[Verdict]) {
     let share = |of: &dyn Fn(&Verdict) -> bool, within: &dyn Fn(&Verdict) -> bool| {
         let n = verdicts.iter().filter(|v| within(v)).count();
         verdicts.iter().filter(|v| within(v) && of(v)).count() as f64 / n as f64
     };
-    for readings in 1..=config.readings {
-        let at = |prior: f64| -> Vec<Stated> {
-            verdicts.iter().map(|v| v.stated(readings, config.prior, prior)).collect()
-        };
-        let default_prior = HybridOptions::default().unknown;
-        let error = |stated: &[Stated]| expected_calibration_error(&reliability(stated, N_BINS));
-        let stated = at(config.prior);
-        let area = area_after(config, readings, verdicts);
-        let right = |v: &Verdict| v.stated(readings, config.prior, config.prior).is_right;
-        let known_right = share(&right, &|v| v.is_known);
-        let unknown_right = share(&right, &|v| !v.is_known);
-        let sure_of_wrong = share(
-            &|v| {
-                let stated = v.stated(readings, config.prior, config.prior);
-                stated.best >= 0.8 && !stated.is_right
-            },
-            &|v| !v.is_known,
-        );
-        report.row(vec![
-            ("method", json!(method)),
-            ("readings", json!(readings)),
-            ("sessions", json!(verdicts.len())),
-            ("auroc", json!(area)),
-            ("known_right", json!(known_right)),
-            ("unknown_right", json!(unknown_right)),
-            ("unknown_called_known_at_0.8", json!(sure_of_wrong)),
-            ("calibration_error", json!(error(&stated))),
-            ("calibration_error_default_prior", json!(error(&at(default_prior)))),
-        ]);
-        if STATED_AT.contains(&readings) {
-            let mut state = |key: &str, value| report.summarise(&format!("{prefix}{key}"), value);
-            state(&format!("auroc_at_{readings}"), area);
-            state(&format!("known_accuracy_at_{readings}"), known_right);
-            if prefix.is_empty() {
-                state(&format!("unknown_accuracy_at_{readings}"), unknown_right);
-                state(&format!("calibration_error_at_{readings}"), error(&stated));
-                let default = error(&at(default_prior));
-                state(&format!("calibration_error_default_prior_at_{readings}"), default);
-                state(&format!("called_known_at_{readings}"), sure_of_wrong);
-            }
-        }
-        if readings == 6.min(config.readings) && prefix.is_empty() {
-            report.summarise("expected_calibration_error", error(&stated));
-        }
+    let right = |v: &Verdict| v.stated(readings).is_right;
+    let is_sure_and_wrong = |v: &Verdict| {
+        let stated = v.stated(readings);
+        stated.best >= 0.8 && !stated.is_right
+    };
+    let error = error(&stated_after(verdicts, readings));
+    let area = area_after(readings, verdicts);
+    let known_right = share(&right, &|v| v.is_known);
+    let unknown_right = share(&right, &|v| !v.is_known);
+    let sure_of_wrong = share(&is_sure_and_wrong, &|v| !v.is_known);
+    report.row(vec![
+        ("method", json!(kind.method)),
+        ("readings", json!(readings)),
+        ("sessions", json!(verdicts.len())),
+        ("auroc", json!(area)),
+        ("known_right", json!(known_right)),
+        ("unknown_right", json!(unknown_right)),
+        ("unknown_called_known_at_0.8", json!(sure_of_wrong)),
+        ("calibration_error", json!(error)),
+    ]);
+    if !STATED_AT.contains(&readings) {
+        return;
     }
-    report.summarise(&format!("{prefix}sessions"), verdicts.len() as f64);
-    report_stops(report, config, method, prefix, verdicts);
+    let Kind { prefix, infix, .. } = kind;
+    let mut state = |key: &str, value| {
+        report.summarise(&format!("{prefix}{key}_{infix}at_{readings}"), value);
+    };
+    state("auroc", area);
+    state("known_accuracy", known_right);
+    if prefix.is_empty() {
+        state("unknown_accuracy", unknown_right);
+        state("calibration_error", error);
+        state("called_known", sure_of_wrong);
+    }
 }
 
 /// The area under the curve of telling unknown objects; the printed method has no answer for
 /// them, so that how little it believes its own is the score.
-fn area_after(config: &Unknown, readings: usize, verdicts: &[Verdict]) -> f64 {
+fn area_after(readings: usize, verdicts: &[Verdict]) -> f64 {
     let score = |v: &Verdict| {
-        let stated = v.stated(readings, config.prior, config.prior);
+        let stated = v.stated(readings);
         let is_told = v.probabilities[readings - 1].last().is_some_and(|unknown| *unknown > 0.0);
         (if is_told { stated.unknown } else { 1.0 - stated.best }, !v.is_known)
     };
     auroc(&verdicts.iter().map(score).collect::<Vec<_>>())
 }
 
-fn report_stops(
-    report: &mut Report,
-    config: &Unknown,
-    method: &str,
-    prefix: &str,
-    verdicts: &[Verdict],
-) {
+fn report_stops(report: &mut Report, config: &Unknown, kind: Kind, verdicts: &[Verdict]) {
     for (risk, name) in RISKS {
         for (which, keep) in [("all", None), ("known", Some(true)), ("unknown", Some(false))] {
             let steps = statements(config, verdicts, keep);
@@ -120,7 +127,7 @@ fn report_stops(
             let wrong = found.wrong as f64 / found.stopped as f64;
             let never = 1.0 - found.stopped as f64 / found.sessions as f64;
             report.row(vec![
-                ("method", json!(method)),
+                ("method", json!(kind.method)),
                 ("objects", json!(which)),
                 ("risk", json!(risk)),
                 ("stopped", json!(found.stopped)),
@@ -131,22 +138,35 @@ fn report_stops(
                 ("touches_at_stop_mean", json!(found.touches_mean)),
                 ("never_stopped", json!(never)),
             ]);
-            if keep.is_none() && prefix.is_empty() {
-                report.summarise(&format!("wrong_stops_at_risk_{name}"), wrong);
-                report.summarise(&format!("wrong_stops_low_at_risk_{name}"), low);
-                report.summarise(&format!("wrong_stops_high_at_risk_{name}"), high);
-                report.summarise(&format!("touches_at_risk_{name}"), found.touches_mean);
-                report.summarise(&format!("never_stopped_at_risk_{name}"), never);
+            if keep.is_none() && kind.prefix.is_empty() {
+                let mut state = |key: &str, value| {
+                    report.summarise(&format!("{key}_{}at_risk_{name}", kind.infix), value);
+                };
+                state("wrong_stops", wrong);
+                state("wrong_stops_low", low);
+                state("wrong_stops_high", high);
+                state("touches", found.touches_mean);
+                state("never_stopped", never);
             }
         }
+    }
+    let steps = statements(config, verdicts, None);
+    for doubt in DOUBTS {
+        let (stopped, wrong) = crossings(&steps, doubt);
+        report.row(vec![
+            ("method", json!(kind.method)),
+            ("doubt", json!(doubt)),
+            ("stopped", json!(stopped)),
+            ("wrong_stops", json!(wrong)),
+            ("wrong_share_high", json!(wilson(wrong, stopped).1)),
+        ]);
     }
 }
 
 /// What was stated touch by touch in all sessions, or those of known or unknown objects.
 fn statements(config: &Unknown, verdicts: &[Verdict], keep: Option<bool>) -> Vec<Vec<Stated>> {
-    let steps = |v: &Verdict| -> Vec<Stated> {
-        (1..=config.readings).map(|n| v.stated(n, config.prior, config.prior)).collect()
-    };
+    let steps =
+        |v: &Verdict| -> Vec<Stated> { (1..=config.readings).map(|n| v.stated(n)).collect() };
     verdicts.iter().filter(|v| keep.is_none_or(|known| known == v.is_known)).map(steps).collect()
 }
 
@@ -161,10 +181,8 @@ pub(super) fn report_confused(
     for (at, object) in objects.iter().enumerate() {
         for is_known in [true, false] {
             let own = || verdicts.iter().filter(|v| v.object == at && v.is_known == is_known);
-            let wrong: Vec<Option<usize>> = own()
-                .filter(|v| !v.stated(readings, config.prior, config.prior).is_right)
-                .map(|v| v.named(readings))
-                .collect();
+            let wrong: Vec<Option<usize>> =
+                own().filter(|v| !v.stated(readings).is_right).map(|v| v.named(readings)).collect();
             let Some(first) = wrong.first() else { continue };
             let often = wrong.iter().fold((*first, 0), |top, one| {
                 let count = wrong.iter().filter(|other| *other == one).count();
@@ -192,8 +210,7 @@ pub(super) fn panels(
 ) -> Vec<Panel> {
     let mut lines = vec![Line { name: "as stated".into(), points: vec![(0.0, 0.0), (1.0, 1.0)] }];
     for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
-        let stated: Vec<Stated> =
-            verdicts.iter().map(|v| v.stated(readings, config.prior, config.prior)).collect();
+        let stated: Vec<Stated> = verdicts.iter().map(|v| v.stated(readings)).collect();
         let bins = reliability(&stated, N_BINS);
         for bin in &bins {
             report.row(vec![
@@ -208,7 +225,7 @@ pub(super) fn panels(
     }
     let mut panels = vec![panel("reliability", "stated probability", "share right", lines)];
     let area = |name: &str, verdicts: &[Verdict]| {
-        let at = |n: usize| (n as f64, area_after(config, n, verdicts));
+        let at = |n: usize| (n as f64, area_after(n, verdicts));
         Line { name: name.into(), points: (1..=config.readings).map(at).collect() }
     };
     let mut lines = vec![area("hybrid", verdicts)];

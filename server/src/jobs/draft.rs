@@ -25,6 +25,9 @@ pub(super) fn draft(
     let version_object =
         |object: &wire::ObjectReport| VersionObject { id: object.id, name: object.name.clone() };
     let objects: Vec<VersionObject> = trained.objects.iter().map(version_object).collect();
+    let basis = trained.model.surface.as_ref().map(|surfaces| surfaces.calibration.basis);
+    let uncalibrated_reason = basis.and_then(convert::evidence::reason);
+    let calibrated_on = basis.map_or(0, convert::evidence::n_objects);
     let report = wire::TrainingReport {
         n_classes: convert::count(trained.model.vocabulary.n_classes()),
         index_bytes: trained.objects.iter().map(|object| object.index_bytes).sum(),
@@ -32,6 +35,9 @@ pub(super) fn draft(
         seconds: elapsed.as_secs_f64(),
         seed: training.seed.unwrap_or_default(),
         appearance: appearance_summary(&trained.model, &objects, &blocks),
+        calibrated: basis.map(|_| uncalibrated_reason.is_none()),
+        calibrated_on: convert::count(calibrated_on),
+        uncalibrated_reason,
         objects: trained.objects,
         skipped: trained.skipped,
         warnings: trained.warnings,

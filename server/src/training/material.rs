@@ -99,7 +99,7 @@ pub(super) fn gather(
 }
 
 /// The readings that robots took of an object; `None` without any.
-fn own_readings(
+pub(super) fn own_readings(
     plan: &Plan,
     object: &VersionObject,
     sources: &Sources<'_>,
@@ -176,7 +176,8 @@ fn touch(
     Ok(Material { object, touched, readings, features, sensor, origin, symmetry, planar })
 }
 
-fn mesh(
+/// The mesh of an object, metres.
+pub(super) fn mesh(
     object: Uuid,
     sources: &Sources<'_>,
     name: &dyn Fn() -> String,

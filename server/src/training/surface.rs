@@ -2,7 +2,7 @@
 //!
 //! A tenth of an object's readings has no part in its surface: on them the calibration is
 //! learnt. Symmetry is that of the mesh, or found in all readings. A training that extends a
-//! version uses its appearance space and its calibration.
+//! version uses its appearance space, and learns the calibration anew for all objects together.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -11,7 +11,7 @@ use glam::DVec3;
 use palpate_core::hybrid::HybridOptions;
 use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
 use palpate_core::model::ObjectMap;
-use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
+use palpate_core::model::surface::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
 use palpate_core::reading::Reading;
 use palpate_core::surface::{AppearanceSpace, SurfaceMap};
 use palpate_core::symmetry::{Finding, Symmetry};
@@ -22,7 +22,8 @@ use rayon::prelude::*;
 
 use super::base::extended;
 use super::material::Material;
-use super::{Plan, Progress, TrainingFailure, step};
+use super::unseen::{self, Unseen};
+use super::{Plan, Progress, Sources, TrainingFailure, step};
 use crate::wire::count;
 
 /// One reading in so many is held back.
@@ -62,6 +63,7 @@ pub(super) fn learn(
     plan: &Plan,
     materials: &[Material],
     maps: &[ObjectMap],
+    sources: &Sources<'_>,
     progress: &Progress<'_>,
 ) -> Result<Learnt, TrainingFailure> {
     let total = materials.len() + 1;
@@ -84,21 +86,31 @@ pub(super) fn learn(
         (Some(base), Some(known)) => {
             let places = base.places(materials);
             let maps = extended(known.maps(), &places, new.clone());
-            Arc::new(known.with_maps(maps))
+            let stop = || progress(JobStage::Surface, materials.len(), total);
+            let unseen = unseen::gather(plan, base, &places, known, sources, &stop)?;
+            let unseen = extended(&by_object(&unseen), &places, held_back(materials, &splits));
+            recalibrated(known, maps, &unseen, plan.seed)
         }
-        _ => calibrated(plan, materials, &splits, space, new.clone()),
+        _ => {
+            let default = EvidenceCalibration::default();
+            let model = Arc::new(SurfaceModel::new(space, default, new.clone()));
+            calibrated(model, &held_back(materials, &splits), plan.seed)
+        }
     };
     step(progress, JobStage::Surface, total, total)?;
     Ok(Learnt { model, new, decided })
 }
 
+/// Whether the reading at a place among an object's `n` is held back.
+pub(super) fn is_held_back(index: usize, n: usize) -> bool {
+    n >= READINGS_MIN && index < n && index % HELD_BACK == HELD_BACK - 1
+}
+
 fn split(material: &Material) -> Split {
     let (readings, _) = material.parts();
-    let is_held_back =
-        |index: usize| readings.len() >= READINGS_MIN && index % HELD_BACK == HELD_BACK - 1;
     let (mut kept, mut held_back) = (Vec::new(), Vec::new());
     for (index, reading) in readings.iter().enumerate() {
-        let side = if is_held_back(index) { &mut held_back } else { &mut kept };
+        let side = if is_held_back(index, readings.len()) { &mut held_back } else { &mut kept };
         side.push(reading.clone());
     }
     Split { kept, held_back }
@@ -140,25 +152,39 @@ fn symmetry(material: &Material, origin_in_training: DVec3) -> (Symmetry, Decide
     }
 }
 
-fn calibrated(
-    plan: &Plan,
-    materials: &[Material],
-    splits: &[Split],
-    space: AppearanceSpace,
-    maps: Vec<Arc<SurfaceMap>>,
-) -> Arc<SurfaceModel> {
-    let calibration = EvidenceCalibration::default();
-    let model = Arc::new(SurfaceModel::new(space, calibration, maps));
-    let held_back: Vec<HeldBack<'_>> = splits
-        .iter()
-        .zip(materials)
-        .map(|(split, material)| HeldBack {
-            readings: &split.held_back,
-            sensor: material.parts().1,
-        })
-        .collect();
-    let calibration = calibrate(&model, &held_back, HybridOptions::default(), plan.seed);
+/// What is held back of each new object.
+fn held_back<'a>(materials: &'a [Material], splits: &'a [Split]) -> Vec<HeldBack<'a>> {
+    let of = |(split, material): (&'a Split, &'a Material)| HeldBack {
+        readings: &split.held_back,
+        sensor: material.parts().1,
+    };
+    splits.iter().zip(materials).map(of).collect()
+}
+
+fn by_object(unseen: &[Unseen]) -> Vec<HeldBack<'_>> {
+    unseen.iter().map(|one| HeldBack { readings: &one.readings, sensor: &one.sensor }).collect()
+}
+
+/// The model with a calibration that is learnt on readings that its maps have not seen.
+fn calibrated(model: Arc<SurfaceModel>, unseen: &[HeldBack<'_>], seed: u64) -> Arc<SurfaceModel> {
+    let calibration = calibrate(&model, unseen, HybridOptions::default(), seed);
     Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration))
+}
+
+/// What is known, with the maps of more objects. Where none of them has unseen readings, the
+/// calibration stays as it is: it does not depend on how many objects there are.
+fn recalibrated(
+    known: &SurfaceModel,
+    maps: Vec<Arc<SurfaceMap>>,
+    unseen: &[HeldBack<'_>],
+    seed: u64,
+) -> Arc<SurfaceModel> {
+    let model = calibrated(Arc::new(known.with_maps(maps)), unseen, seed);
+    let is_learnt = |basis| matches!(basis, CalibrationBasis::HeldBack { .. });
+    if is_learnt(known.calibration.basis) && !is_learnt(model.calibration.basis) {
+        return Arc::new(Arc::unwrap_or_clone(model).with_calibration(known.calibration));
+    }
+    model
 }
 
 /// What is reported of a surface.

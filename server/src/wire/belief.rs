@@ -8,8 +8,8 @@ use palpate_schemas::Method;
 use palpate_store::entity::Session;
 
 use crate::catalogues::Model;
-use crate::wire::session::options;
-use crate::wire::{count, sensor, symmetry};
+use crate::wire::session::{options, untold_unknown_prior};
+use crate::wire::{count, evidence, sensor, symmetry};
 
 /// A belief for the wire, with every object and pose.
 pub(crate) fn belief(
@@ -19,6 +19,8 @@ pub(crate) fn belief(
     model: &Model,
 ) -> wire::Belief {
     let method = options(session).method;
+    let basis = model.core.surface.as_ref().map(|surfaces| surfaces.calibration.basis);
+    let uncalibrated_reason = evidence::reason_of(method, basis);
     let mut objects: Vec<wire::ObjectProbability> = answer
         .probabilities
         .iter()
@@ -38,6 +40,8 @@ pub(crate) fn belief(
         objects,
         unknown: answer.unknown,
         stop: stop(session, answer),
+        calibrated: uncalibrated_reason.is_none(),
+        uncalibrated_reason,
         entropy_bits: answer.entropy_bits,
         poses,
     }
@@ -45,8 +49,9 @@ pub(crate) fn belief(
 
 /// Whether to stop, for a session that named a risk.
 fn stop(session: &Session, answer: &Answer) -> Option<wire::StopAdvice> {
-    let risk = options(session).risk?;
-    let found = answer.risk();
+    let options = options(session);
+    let risk = options.risk?;
+    let found = answer.risk(untold_unknown_prior(&options));
     Some(wire::StopAdvice { risk, found, reached: found <= risk })
 }
 

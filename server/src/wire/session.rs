@@ -55,6 +55,9 @@ pub(crate) struct Options {
     /// Of a hybrid session that is older than the option: the recogniser's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) unknown_prior: Option<f64>,
+    /// Whether the client named it.
+    #[serde(default)]
+    pub(crate) is_unknown_prior_told: bool,
     /// Until when a lease keeps the session open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_until_ms: Option<u64>,
@@ -255,6 +258,7 @@ fn checked_options(
     let mut options = Options { method, robots, object_moves, risk, ..Options::default() };
     match method {
         Method::Hybrid => {
+            options.is_unknown_prior_told = unknown_prior.is_some();
             options.unknown_prior = Some(unknown_prior.unwrap_or(HybridOptions::default().unknown));
             return model.surfaces().map(|_| options);
         }
@@ -316,6 +320,14 @@ fn unknown_prior(given: f64) -> Result<f64, Refusal> {
     }
     let detail = format!("came {}, expected more than 0 and less than 1", Shown(given));
     Err(Refusal::field("/unknown_prior", detail))
+}
+
+/// The recogniser's own probability of "none of these" when the client named none; in sessions
+/// that do not say who named theirs, one that differs was named.
+pub(crate) fn untold_unknown_prior(options: &Options) -> Option<f64> {
+    let usual = HybridOptions::default().unknown;
+    let is_usual = options.unknown_prior.is_none_or(|prior| prior.total_cmp(&usual).is_eq());
+    (is_usual && !options.is_unknown_prior_told).then_some(usual)
 }
 
 /// How the hybrid recogniser works in a session.

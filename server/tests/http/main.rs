@@ -6,6 +6,7 @@
 mod appearance;
 mod audit;
 mod bad_input;
+mod calibrated;
 mod calibration;
 mod checkpoints;
 mod fleet;

@@ -229,7 +229,7 @@ pub(super) mod tests {
             all[place].1[at..at + bytes.len()].copy_from_slice(bytes);
             decoded(&all).unwrap_err()
         };
-        assert_eq!(with(0, 0, &7u32.to_le_bytes()), CodecError::Form { found: 7 });
+        assert_eq!(with(0, 0, &7u32.to_le_bytes()), CodecError::Form { found: 7, newest: 1 });
         let row = ClassTableError::Row { row: 0 };
         assert_eq!(with(0, 12, &0.5f64.to_le_bytes()), CodecError::ClassTable(row));
         assert_eq!(with(0, 80, &0f64.to_le_bytes()), CodecError::Gain { found: 0.0 });

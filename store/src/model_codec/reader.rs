@@ -11,10 +11,15 @@ pub(super) struct Reader<'block> {
 impl<'block> Reader<'block> {
     /// Begins behind the form's number, which is checked.
     pub(super) fn new(block: &'block [u8]) -> Result<Self, CodecError> {
+        Ok(Self::of_forms(block, FORM)?.0)
+    }
+
+    /// Begins behind the form's number, and gives it: any up to `newest`.
+    pub(super) fn of_forms(block: &'block [u8], newest: u32) -> Result<(Self, u32), CodecError> {
         let mut reader = Self { block, at: 0 };
         match reader.number()? {
-            FORM => Ok(reader),
-            found => Err(CodecError::Form { found }),
+            form if (FORM..=newest).contains(&form) => Ok((reader, form)),
+            found => Err(CodecError::Form { found, newest }),
         }
     }
 

@@ -8,7 +8,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use palpate_core::model::surface::{EvidenceCalibration, EvidenceStage, SurfaceModel};
+use palpate_core::model::surface::{
+    CalibrationBasis, EvidenceCalibration, EvidenceStage, SurfaceModel,
+};
 use palpate_core::sensor::TaxelGrid;
 use palpate_core::surface::appearance::{N_AXES, StoredFeature, raw_dimension};
 use palpate_core::surface::map::{PATCHES_MAX, SurfaceLayout};
@@ -25,6 +27,13 @@ use super::{CodecError, FORM, count};
 
 /// The name of the block with the appearance space and the calibration.
 pub const SURFACE_BLOCK: &str = "surface";
+/// The form of that block: form 1 did not say what the calibration was learnt on, and held the
+/// evidence of "none of these" against the sum of all objects' instead of their mean.
+const SHARED_FORM: u32 = 2;
+/// What was stored in form 1 when nothing could be learnt.
+const NOT_LEARNT_IN_FORM_1: [f64; 9] = [1.0, 0.0, 0.0, 1.2, 0.0, 0.0, 2.5, 13.0, 8.5];
+/// The most objects that a calibration was learnt on.
+const OBJECTS_MAX: u32 = 1 << 20;
 /// The most features that say how touches anywhere look.
 const ANYWHERE_MAX: u32 = 1 << 16;
 /// Numbers of a patch beside its feature.
@@ -60,8 +69,8 @@ pub(super) fn from_blocks<'block>(
     shared: &[u8],
     objects: impl Iterator<Item = Result<ObjectBlocks<'block>, CodecError>>,
 ) -> Result<SurfaceModel, CodecError> {
-    let (space, calibration) = shared_from_block(shared)?;
     let blocks: Vec<ObjectBlocks<'_>> = objects.collect::<Result<_, _>>()?;
+    let (space, calibration) = shared_from_block(shared, blocks.len())?;
     let maps = blocks.par_iter().map(|block| {
         let symmetry = block.symmetry.map(symmetry_from_block).transpose()?;
         let map = map_from_block(block.surface)?;
@@ -75,20 +84,58 @@ fn shared_to_block(model: &SurfaceModel) -> Vec<u8> {
     let Discriminant { mean, axes } = space.projection();
     let mut block = Vec::new();
     let counts = [grid.rows, grid.cols, mean.len(), axes.len(), space.anywhere().len()].map(count);
-    put_counts(&mut block, &[FORM]);
+    put_counts(&mut block, &[SHARED_FORM]);
     put_counts(&mut block, &counts);
     put_floats(&mut block, &[grid.pitch, grid.taxel_width]);
     for stage in &model.calibration.stages {
         put_floats(&mut block, &[stage.temperature, stage.unknown, stage.unknown_per_touch]);
     }
+    put_counts(&mut block, &basis_to_counts(model.calibration.basis));
     put_floats(&mut block, mean);
     axes.iter().for_each(|axis| put_floats(&mut block, axis));
     block.extend(space.anywhere().iter().flatten().flat_map(|value| value.to_le_bytes()));
     block
 }
 
-fn shared_from_block(block: &[u8]) -> Result<(AppearanceSpace, EvidenceCalibration), CodecError> {
-    let mut reader = Reader::new(block)?;
+fn basis_to_counts(basis: CalibrationBasis) -> [u32; 2] {
+    match basis {
+        CalibrationBasis::HeldBack { objects } => [0, count(objects)],
+        CalibrationBasis::OneObject => [1, 0],
+        CalibrationBasis::FewReadings => [2, 0],
+    }
+}
+
+fn basis_from_block(reader: &mut Reader<'_>) -> Result<CalibrationBasis, CodecError> {
+    let kind = reader.count("what the calibration rests on", 0, 2)?;
+    let objects = reader.count("objects of the calibration", 0, OBJECTS_MAX)?;
+    Ok(match kind {
+        0 => CalibrationBasis::HeldBack { objects },
+        1 => CalibrationBasis::OneObject,
+        _ => CalibrationBasis::FewReadings,
+    })
+}
+
+/// A calibration of form 1, of a catalogue of so many objects.
+fn calibration_of_form_1(stages: [EvidenceStage; 3], n_objects: usize) -> EvidenceCalibration {
+    let numbers = stages.map(|s| [s.temperature, s.unknown, s.unknown_per_touch]);
+    if numbers.as_flattened() == NOT_LEARNT_IN_FORM_1 {
+        let alone = CalibrationBasis::OneObject;
+        let basis = if n_objects < 2 { alone } else { CalibrationBasis::FewReadings };
+        return EvidenceCalibration { basis, ..EvidenceCalibration::default() };
+    }
+    let held_against_mean = |stage: EvidenceStage| EvidenceStage {
+        unknown: stage.unknown - stage.temperature * (n_objects.max(1) as f64).ln(),
+        ..stage
+    };
+    let basis = CalibrationBasis::HeldBack { objects: 0 };
+    EvidenceCalibration { stages: stages.map(held_against_mean), basis }
+}
+
+fn shared_from_block(
+    block: &[u8],
+    n_objects: usize,
+) -> Result<(AppearanceSpace, EvidenceCalibration), CodecError> {
+    let (mut reader, form) = Reader::of_forms(block, SHARED_FORM)?;
     let rows = reader.count("rows", 1, 1024)?;
     let cols = reader.count("cols", 1, 1024)?;
     let n_values = reader.count("values of a feature", 1, 1 << 20)?;
@@ -102,7 +149,11 @@ fn shared_from_block(block: &[u8]) -> Result<(AppearanceSpace, EvidenceCalibrati
         unknown: stages[3 * n + 1],
         unknown_per_touch: stages[3 * n + 2],
     };
-    let calibration = EvidenceCalibration { stages: [stage(0), stage(1), stage(2)] };
+    let stages = [stage(0), stage(1), stage(2)];
+    let calibration = match form {
+        FORM => calibration_of_form_1(stages, n_objects),
+        _ => EvidenceCalibration { stages, basis: basis_from_block(&mut reader)? },
+    };
     let mean = reader.floats("mean", n_values)?;
     let axes = (0..n_axes).map(|_| reader.floats("axes", n_values)).collect::<Result<_, _>>()?;
     let anywhere = features(&mut reader, n_anywhere)?;
@@ -193,6 +244,7 @@ pub(super) mod tests {
         let anywhere = vec![[1, -2, 3, 0, 0, 0, 127, -128], [0; N_AXES]];
         let mut calibration = EvidenceCalibration::default();
         calibration.stages[2].temperature = 1.75;
+        calibration.basis = CalibrationBasis::HeldBack { objects: 2 };
         let space = AppearanceSpace::new(grid, projection, anywhere);
         let maps = vec![Arc::new(map(40, 1).with_symmetry(half_turn())), Arc::new(map(15, 2))];
         SurfaceModel::new(space, calibration, maps)
@@ -248,13 +300,66 @@ pub(super) mod tests {
     fn a_cut_or_longer_block_is_refused() {
         let (shared, surface) = (shared_to_block(&model()), map_to_block(&map(12, 3)));
         for length in 0..shared.len() {
-            assert!(shared_from_block(&shared[..length]).is_err());
+            assert!(shared_from_block(&shared[..length], 2).is_err());
         }
         for length in 0..surface.len() {
             assert!(map_from_block(&surface[..length]).is_err());
         }
-        assert!(shared_from_block(&[shared, vec![0]].concat()).is_err());
+        assert!(shared_from_block(&[shared, vec![0]].concat(), 2).is_err());
         assert!(map_from_block(&[surface, vec![0]].concat()).is_err());
+    }
+
+    /// The shared block as form 1 had it: what the calibration rests on was not in it.
+    fn in_form_1(model: &SurfaceModel) -> Vec<u8> {
+        let mut block = shared_to_block(model);
+        block[0] = 1;
+        // Behind six counts, two sizes and nine numbers of the calibration.
+        block.drain(112..120);
+        block
+    }
+
+    #[test]
+    fn what_a_calibration_rests_on_comes_back() {
+        for basis in [CalibrationBasis::OneObject, CalibrationBasis::FewReadings] {
+            let mut model = model();
+            model.calibration.basis = basis;
+            let (_, found) = shared_from_block(&shared_to_block(&model), 2).unwrap();
+            assert_eq!(found, model.calibration);
+        }
+    }
+
+    #[test]
+    fn a_calibration_of_form_1_states_what_it_stated() {
+        let block = in_form_1(&model());
+        let (_, found) = shared_from_block(&block, 20).unwrap();
+        assert_eq!(found.basis, CalibrationBasis::HeldBack { objects: 0 });
+        let (stage, stored) = (found.stages[2], model().calibration.stages[2]);
+        // Held against the mean of twenty objects instead of their sum.
+        let sums = stored.unknown / stored.temperature - 20f64.ln();
+        assert!((stage.unknown / stage.temperature - sums).abs() < 1e-12, "{stage:?}");
+        assert_eq!(
+            shared_from_block(&[3, 0, 0, 0], 20),
+            Err(CodecError::Form { found: 3, newest: 2 })
+        );
+    }
+
+    #[test]
+    fn a_calibration_of_form_1_that_was_not_learnt_says_so() {
+        let mut model = model();
+        let numbers = NOT_LEARNT_IN_FORM_1.as_chunks::<3>().0;
+        for (stage, [temperature, unknown, unknown_per_touch]) in
+            model.calibration.stages.iter_mut().zip(numbers)
+        {
+            *stage = EvidenceStage {
+                temperature: *temperature,
+                unknown: *unknown,
+                unknown_per_touch: *unknown_per_touch,
+            };
+        }
+        let block = in_form_1(&model);
+        let basis = |n_objects| shared_from_block(&block, n_objects).unwrap().1.basis;
+        assert_eq!(basis(1), CalibrationBasis::OneObject);
+        assert_eq!(basis(2), CalibrationBasis::FewReadings);
     }
 
     #[test]
@@ -271,6 +376,6 @@ pub(super) mod tests {
         assert!(matches!(nan, CodecError::Finite { field: "patches", .. }));
         let mut other = model();
         other.calibration.stages[1].temperature = 0.0;
-        assert_eq!(shared_from_block(&shared_to_block(&other)), Err(CodecError::Surface));
+        assert_eq!(shared_from_block(&shared_to_block(&other), 2), Err(CodecError::Surface));
     }
 }

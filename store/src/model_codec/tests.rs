@@ -118,7 +118,7 @@ fn what_does_not_fit_is_named() {
         block[at..at + bytes.len()].copy_from_slice(bytes);
         map_from_block(&block).unwrap_err()
     };
-    assert_eq!(with(0, &9u32.to_le_bytes()), CodecError::Form { found: 9 });
+    assert_eq!(with(0, &9u32.to_le_bytes()), CodecError::Form { found: 9, newest: 1 });
     assert!(matches!(with(8, &0u32.to_le_bytes()), CodecError::Count { field: "classes", .. }));
     assert!(matches!(with(20, &9f64.to_le_bytes()), CodecError::Distances(_)));
     let nan = with(60, &f32::NAN.to_le_bytes());

@@ -49,7 +49,10 @@ pub(super) enum RobustnessExperiment {
 /// Which objects there are, and how sessions touch them.
 #[derive(Args, Debug)]
 pub(super) struct UnknownArgs {
-    /// A folder of meshes; the built-in objects when not given.
+    /// Procedural objects, which are new ones for every seed.
+    #[arg(long, default_value_t = 48)]
+    procedural: usize,
+    /// A folder of meshes beside them; the built-in objects when there are no others.
     #[arg(long, value_name = "DIR")]
     meshes: Option<PathBuf>,
     /// A folder of further meshes.
@@ -59,11 +62,14 @@ pub(super) struct UnknownArgs {
     #[arg(long, default_value_t = 4, value_parser = count)]
     folds: usize,
     /// Sessions of all folds together.
-    #[arg(long, default_value_t = 4_000, value_parser = count)]
+    #[arg(long, default_value_t = 2_400, value_parser = count)]
     sessions: usize,
     /// Sessions of the printed method, which are slow; 0 for none.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 4)]
     literal_sessions: usize,
+    /// Training readings an object, of which a tenth is held back.
+    #[arg(long, default_value_t = 600, value_parser = count)]
+    train_readings: usize,
 }
 
 /// Which objects there are, and how many trials each method plays.
@@ -106,8 +112,12 @@ impl RobustnessExperiment {
         progress: Progress<'_>,
     ) -> anyhow::Result<Outcome> {
         match self {
-            Self::Unknown(UnknownArgs { meshes, pool, folds, sessions, literal_sessions }) => {
+            Self::Unknown(args) => {
+                let UnknownArgs { procedural, meshes, pool, folds, .. } = args;
+                let UnknownArgs { sessions, literal_sessions, train_readings, .. } = args;
                 let config = Unknown {
+                    procedural,
+                    train_readings,
                     meshes,
                     pool,
                     seed,
@@ -158,7 +168,9 @@ impl RobustnessExperiment {
     pub(super) fn line(&self) -> String {
         match self {
             Self::Unknown(args) => format!(
-                "unknown{}{} --folds {} --sessions {} --literal-sessions {}",
+                "unknown --procedural {}{}{} --folds {} --sessions {} --literal-sessions {} \
+                 --train-readings {}",
+                args.procedural,
                 meshes_of(&args.meshes),
                 args.pool
                     .as_ref()
@@ -166,7 +178,8 @@ impl RobustnessExperiment {
                     .unwrap_or_default(),
                 args.folds,
                 args.sessions,
-                args.literal_sessions
+                args.literal_sessions,
+                args.train_readings
             ),
             Self::OtherPhysics(trials) => trials.line("other-physics"),
             Self::HybridNoise { trials, size_mm, only } => {

@@ -137,7 +137,7 @@ fn what_does_not_fit_is_named() {
         all[place].1[at..at + bytes.len()].copy_from_slice(bytes);
         decoded(&all).unwrap_err()
     };
-    assert_eq!(with(0, 0, &7u32.to_le_bytes()), CodecError::Form { found: 7 });
+    assert_eq!(with(0, 0, &7u32.to_le_bytes()), CodecError::Form { found: 7, newest: 1 });
     let clustering = with(0, 28, &3u32.to_le_bytes());
     assert!(matches!(clustering, CodecError::Count { field: "clustering", .. }), "{clustering}");
     // The first class's weight, then the variance of all features.

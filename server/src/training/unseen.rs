@@ -1,0 +1,124 @@
+//! Readings of the objects of an extended version that had no part in their surfaces: how far
+//! evidence can be believed depends on how alike all objects are, so it is learnt anew.
+//!
+//! Of an object that robots taught these are the tenth that its training held back, and what
+//! was stored since; the mesh of another is touched again.
+
+use std::ops::ControlFlow;
+
+use palpate_core::hybrid::calibrate::HELD_BACK_MIN;
+use palpate_core::model::surface::SurfaceModel;
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::SensorDescription;
+use palpate_schemas::ObjectReport;
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
+use palpate_store::catalogue::VersionObject;
+use rayon::prelude::*;
+
+use super::base::Base;
+use super::material::{mesh, own_readings};
+use super::surface::is_held_back;
+use super::{Plan, Sources, TrainingFailure};
+
+/// Objects of the extended version that are asked for readings, at most: chosen, so that an
+/// extension costs about as much however large the version is.
+const OBJECTS_MAX: usize = 40;
+
+/// Touches of a mesh: chosen, twice what a trial takes.
+const TOUCHES: usize = 16;
+
+/// The furthest that a mesh's centroid may be from where it was in training, metres: rounding.
+const SAME_MESH: f64 = 1e-6;
+
+/// What one object gives; no readings when it gives none.
+pub(super) struct Unseen {
+    pub(super) readings: Vec<Reading>,
+    pub(super) sensor: SensorDescription,
+}
+
+/// Unseen readings of the objects of a version, in its order; none of those at `places`, which
+/// are trained again, and of some of very many.
+pub(super) fn gather(
+    plan: &Plan,
+    base: &Base,
+    places: &[Option<usize>],
+    known: &SurfaceModel,
+    sources: &Sources<'_>,
+    stop: &(dyn Fn() -> ControlFlow<()> + Sync),
+) -> Result<Vec<Unseen>, TrainingFailure> {
+    let stays = |place: &usize| !places.contains(&Some(*place));
+    let staying: Vec<usize> = (0..base.model.objects.len()).filter(stays).collect();
+    let stride = staying.len().div_ceil(OBJECTS_MAX).max(1);
+    let of = |(place, object): (usize, &VersionObject)| {
+        let turn = staying.iter().position(|other| *other == place);
+        let is_asked = turn.is_some_and(|turn| turn.is_multiple_of(stride));
+        let (report, map) = (base.reports.get(place), known.maps().get(place));
+        match (report, map) {
+            (Some(report), Some(map)) if is_asked => {
+                let origin = map.origin_in_training();
+                one(plan, place, object, report, origin, sources, stop)
+            }
+            _ => Ok(nothing(plan)),
+        }
+    };
+    base.model.objects.par_iter().enumerate().map(of).collect()
+}
+
+fn nothing(plan: &Plan) -> Unseen {
+    Unseen { readings: Vec::new(), sensor: plan.sensor.description.clone() }
+}
+
+fn one(
+    plan: &Plan,
+    place: usize,
+    object: &VersionObject,
+    report: &ObjectReport,
+    origin_in_training: glam::DVec3,
+    sources: &Sources<'_>,
+    stop: &(dyn Fn() -> ControlFlow<()> + Sync),
+) -> Result<Unseen, TrainingFailure> {
+    match own_readings(plan, object, sources) {
+        Ok(Some(material)) => {
+            let n_trained = report.n_readings as usize;
+            let (readings, sensor) = material.parts();
+            // Of an object that lost readings nobody knows which ones its surface is of.
+            let is_whole = readings.len() >= n_trained;
+            let is_unseen =
+                |at: &usize| is_whole && (*at >= n_trained || is_held_back(*at, n_trained));
+            let unseen: Vec<Reading> =
+                (0..readings.len()).filter(is_unseen).map(|at| readings[at].clone()).collect();
+            let is_enough = unseen.len() >= HELD_BACK_MIN;
+            let readings = if is_enough { unseen } else { Vec::new() };
+            return Ok(Unseen { readings, sensor: sensor.clone() });
+        }
+        // What came since cannot be used with what its surface is of.
+        Err(
+            TrainingFailure::NoPoses { .. }
+            | TrainingFailure::Sensors { .. }
+            | TrainingFailure::Reading { .. },
+        ) => return Ok(nothing(plan)),
+        Err(failure) => return Err(failure),
+        Ok(None) => {}
+    }
+    let name = || object.name.clone();
+    let mesh = match mesh(object.id, sources, &name) {
+        Ok(mesh) if mesh.centroid().distance(origin_in_training) < SAME_MESH => mesh,
+        // It was removed, or replaced by another one.
+        Ok(_) | Err(TrainingFailure::NoData { .. }) => return Ok(nothing(plan)),
+        Err(failure) => return Err(failure),
+    };
+    let sensor = plan.sensor.description.clone();
+    let simulator = PressSimulator::new(mesh, sensor.clone());
+    let config = SamplerConfig::for_simulator(&simulator);
+    let id = SensorId(plan.sensor.id.as_u128());
+    // No training counts its seeds from here.
+    let seed = !plan.seed.wrapping_add(place as u64);
+    let mut hear = |_: usize, _: usize| stop();
+    match sample(&simulator, id, TOUCHES, seed, &config, &mut hear) {
+        Ok(readings) => Ok(Unseen { readings, sensor }),
+        Err(SampleError::Stopped { .. }) => Err(TrainingFailure::Stopped),
+        // This sensor cannot touch it often enough; the one of its training could.
+        Err(_) => Ok(nothing(plan)),
+    }
+}

@@ -1,0 +1,55 @@
+//! What probabilities rest on: reports and beliefs say whether they are calibrated.
+
+use serde_json::{Value, json};
+
+use crate::harness::{Harness, off_box};
+
+const ROD: [f64; 3] = [100.0, 12.0, 12.0];
+
+/// Trains as asked; gives the report.
+async fn report(it: &Harness, training: Value) -> Value {
+    let path = "/v1/catalogues/default/trainings";
+    let job = it.post(path, &training).await.expect(202);
+    let job = it.finished(job["id"].as_str().unwrap()).await;
+    assert_eq!(job["state"], "succeeded", "{job}");
+    let version = &job["version"];
+    it.get(&format!("/v1/catalogues/default/versions/{version}/report")).await.expect(200)
+}
+
+/// Checks what a report says: whether, on how many objects, and why not.
+#[track_caller]
+fn check(report: &Value, expected: (bool, u32, Value)) {
+    let found = (&report["calibrated"], &report["calibrated_on"], &report["uncalibrated_reason"]);
+    assert_eq!(found, (&json!(expected.0), &json!(expected.1), &expected.2));
+}
+
+/// What a new session's belief says: whether, and why not.
+async fn believed(it: &Harness, session: Value) -> (Value, Value) {
+    let id = it.session(session).await;
+    let belief = it.get(&format!("/v1/sessions/{id}/belief")).await.expect(200);
+    (belief["calibrated"].clone(), belief["uncalibrated_reason"].clone())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn report_and_belief_say_whether_probabilities_are_calibrated_and_why_not() {
+    let it = Harness::start().await;
+    it.train().await;
+    let path = "/v1/catalogues/default/versions/1/report";
+    let first = it.get(path).await.expect(200);
+    check(&first, (false, 0, json!("few_readings")));
+    let of_first = |method: &str| json!({"version": 1, "method": method});
+    let found = believed(&it, of_first("hybrid")).await;
+    assert_eq!(found, (json!(false), json!("few_readings")));
+    assert_eq!(believed(&it, of_first("sva")).await, (json!(false), json!("method")));
+
+    let alone = json!({"objects": ["bar"], "readings_per_object": 60, "pair_maps": false,
+        "surfaces": true, "activate": false});
+    check(&report(&it, alone).await, (false, 0, json!("one_object")));
+
+    // What the first version could not hold back is touched anew for the third.
+    it.post("/v1/objects", &json!({"name": "rod"})).await.expect(201);
+    it.put_mesh("rod", &off_box(ROD)).await.expect(200);
+    let more = json!({"extend": 1, "objects": ["rod"], "readings_per_object": 60});
+    check(&report(&it, more).await, (true, 2, Value::Null));
+    assert_eq!(believed(&it, json!({"version": 3})).await, (json!(true), Value::Null));
+}
