@@ -43,7 +43,16 @@ export function kPa(pascal: number): string {
 }
 
 /** The turns that leave an object as it is: `16-fold, 16 × 2-fold`. */
-export function symmetryWords(axes: { order?: number | null }[] | null | undefined): string {
+export function symmetryWords(object: {
+  symmetry?: { order?: number | null }[] | null;
+  symmetry_by?: string | null;
+  symmetry_touches_needed?: number | null;
+}): string {
+  if (object.symmetry_by === "undetermined") {
+    const needed = object.symmetry_touches_needed;
+    return needed ? `undetermined, ${count(needed)} more touches needed` : "undetermined";
+  }
+  const axes = object.symmetry;
   if (!axes) return "not sought";
   const counts = new Map<string, number>();
   for (const { order } of axes) {

@@ -132,7 +132,12 @@ export interface paths {
         get: operations["get_catalogue"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Delete a catalogue
+         * @description All its versions go too. 409 while something needs it: a session that is kept began with one
+         *     of them, or an unfinished job trains it.
+         */
+        delete: operations["delete_catalogue"];
         options?: never;
         head?: never;
         patch?: never;
@@ -235,7 +240,13 @@ export interface paths {
         get: operations["get_version"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Delete a version
+         * @description Its model goes, as far as no other version shares it; its number is not used again. 409 while
+         *     something needs it: it is current, a session that is kept began with it, or an unfinished job
+         *     extends it.
+         */
+        delete: operations["delete_version"];
         options?: never;
         head?: never;
         patch?: never;
@@ -654,7 +665,8 @@ export interface paths {
         put?: never;
         /**
          * Add a sensor
-         * @description From a preset or a full description. Every preset is there from the start under its own
+         * @description From a preset or a description; what its data sheet does not say of the point spread, the
+         *     force curve and the noise is filled in from the covering and the range. Every preset is there from the start under its own
          *     name. A sensor does not change: readings rely on its geometry; add another one instead.
          */
         post: operations["create_sensor"];
@@ -675,7 +687,12 @@ export interface paths {
         get: operations["get_sensor"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Delete a sensor
+         * @description Its calibrations go too. 409 while something needs it: an object or a session that is kept
+         *     has a reading of it, or an unfinished job touches with it. Presets stay.
+         */
+        delete: operations["delete_sensor"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1358,6 +1375,11 @@ export interface components {
         /** @description What is known of a session's object: which one it is, where, and how certainly. */
         Belief: {
             /**
+             * @description Whether the probabilities were calibrated on readings that training held back. If not,
+             *     they and `stop` rest on simulated touches of other objects, or on none.
+             */
+            calibrated?: boolean;
+            /**
              * Format: double
              * @description Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
              *     knows nothing of n objects.
@@ -1365,7 +1387,8 @@ export interface components {
             entropy_bits: number;
             /**
              * Format: int32
-             * @description How many readings it rests on; withdrawn ones do not count.
+             * @description How many presses it rests on: readings of the session that are not withdrawn, the frames
+             *     of one press (one robot, one place, each within a second of the one before) counted once.
              */
             n_readings: number;
             /**
@@ -1390,6 +1413,7 @@ export interface components {
              */
             session: string;
             stop?: components["schemas"]["StopAdvice"] | null;
+            uncalibrated_reason?: components["schemas"]["UncalibratedReason"] | null;
             /**
              * Format: double
              * @description How probable it is that the object is none of the catalogue's, 0 to 1; 0 with methods
@@ -1660,9 +1684,9 @@ export interface components {
              */
             name: string;
         };
-        /** @description A new sensor: a preset or a full description. */
+        /** @description A new sensor: a preset or a description. */
         CreateSensor: {
-            description?: components["schemas"]["SensorDescription"] | null;
+            description?: components["schemas"]["DescribeSensor"] | null;
             image_order?: components["schemas"]["ImageOrder"] | null;
             /**
              * @description Its unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
@@ -1783,6 +1807,53 @@ export interface components {
              * @description The session's id.
              */
             session: string;
+        };
+        /**
+         * @description The geometry and response of a new sensor, in metres and pascals, as far as its data sheet
+         *     says. The answer has everything, defaults filled in.
+         */
+        DescribeSensor: {
+            /**
+             * Format: double
+             * @description Thickness of the covering in metres: the deepest indentation it takes.
+             * @example 0.00254
+             */
+            covering_thickness: number;
+            /**
+             * @description Blurred displacement to pressure: 2 to 64 knots that start at (0, 0) and rise; when not
+             *     given, a straight line to the saturation at the covering's full thickness.
+             */
+            force_curve?: components["schemas"]["ForceKnot"][] | null;
+            /** @description Where the taxels are. */
+            grid: components["schemas"]["TaxelGrid"];
+            /** @description How the driver's images are turned; not at all when not given. */
+            image_order?: components["schemas"]["ImageOrder"];
+            /**
+             * Format: double
+             * @description Standard deviation of a reading's additive noise, in pascal; when not given, half a
+             *     percent of the saturation, or a step of the converter where that is more.
+             * @example 100
+             */
+            noise?: number | null;
+            /**
+             * Format: double
+             * @description Standard deviation of the Gaussian point spread in metres; when not given, that of the
+             *     covering: 2.22 mm + 0.497 times its thickness (equation 2.5, as `analyses/covering`).
+             * @example 0.003482
+             */
+            point_spread?: number | null;
+            /**
+             * Format: double
+             * @description Step of the analogue-to-digital converter in pascal; 0 for a continuous sensor.
+             * @example 78.125
+             */
+            quantisation: number;
+            /**
+             * Format: double
+             * @description No taxel reads more than this, in pascal.
+             * @example 20000
+             */
+            saturation: number;
         };
         /**
          * @description How a press becomes a feature.
@@ -2194,7 +2265,7 @@ export interface components {
          * @description What the coordinates in a mesh file mean. STL, OBJ, PLY and OFF do not say it.
          * @enum {string}
          */
-        MeshUnit: "m" | "mm";
+        MeshUnit: "m" | "mm" | "cm" | "in";
         /**
          * @description How to recognise.
          * @enum {string}
@@ -2423,11 +2494,22 @@ export interface components {
             origin_in_mesh: number[];
             surface?: components["schemas"]["SurfaceReport"] | null;
             /**
-             * @description Which turns leave it as it is, as its training touches show: axes in the object frame,
-             *     highest order first, empty when it only looks like itself. Null when it was not sought:
+             * @description Which turns leave it as it is: axes in the object frame, highest order first, empty when
+             *     it only looks like itself or when touches cannot tell. Null when it was not sought:
              *     without surfaces.
              */
             symmetry?: components["schemas"]["SymmetryAxis"][] | null;
+            symmetry_by?: components["schemas"]["SymmetryBy"] | null;
+            /**
+             * Format: int32
+             * @description About how many more touches would settle a symmetry that is `undetermined`; else null.
+             */
+            symmetry_touches_needed?: number | null;
+            /**
+             * @description What is probably a mistake in what it was trained from, such as positions in millimetres
+             *     or too few touches.
+             */
+            warnings?: components["schemas"]["Warning"][];
         };
         /** @description The trained map of where an object generates contact. */
         OccupancyMap: {
@@ -2573,7 +2655,7 @@ export interface components {
         /** @description One hypothesis of what the object is and where. */
         PoseHypothesis: {
             /**
-             * @description 6 × 6 covariance, row-major, in the order of ROS: x, y, z in metres, then rotation about
+             * @description 6 × 6 covariance of `pose`, row-major, in the order of ROS: x, y, z in metres, then rotation about
              *     the fixed x, y, z axes of the session frame in radians. About an axis that every turn
              *     leaves as it is, the angle is unknown: its variance is π²/3 rad² and more.
              */
@@ -2591,6 +2673,13 @@ export interface components {
              *     the version's report.
              */
             pose: components["schemas"]["Pose"];
+            /**
+             * @description The pose of the model frame in the session frame. The model frame is the frame of the
+             *     object's training readings when a robot taught it, else its mesh file's own frame (the
+             *     coordinates in metres); it is the same for every version. A point p of that frame lies
+             *     at `session_from_model · p`. It is `pose` with another origin and the same axes.
+             */
+            session_from_model: components["schemas"]["Pose"];
             /**
              * @description Which turns of this pose look the same, as axes in the session frame, highest order
              *     first: `pose` stands for all of them. Empty when the object only looks like itself, with
@@ -2740,7 +2829,7 @@ export interface components {
             cols: number;
             /** @description Taxels that touch something: above half of the largest pressure, and above the noise. */
             contact: number[];
-            /** @description What is unusual about the reading, in words. */
+            /** @description What is unusual about the reading, in words; `warnings` are among them. */
             hints: string[];
             /**
              * @description The image in the sensor frame's order, row-major, in pascal: turned as the sensor's
@@ -2764,6 +2853,8 @@ export interface components {
             sensor_z_in_session?: components["schemas"]["Point"] | null;
             /** @description Taxels that the calibration leaves out (dead or cross-wired), as indices into `image`. */
             unusable?: number[];
+            /** @description What is probably a mistake, such as pressures in kPa or positions in millimetres. */
+            warnings?: components["schemas"]["Warning"][];
         };
         /** @description What one reading contributed. */
         ReadingContribution: {
@@ -2844,7 +2935,12 @@ export interface components {
             n_new: number;
             /**
              * Format: int32
-             * @description How many readings count in the session now.
+             * @description How many presses these are, frames of one press counted once; null with `belief=none`.
+             */
+            n_presses?: number | null;
+            /**
+             * Format: int32
+             * @description How many readings the session has now; withdrawn ones do not count.
              */
             n_readings: number;
             /**
@@ -2857,6 +2953,11 @@ export interface components {
              * @description The session.
              */
             session: string;
+            /**
+             * @description What is probably a mistake, such as pressures in kPa or positions in millimetres; at most
+             *     one of a kind. The readings count all the same: withdraw those that are wrong.
+             */
+            warnings?: components["schemas"]["Warning"][];
         };
         /** @description What a session believed, revision by revision. */
         Replay: {
@@ -3296,6 +3397,18 @@ export interface components {
              */
             version: number;
         };
+        /** @description An object that a training left out. */
+        SkippedObject: {
+            /**
+             * Format: uuid
+             * @description The object's id.
+             */
+            id: string;
+            /** @description The object's name when it was left out. */
+            name: string;
+            /** @description Why nothing could be learnt of it. */
+            reason: string;
+        };
         /**
          * Format: binary
          * @description A snapshot, as `docs/formats.md` draws it.
@@ -3460,6 +3573,12 @@ export interface components {
              *     given. Objects with readings of their own are trained from those.
              */
             sensor?: string | null;
+            /**
+             * @description Whether an object that nothing can be learnt of fails the training; when false (not
+             *     given), it is left out and named in the report's `skipped`. A training that is left
+             *     without objects fails either way.
+             */
+            strict?: boolean | null;
             /** @description Whether to learn the surfaces that `hybrid` needs; when not given, as `pair_maps`. */
             surfaces?: boolean | null;
         };
@@ -3548,6 +3667,11 @@ export interface components {
             /** @description A point of the axis, in metres. */
             point: number[];
         };
+        /**
+         * @description What the symmetry of an object was decided by.
+         * @enum {string}
+         */
+        SymmetryBy: "mesh" | "touches" | "undetermined";
         /** @description How one taxel responds. */
         TaxelCalibration: {
             answers?: components["schemas"]["TaxelPlace"] | null;
@@ -3670,10 +3794,26 @@ export interface components {
              * @description How many were there already (same robot and seq, same content).
              */
             n_repeated: number;
+            /**
+             * @description What is probably a mistake, such as pressures in kPa or positions in millimetres; at most
+             *     one of a kind. The readings are stored all the same.
+             */
+            warnings?: components["schemas"]["Warning"][];
         };
         /** @description What a training made, and what it cost. */
         TrainingReport: {
             appearance?: components["schemas"]["AppearanceSummary"] | null;
+            /**
+             * @description Whether the probabilities of `hybrid` were calibrated on readings that were held back;
+             *     null without surfaces, and of versions that were trained before this was reported.
+             */
+            calibrated?: boolean | null;
+            /**
+             * Format: int32
+             * @description How many objects the readings are of that the calibration was learnt on: those of the
+             *     extended version, when it is kept.
+             */
+            calibrated_on?: number;
             /**
              * Format: int64
              * @description Memory of the pair index, in bytes.
@@ -3696,11 +3836,19 @@ export interface components {
              * @description The seed of all its random choices.
              */
             seed: number;
+            /** @description Objects that nothing could be learnt of, and why. They are not in the version. */
+            skipped?: components["schemas"]["SkippedObject"][];
             /**
              * Format: int64
              * @description Memory of all surfaces, in bytes; 0 without surfaces.
              */
             surface_bytes?: number;
+            uncalibrated_reason?: components["schemas"]["UncalibratedReason"] | null;
+            /**
+             * @description What is probably a mistake in the training as a whole; those of one object are in its own
+             *     `warnings`.
+             */
+            warnings?: components["schemas"]["Warning"][];
         };
         /** @description What a session's object was, as a client said when it closed the session. */
         Truth: {
@@ -3719,6 +3867,11 @@ export interface components {
             /** @description Whether that was the likeliest answer. */
             was_right: boolean;
         };
+        /**
+         * @description Why probabilities are not calibrated.
+         * @enum {string}
+         */
+        UncalibratedReason: "one_object" | "few_readings" | "method";
         /** @description What to change of an object; what is not given stays. */
         UpdateObject: {
             /** @description A new description. */
@@ -3748,6 +3901,24 @@ export interface components {
              */
             version: number;
         };
+        /** @description Something that is probably a mistake. It changes nothing: what it is about was accepted. */
+        Warning: {
+            /** @description What kind of mistake: for programs, it does not change between releases. */
+            code: components["schemas"]["WarningCode"];
+            /** @description What was found and what was expected, in a sentence. */
+            detail: string;
+            /**
+             * @description What it is about: a JSON pointer into the request, such as `/readings/3/image` (the first
+             *     reading that it is about), or into the report; empty for the whole.
+             * @example /readings/0/image
+             */
+            pointer: string;
+        };
+        /**
+         * @description The kind of a warning.
+         * @enum {string}
+         */
+        WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped";
         /** @description Whom the server takes the caller for. */
         Whoami: {
             key?: components["schemas"]["ApiKey"] | null;
@@ -4414,6 +4585,111 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; missing when waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    delete_catalogue: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The catalogue's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description It is gone */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description No API key came, or none that is let in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the roles that this needs: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description There is nothing with this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description It does not fit the state of things, or something else has its name or number */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description More than the client's share; `Retry-After` says when there is more */
+            429: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The server is at fault, or what is stored is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            503: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {
@@ -5267,6 +5543,113 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; missing when waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    delete_version: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The catalogue's name */
+                name: string;
+                /** @description The version's number */
+                version: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description It is gone */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description No API key came, or none that is let in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the roles that this needs: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description There is nothing with this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description It does not fit the state of things, or something else has its name or number */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description More than the client's share; `Retry-After` says when there is more */
+            429: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The server is at fault, or what is stored is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            503: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {
@@ -8813,6 +9196,111 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; missing when waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    delete_sensor: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The sensor's id or name */
+                sensor: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description It is gone */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description No API key came, or none that is let in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the roles that this needs: trainer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description There is nothing with this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description It does not fit the state of things, or something else has its name or number */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description More than the client's share; `Retry-After` says when there is more */
+            429: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The server is at fault, or what is stored is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            503: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {

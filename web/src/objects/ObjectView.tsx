@@ -146,7 +146,7 @@ function AboutPanel({ object, version }: { object: ObjectInfo; version: Catalogu
           ...(trained
             ? ([
                 ["Touches learnt", count(trained.n_readings)],
-                ["Symmetry", symmetryWords(trained.symmetry)],
+                ["Symmetry", symmetryWords(trained)],
               ] as [string, string][])
             : []),
         ]}
