@@ -188,6 +188,6 @@ mod tests {
         }
         let learnt_tilted = "tilted_polar_fourier_6x6_l0_9_accuracy_at_20";
         assert!(summary.contains_key(learnt_tilted), "{summary:?}");
-        assert_eq!(outcome.plot.matches("<polyline").count(), (2 + 1) * 3 * 4);
+        assert_eq!(outcome.plot.matches("<polyline").count(), (2 + 1) * 3 * 5);
     }
 }

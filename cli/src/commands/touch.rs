@@ -21,7 +21,7 @@ use crate::calibrated;
 use crate::exit::Ended;
 use crate::output;
 use crate::robot::{self, Approach, Robot};
-use crate::trial::{self, Step, StopRule, Truth};
+use crate::trial::{self, Step, StopRule, TrialResult, Truth};
 use crate::verdict::{NONE, can_answer_none};
 
 /// Arguments of `palpate touch`.
@@ -175,38 +175,49 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
             return Err(Ended::Interrupted.into());
         }
     };
-    let touched = Touched {
-        session: session.id(),
-        truth: result.truth,
-        right: result.last.right,
-        position_error_mm: result.last.position_error_mm(),
-        angle_error_deg: result.last.angle_error_deg(),
-        plain_angle_error_deg: result.last.plain_angle_error_deg(),
-        answer: result.last.answer.clone(),
-        probability: result.last.probability,
-        unknown: result.last.unknown,
-        steps: result.steps,
-    };
-    output.answer(&touched, |touched| {
-        let last = &result.last;
-        let verdict = if touched.right { "right" } else { "wrong" };
-        let identity = format!(
-            "\n{verdict}: {} with {:.1} %; it was {}",
-            touched.answer,
-            touched.probability * 100.0,
-            touched.truth
-        );
-        if is_appearance(method) || args.object == NONE {
-            return identity;
-        }
-        format!(
-            "{identity}; off by {} and {}\n{}",
-            last.position_error.map_or("–".to_owned(), output::mm),
-            last.angle_error.map_or("–".to_owned(), output::degrees),
-            output::ERRORS_OF_POSE,
-        )
-    })?;
+    let is_posed = !is_appearance(method) && args.object != NONE;
+    let touched = Touched::of(session.id(), &result);
+    output.answer(&touched, |touched| verdict(touched, &result.last, is_posed))?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }
+}
+
+impl Touched {
+    /// What a trial gave.
+    fn of(session: uuid::Uuid, result: &TrialResult) -> Self {
+        let last = &result.last;
+        Self {
+            session,
+            truth: result.truth.clone(),
+            right: last.right,
+            position_error_mm: last.position_error_mm(),
+            angle_error_deg: last.angle_error_deg(),
+            plain_angle_error_deg: last.plain_angle_error_deg(),
+            answer: last.answer.clone(),
+            probability: last.probability,
+            unknown: last.unknown,
+            steps: result.steps.clone(),
+        }
+    }
+}
+
+/// The last line: the answer, the truth, and how far off the pose is where there is one.
+fn verdict(touched: &Touched, last: &Step, is_posed: bool) -> String {
+    let verdict = if touched.right { "right" } else { "wrong" };
+    let identity = format!(
+        "\n{verdict}: {} with {:.1} %; it was {}",
+        touched.answer,
+        touched.probability * 100.0,
+        touched.truth
+    );
+    if !is_posed {
+        return identity;
+    }
+    format!(
+        "{identity}; off by {} and {}\n{}",
+        last.position_error.map_or("–".to_owned(), output::mm),
+        last.angle_error.map_or("–".to_owned(), output::degrees),
+        output::ERRORS_OF_POSE,
+    )
 }
 
 fn is_appearance(method: Option<Method>) -> bool {

@@ -185,7 +185,7 @@ mod tests {
         let find = |key: &str| all.iter().find(|c| c.key == key).unwrap();
         let mut keys: Vec<&str> = all.iter().map(|c| c.key).collect();
         keys.dedup();
-        assert_eq!(keys.len(), 21);
+        assert_eq!(keys.len(), 23);
         let Disturbance::Moving(moves) = find("moving").disturbance else { panic!("moves") };
         assert!((moves.shift_max - 8.0 * MM).abs() < 1e-12);
         assert_eq!(find("fine_14x14").sensing.sensor.grid().n_taxels(), 196);

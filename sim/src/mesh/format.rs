@@ -89,7 +89,11 @@ pub(super) fn parse(format: MeshFormat, bytes: &[u8]) -> Result<Soup, MeshError>
         MeshFormat::Off => off::read,
     };
     let read = catch_unwind(AssertUnwindSafe(|| read(bytes)));
-    read.unwrap_or(Err(MeshError::Unreadable { format })).map_err(|error| {
+    let read = read.unwrap_or(Err(MeshError::Unreadable { format }));
+    // Some formats skip lines that they do not know, and find nothing in another one's file.
+    let read =
+        read.and_then(|soup| if soup.1.is_empty() { Err(MeshError::Empty) } else { Ok(soup) });
+    read.map_err(|error| {
         // A comment of a binary STL may begin with anything, so this is asked of failures alone.
         match first_word(bytes).filter(|found| *found != format) {
             Some(found) => MeshError::OtherFormat { format, found },
