@@ -12,8 +12,12 @@ use crate::exponential::exp;
 /// pose.
 pub const NEAR_MAX: usize = 6;
 
-/// Of each of two sides that face apart at least so many are listed, where there are so many.
+/// Of each of two sides of a wall at least so many are listed, where there are so many.
 const OF_EACH_SIDE: usize = NEAR_MAX / 2;
+
+/// The sides of a wall face apart: their normals have at most this cosine. Those of two faces that
+/// meet in an edge do not.
+const APART: f32 = -0.5;
 
 /// A normal turned by a radian counts as this many metres: that of the thinning of touches.
 const NORMAL_REACH: f32 = 0.006;
@@ -43,7 +47,7 @@ impl Near {
     ) -> Self {
         let normal = |touch: u16| places[usize::from(touch)].1;
         let Some(nearest) = sorted.clone().next() else { return Self::EMPTY };
-        let is_other = |touch: u16| normal(touch).dot(normal(nearest)) < 0.0;
+        let is_other = |touch: u16| normal(touch).dot(normal(nearest)) < APART;
         let n_other = sorted.clone().filter(|touch| is_other(*touch)).take(OF_EACH_SIDE).count();
         let mut room = [NEAR_MAX - n_other, NEAR_MAX];
         let mut listed = Self::EMPTY;
@@ -165,6 +169,18 @@ mod tests {
         let from_beyond: Vec<u16> = all.iter().rev().copied().collect();
         assert_eq!(listed(&from_beyond), [13, 12, 11, 9, 8, 7]);
         assert_eq!(listed(&[]), [0; 0]);
+    }
+
+    #[test]
+    fn faces_that_meet_in_an_edge_are_no_wall() {
+        // Eight on one face, four on one across an edge, which noise turned beyond a right angle.
+        let place = |n: u16| {
+            let normal = if n < 8 { Vec3::Z } else { Vec3::new(0.99, 0.0, -0.1) };
+            (Vec3::new(f32::from(n), 0.0, 0.0), normal)
+        };
+        let places: Vec<(Vec3, Vec3)> = (0..12).map(place).collect();
+        let listed: Vec<u16> = Near::choose(0..12, &places).touches().collect();
+        assert_eq!(listed, [0, 1, 2, 3, 4, 5]);
     }
 
     #[test]
