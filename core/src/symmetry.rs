@@ -44,9 +44,10 @@ pub struct Symmetry {
 /// What touches say of an object's symmetry.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Finding {
-    /// They would have shown a difference as large as a contact, and this is what is left.
+    /// They leave hardly any place as large as a contact untouched; this is what they show.
     Settled(Symmetry),
-    /// A difference could have been missed: about this many more touches are needed.
+    /// A difference could have been missed, or another symmetry fits nearly as well: about this
+    /// many more touches are needed.
     Undetermined {
         /// How many more touches, at least 1.
         touches_needed: usize,

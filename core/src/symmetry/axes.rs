@@ -6,7 +6,6 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
 use super::group;
 use super::line::{Line, nearest_point};
@@ -23,6 +22,9 @@ pub(super) const VERIFIED_MAX: usize = 48;
 
 /// Turns smaller than this say nothing: any smooth surface nearly fits itself. Below 2π/30.
 pub(super) const ANGLE_MIN: f64 = 11.0 * DEG;
+
+/// Half turns across a continuous axis that are tried: any of them would do.
+const FLIPS_MAX: usize = 8;
 
 /// Lines within this angle are one axis.
 const SAME_AXIS: f64 = 10.0 * DEG;
@@ -43,6 +45,26 @@ pub(super) trait Judge: Sync {
     /// Whether every turn about a line is a symmetry.
     fn is_continuous(&self, line: &Line) -> bool {
         self.accepts(line, &PROBES)
+    }
+
+    /// How often the object meets itself in a turn about a line; `None` when never.
+    fn order(&self, line: &Line) -> Option<AxisOrder> {
+        if self.is_continuous(line) {
+            return Some(AxisOrder::Continuous);
+        }
+        // A small turn fits nearly anything a little: every multiple has to.
+        let fits = |order: &AxisOrder| self.accepts(line, &angles(*order));
+        (2..=ORDER_MAX).rev().map(AxisOrder::Finite).find(fits)
+    }
+}
+
+/// The turns of an axis up to half a turn, rad; of a continuous one those that prove it.
+pub(super) fn angles(order: AxisOrder) -> Vec<f64> {
+    match order {
+        AxisOrder::Continuous => PROBES.to_vec(),
+        AxisOrder::Finite(order) => {
+            (1..=order / 2).map(|k| TAU * f64::from(k) / f64::from(order)).collect()
+        }
     }
 }
 
@@ -95,28 +117,18 @@ fn axes(judge: &dyn Judge, turns: &[Verified]) -> Vec<Found> {
             None => groups.push(vec![turn]),
         }
     }
-    let found: Vec<Option<Found>> = groups
-        .into_par_iter()
-        .map(|group| {
-            let line = surest(group.into_iter())?;
-            Some(Found { line, order: order(judge, &line)? })
-        })
-        .collect();
-    found.into_iter().flatten().collect()
-}
-
-/// How often the object meets itself in a turn about a line; `None` when never.
-fn order(judge: &dyn Judge, line: &Line) -> Option<AxisOrder> {
-    if judge.is_continuous(line) {
-        return Some(AxisOrder::Continuous);
+    let mut found: Vec<Found> = Vec::new();
+    for group in groups {
+        let Some(line) = surest(group.into_iter()) else { continue };
+        let Some(order) = judge.order(&line) else { continue };
+        let is_continuous = |found: &Found| found.order == AxisOrder::Continuous;
+        let is_ball = order == AxisOrder::Continuous && found.iter().any(is_continuous);
+        found.push(Found { line, order });
+        if is_ball {
+            break;
+        }
     }
-    // A small turn fits nearly anything a little: every multiple has to.
-    let fits = |order: &u8| {
-        let step = TAU / f64::from(*order);
-        let multiples: Vec<f64> = (1..=*order / 2).map(|k| step * f64::from(k)).collect();
-        judge.accepts(line, &multiples)
-    };
-    (2..=ORDER_MAX).rev().find(fits).map(AxisOrder::Finite)
+    found
 }
 
 /// The symmetry of an object with a continuous axis: a spindle, a rod alike at both ends, or
@@ -126,8 +138,11 @@ fn continuous(judge: &dyn Judge, main: Found) -> Symmetry {
     let other = Line { point: main.line.point, direction: across };
     let lines = [main.line, other].map(|line| (line, 1.0));
     let about = |direction, order| (direction, order);
-    let tilts = judge.verified(vec![other.turn(PROBES[2])], 1);
-    let half_turns = judge.verified(vec![other.turn(PI)], 1);
+    let tilts = half_turns_across(&main.line, PI)
+        .into_iter()
+        .filter_map(|flip| Some(Line::of_turn(&flip, main.line.point)?.turn(PROBES[2])));
+    let tilts = judge.verified(tilts.collect(), FLIPS_MAX);
+    let half_turns = judge.verified(half_turns_across(&main.line, PI), FLIPS_MAX);
     let direction = group::upward(main.line.direction);
     let is_across = |turn: &&Verified| turn.line.angle_to(&main.line) > 0.5 * PI - SAME_AXIS;
     // A turn that was tried may have ended as one about the main axis, which is known.

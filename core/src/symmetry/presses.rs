@@ -30,8 +30,8 @@ pub struct Press {
 const HOUSING: f64 = 10.0 * MM;
 
 /// How far into the sensor a point may come: coverings give way, and turns are known to about a
-/// degree. Metres. Chosen: the deepest presses are 1 mm, and a degree at 40 mm is 0.7 mm.
-const GIVES_WAY: f64 = 2.5 * MM;
+/// degree. Metres. Derived: the deepest presses are 1 mm, and half a degree at 40 mm is 0.4 mm.
+const GIVES_WAY: f64 = 1.5 * MM;
 
 /// This share of each half side of the array counts: at the edge the turn's error shows.
 const MIDDLE: f64 = 0.85;

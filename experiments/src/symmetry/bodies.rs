@@ -1,8 +1,9 @@
 //! Twenty solids of known symmetry: ten, and the same ten with a handle or a notch.
 //!
 //! Each is a stack of rings about z whose radius depends on the angle, closed at both ends; a
-//! seed decides the sizes. Handles stand off and notches lie away from the middle, so that no
-//! turn keeps them. Sizes in millimetres here; meshes in metres.
+//! seed decides the sizes. Handles stand off and notches lie away from the middle, each at least
+//! as wide as a contact, so that no turn keeps them: a dent alone would leave a ball any turn
+//! about the dent, so the ball has a handle that leans. Sizes in millimetres here; meshes in metres.
 
 use std::f64::consts::{PI, TAU};
 
@@ -28,7 +29,8 @@ type Radius<'a> = dyn Fn(f64, f64) -> f64 + 'a;
 #[derive(Clone, Copy)]
 enum Mark {
     /// A bar of this radius from one height (share) to another, standing off by so much, mm.
-    Handle { from: f64, to: f64, off: f64, thick: f64 },
+    /// It leans towards its upper end by the share `lean` of half its length.
+    Handle { from: f64, to: f64, off: f64, thick: f64, lean: f64 },
     /// This deep (mm), over a width (mm along the surface) and between heights (share).
     Notch { from: f64, to: f64, depth: f64, width: f64 },
 }
@@ -55,12 +57,12 @@ fn round(flips: bool) -> Vec<AxisOrder> {
 
 /// A handle from a height (share) on.
 fn handle(from: f64) -> Mark {
-    Mark::Handle { from, to: from + 0.42, off: 13.0, thick: 4.0 }
+    Mark::Handle { from, to: from + 0.42, off: 13.0, thick: 4.0, lean: 0.0 }
 }
 
 /// A notch this deep (mm) from a height (share) on.
 fn notch(from: f64, depth: f64) -> Mark {
-    Mark::Notch { from, to: from + 0.28, depth, width: 17.0 }
+    Mark::Notch { from, to: from + 0.38, depth, width: 30.0 }
 }
 
 /// The twenty bodies of a seed, those with a handle or a notch last.
@@ -85,7 +87,7 @@ pub(super) fn bodies(seed: u64) -> anyhow::Result<Vec<Body>> {
                 anyhow::Ok(())
             };
         let r = draw(15.0, 20.0);
-        add("cylinder", round(true), draw(65.0, 80.0), &|_, _| r, handle(draw(0.38, 0.5)))?;
+        add("cylinder", round(true), draw(65.0, 80.0), &|_, _| r, handle(draw(0.43, 0.52)))?;
         let (low, high) = (draw(12.0, 15.0), draw(20.0, 24.0));
         add(
             "tumbler",
@@ -101,7 +103,7 @@ pub(super) fn bodies(seed: u64) -> anyhow::Result<Vec<Body>> {
             let neck = 0.45 * narrow;
             let profile = move |up: f64| neck + (narrow - neck) * smooth((0.8 - up) / 0.2);
             let own = if n == 16 { notch(draw(0.1, 0.3), 5.0) } else { handle(draw(0.1, 0.2)) };
-            let sided = |angle: f64, up: f64| profile(up) * flat(angle, n);
+            let sided = |angle: f64, up: f64| profile(up) * flat(angle + PI / f64::from(n), n);
             add(&format!("bottle of {n} sides"), sides(n, false), 80.0, &sided, own)?;
         }
         let ball = draw(24.0, 29.0);
@@ -111,20 +113,21 @@ pub(super) fn bodies(seed: u64) -> anyhow::Result<Vec<Body>> {
             vec![AxisOrder::Continuous; 3],
             2.0 * ball,
             &sphere,
-            notch(draw(0.5, 0.6), 5.0),
+            Mark::Handle { from: draw(0.2, 0.3), to: 0.75, off: 16.0, thick: 4.0, lean: 0.8 },
         )?;
         for (name, n, size) in [
             ("triangular prism", 3, draw(20.0, 24.0)),
             ("square prism", 4, draw(17.0, 21.0)),
             ("hexagonal prism", 6, draw(16.0, 20.0)),
         ] {
-            let sided = |angle: f64, _: f64| size * flat(angle, n);
+            // A side on +x: a notch that cut an edge would be narrower than a contact.
+            let sided = |angle: f64, _: f64| size * flat(angle + PI / f64::from(n), n);
             add(
                 name,
                 sides(n, true),
                 draw(55.0, 75.0),
                 &sided,
-                notch(draw(0.1, 0.5), draw(5.0, 7.0)),
+                notch(draw(0.02, 0.12), draw(5.0, 7.0)),
             )?;
         }
         let half = DVec2::new(draw(10.0, 13.0), draw(17.0, 21.0));
@@ -137,7 +140,7 @@ pub(super) fn bodies(seed: u64) -> anyhow::Result<Vec<Body>> {
             vec![AxisOrder::Finite(2); 3],
             draw(60.0, 75.0),
             &sided,
-            notch(draw(0.1, 0.5), draw(5.0, 7.0)),
+            notch(draw(0.02, 0.12), draw(5.0, 7.0)),
         )?;
     }
     Ok(bodies)
@@ -193,19 +196,18 @@ fn solid(height: f64, radius: &Radius<'_>, mark: Option<Mark>) -> anyhow::Result
         triangles.push([ends, at(0, corner + 1), at(0, corner)]);
         triangles.push([ends + 1, at(ALONG, corner), at(ALONG, corner + 1)]);
     }
-    if let Some(Mark::Handle { from, to, off, thick }) = mark {
+    if let Some(Mark::Handle { from, to, off, thick, lean }) = mark {
         let foot = |up: f64| DVec2::new(radius(0.0, up), height * (up - 0.5));
-        bow(foot(from), foot(to), off, thick, &mut vertices, &mut triangles);
+        bow([foot(from), foot(to)], [off, thick, lean], &mut vertices, &mut triangles);
     }
     Ok(Mesh::new(vertices, triangles)?)
 }
 
-/// A bar bent from one foot (x and z, mm) to another, its ends inside of the body.
+/// A bar bent from one foot (x and z, mm) to another, its ends inside of the body: how far it
+/// stands off, its radius (mm), and how far it leans.
 fn bow(
-    low: DVec2,
-    high: DVec2,
-    off: f64,
-    thick: f64,
+    [low, high]: [DVec2; 2],
+    [off, thick, lean]: [f64; 3],
     vertices: &mut Vec<DVec3>,
     triangles: &mut Vec<[u32; 3]>,
 ) {
@@ -215,7 +217,8 @@ fn bow(
     // Half an ellipse, begun and ended 3 mm inside the body.
     let middle = |t: f64| {
         let along = low.lerp(high, 0.5 - 0.5 * (PI * t).cos());
-        along + DVec2::new(off * (PI * t).sin() - 3.0 * (1.0 - (PI * t).sin()), 0.0)
+        let out = off * (PI * t).sin() - 3.0 * (1.0 - (PI * t).sin());
+        along + DVec2::new(out, 0.5 * lean * (high - low).length() * (PI * t).sin())
     };
     for step in 0..=STEPS {
         let t = step as f64 / STEPS as f64;
