@@ -46,8 +46,8 @@ pub(crate) struct Truth {
 }
 
 impl Truth {
-    /// The truth of a robot's object, whose mesh has a symmetry (in its own frame): its name and
-    /// its origin are those of the version that is asked.
+    /// The object that the robot touches. Its name and origin come from the version's report,
+    /// its symmetry from its mesh (mesh frame).
     pub(crate) fn new(
         robot: &Robot,
         symmetry_in_mesh: &Symmetry,

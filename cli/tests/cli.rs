@@ -180,7 +180,7 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     assert!(stderr(&second).contains("in use by another process"), "{}", stderr(&second));
 }
 
-/// An object whose mesh is refused is not added, and a name that is taken is told what to do.
+/// A refused mesh leaves no object, and the error of a taken name says which command adds a mesh.
 fn a_refused_mesh_leaves_no_object(at: &Path, ask: impl Fn(&str) -> Output) {
     std::fs::write(at.join("broken.off"), "OFF\n3 1 0\n0 0 0\n").unwrap();
     for _ in 0..2 {

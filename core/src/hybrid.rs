@@ -95,10 +95,10 @@ pub struct HybridBelief {
     unknown: f64,
     /// Whether the object may have moved since its first touch.
     may_have_moved: bool,
-    /// Whether this is what is believed if the object moves between touches, though nobody said
-    /// so (`motion`).
+    /// Whether this belief assumes unannounced motion between touches (`motion`).
     is_restless: bool,
-    /// What is believed if it does, by one amplitude each; empty while nothing speaks for it.
+    /// Beliefs that assume unannounced motion, one for each amplitude; empty while rest explains
+    /// the touches well.
     moving: Vec<Self>,
 }
 
@@ -207,8 +207,8 @@ impl HybridBelief {
         self.doubt_rest();
     }
 
-    /// The same as far as this is one of several beliefs of which one `leads`: that one searches
-    /// in full.
+    /// Takes a reading into one of the beliefs of the mixture. The one that `leads` searches in
+    /// full, the others with a small budget.
     fn take(&mut self, reading: &Reading, sensor: &SensorDescription, leads: bool) {
         if !self.witness(reading, sensor) {
             self.judge_miss();

@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 pub enum SymmetryBy {
     /// By its mesh.
     Mesh,
-    /// By its training touches, which would have shown a difference as large as a contact.
+    /// By its training touches, which leave hardly any place as large as a contact untouched.
     Touches,
     /// By nothing: with so few touches a handle or a notch could have been missed. Poses are
     /// answered as if the object had no symmetry.

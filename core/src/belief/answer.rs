@@ -37,8 +37,8 @@ impl Answer {
     }
 
     /// The risk that the likeliest answer, an object or "none of these", is wrong, for those who
-    /// stop as soon as it is low enough. `untold_prior` is the prior of "none of these" when
-    /// nobody who knows the share of unknown objects named it: the risk then holds up to a half.
+    /// stop as soon as it is low enough. `untold_prior` is the prior of "none of these" if the
+    /// session did not name it: the risk then allows for up to half of the objects being unknown.
     #[must_use]
     pub fn risk(&self, untold_prior: Option<f64>) -> f64 {
         let known = self.probabilities.iter().copied().fold(0.0, f64::max);
@@ -47,8 +47,8 @@ impl Answer {
 }
 
 /// The probability of the likeliest answer, an object with probability `known` or "none of
-/// these", when as many objects are unknown as is least in its favour: between the prior that
-/// the probabilities rest on and a half if nobody named it, else that prior alone.
+/// these", under the least favourable prior of "none of these". If the session named a prior,
+/// that is the only one; if not, priors from `untold_prior` to one half are considered.
 #[must_use]
 pub fn assured(known: f64, unknown: f64, untold_prior: Option<f64>) -> f64 {
     if unknown >= known {
@@ -238,7 +238,7 @@ mod tests {
         assert!((assured(0.99, 0.01, Some(0.05)) - even).abs() < 1e-12);
         assert!((assured(0.99, 0.01, None) - 0.99).abs() < 1e-12);
         assert!((assured(0.99, 0.01, Some(0.8)) - 0.99).abs() < 1e-12, "more than half were");
-        // "None of these" was held to be rarer than it may be: that makes nobody too sure.
+        // "None of these" is likeliest: a higher prior would only make it surer.
         assert!((assured(0.1, 0.9, Some(0.05)) - 0.9).abs() < 1e-12);
         assert!((assured(0.6, 0.0, Some(0.05)) - 0.6).abs() < 1e-12, "no such answer");
     }

@@ -1,6 +1,6 @@
 //! What every taxel class says at every place of one planar map, for single look-ups.
 //!
-//! Values are relative to a place of which the map knows nothing. Not here: planes for whole
+//! Values are relative to an unmapped place. Not here: planes for whole
 //! rows of bins (`planes`).
 
 use glam::DVec2;

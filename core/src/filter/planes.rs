@@ -3,7 +3,7 @@
 //! Translation of an object is a pure shift of its map, so one rotated copy of the class
 //! log-likelihoods an angle serves all translations: a taxel adds one window of its class's
 //! plane. Planes are sampled `m` times a bin and stored by phase, so that a window is
-//! contiguous. Values are relative to a place of which the map knows nothing.
+//! contiguous. Values are relative to an unmapped place.
 //! Not here: beliefs (`histogram`, `particle`).
 
 use std::f64::consts::TAU;

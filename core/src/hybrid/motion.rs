@@ -1,12 +1,10 @@
-//! An object that moves: once, as a client says; a little between any two touches, as a session
-//! is told; or so, though nobody said it.
+//! Object motion: one announced move, announced drift between touches, or unannounced drift.
 //!
-//! What nobody said is believed beside that the object rests, once even the best explanation of
-//! an object at rest is poor: that it moves between touches, by one of three amplitudes. Each is a
-//! belief of its own that takes every reading; what is answered is their mixture, by their
-//! evidence and how seldom objects move untold. Rest is never given up, and motion is dropped
-//! when rest explains the touches well and all but surely. "None of these" keeps its weight: an
-//! object that moves explains touches of an unknown one as well.
+//! Unannounced drift is a hypothesis beside rest. Once the best explanation at rest is poor, three
+//! beliefs start that assume drift of one amplitude each and take every reading. The answer is
+//! their mixture with rest, weighed by evidence and prior. Rest always stays in the mixture;
+//! drift is dropped when rest explains the touches well and drift is improbable. The weight of
+//! "none of these" is unchanged, because drift explains the touches of unknown objects too.
 
 use super::carried::{self, Carried};
 use super::evidence::{Evidence, Known};
@@ -18,25 +16,24 @@ use crate::reading::Looseness;
 /// What is known rules no object out for good when it is carried over; a prior of zero does.
 const SURE: f64 = 1e-12;
 
-/// By how many amplitudes an object may move untold.
+/// Amplitudes of unannounced drift. Chosen: a factor of about four apart, they span 1 to 10 mm.
 pub(super) const AMPLITUDES: usize = 3;
 
-/// The share of sessions in which an object moves untold, by any of the amplitudes alike. A
-/// chosen number.
+/// The prior of unannounced drift, shared evenly by its amplitudes. Chosen: fixtures seldom fail.
 const UNTOLD_SHARE: f64 = 0.02;
 
 /// Touches from which motion can be told from rest: three fix a pose. Derived.
 const TOUCHES_MIN: usize = 4;
 
-/// A belief that does not lead proposes poses of at most so many objects, the likeliest ones: a
-/// bound of its cost.
+/// Objects of which a belief that does not lead proposes poses, likeliest first. Chosen: bounds
+/// its cost.
 pub(super) const OBJECTS_MAX: usize = 16;
 
-/// The part of the budget of hypotheses that each belief of a moving object has.
+/// Beliefs that share the budget of hypotheses: rest and each amplitude.
 const BUDGET_PART: usize = AMPLITUDES + 1;
 
-/// Motion less probable than this, beside rest that explains the touches well, is dropped. A
-/// chosen number.
+/// Drift less probable than this is dropped while rest explains the touches well. Chosen: it
+/// then changes no stated probability by more than a thousandth.
 const NEGLIGIBLE: f64 = 1e-3;
 
 impl HybridBelief {

@@ -9,7 +9,7 @@ use palpate_sim::press::PressSimulator;
 use reqwest::Method;
 use serde_json::{Value, json};
 
-use crate::harness::{BAR, Harness, off_box, touches};
+use crate::harness::{BAR, Harness, content, off_box, touches};
 
 const N_FRAMES: usize = 40;
 
@@ -55,14 +55,6 @@ fn ramp(touch: &Value, second: usize) -> Vec<Value> {
 async fn post(it: &Harness, session: &str, readings: &[Value]) -> Value {
     let path = format!("/v1/sessions/{session}/readings");
     it.post(&path, &json!({"readings": readings})).await.expect(200)
-}
-
-/// A belief without what depends on arrival.
-fn content(belief: &Value) -> Value {
-    let mut belief = belief.clone();
-    belief["revision"] = Value::Null;
-    belief["session"] = Value::Null;
-    belief
 }
 
 async fn now(it: &Harness, session: &str) -> Value {

@@ -195,6 +195,14 @@ pub(crate) async fn read(response: reqwest::Response) -> Answer {
     Answer { status, headers, text: response.text().await.unwrap() }
 }
 
+/// A belief without what depends on arrival.
+pub(crate) fn content(belief: &Value) -> Value {
+    let mut belief = belief.clone();
+    belief["revision"] = Value::Null;
+    belief["session"] = Value::Null;
+    belief
+}
+
 /// Edges in millimetres.
 pub(crate) const CUBE: [f64; 3] = [40.0, 40.0, 40.0];
 pub(crate) const BAR: [f64; 3] = [80.0, 20.0, 20.0];

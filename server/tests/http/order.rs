@@ -6,7 +6,7 @@ use palpate_core::rng::{Purpose, Stream};
 use reqwest::Method;
 use serde_json::{Value, json};
 
-use crate::harness::{BAR, Harness, touches};
+use crate::harness::{BAR, Harness, content, touches};
 
 fn resting_pose() -> Pose {
     Pose::from_parts(DQuat::from_rotation_z(0.4), DVec3::new(0.02, -0.03, 0.05))
@@ -35,14 +35,6 @@ async fn post(it: &Harness, session: &str, readings: &[Value]) -> Value {
 async fn retract(it: &Harness, session: &str, reading: &str) -> Value {
     let path = format!("/v1/sessions/{session}/readings/{reading}");
     it.send(Method::DELETE, &path, None).await.expect(200)
-}
-
-/// A belief without what depends on arrival.
-fn content(belief: &Value) -> Value {
-    let mut belief = belief.clone();
-    belief["revision"] = Value::Null;
-    belief["session"] = Value::Null;
-    belief
 }
 
 async fn now(it: &Harness, session: &str) -> Value {

@@ -37,8 +37,8 @@ impl Truth {
         Err(verdict::not_trained(object, objects.iter().map(|known| known.name.as_str())))
     }
 
-    /// The truth that a file says; `None`, and a word of why, when the session cannot be right
-    /// about it: its readings may have been taken for another catalogue.
+    /// The object that a recording names. `None`, with a message, when the session's version
+    /// lacks that object: the recording may belong to another catalogue.
     pub(super) async fn of_file(
         object: &str,
         session: &Session,
