@@ -46,14 +46,15 @@ const CONTRADICTING_SHARE: f64 = 1.0 / 500.0;
 /// A turn that fits only so far from where it was expected is another one, rad.
 const STRAYED: f64 = 4.0 * DEG;
 
-/// An order that fits so much worse than another is not the object's ([`Judged::worse_than`]), and
-/// clearly not from the second on. Chosen.
+/// An order that fits so much worse than another is not the object's ([`Judged::worse_than`]);
+/// near that it is unclear. Chosen.
 const WORSE: f64 = 1.0;
-const CLEARLY_WORSE: f64 = 1.3;
+const NEARLY_WORSE: f64 = 0.8;
+const CLEARLY_WORSE: f64 = 1.1;
 
 /// To claim a symmetry takes this many times the touches that would show a feature at all: one
 /// touch of it may be a chance. Chosen.
-const CLAIMED: f64 = 1.5;
+const CLAIMED: f64 = 1.25;
 
 /// So many turns of a finite order are compared with those of a continuous one.
 const RIVAL_TURNS: usize = 4;
@@ -151,6 +152,18 @@ impl Search {
         Some(Pose::from_parts(turn.rotation, motion * center - turn.turn(center)))
     }
 
+    /// Which finite orders about a line fit better than every turn does, the highest first, and by
+    /// how much.
+    fn rivals(&self, line: &Line, every: &Judged) -> Vec<(u8, f64)> {
+        let rival = |order: u8| {
+            let few = angles(AxisOrder::Finite(order)).into_iter().take(RIVAL_TURNS);
+            let few = self.judge_near(few.map(|angle| line.turn(angle)))?;
+            let worse = every.worse_than(&few);
+            (few.excess <= 1.0 && worse >= NEARLY_WORSE).then_some((order, worse))
+        };
+        (2..=ORDER_MAX).rev().filter_map(rival).collect()
+    }
+
     /// Whether all turns of a symmetry together fit, and no higher one fits nearly as well.
     fn is_sure_of(&self, symmetry: &Symmetry) -> bool {
         let Some(main) = symmetry.axes.first() else { return true };
@@ -171,6 +184,9 @@ impl Search {
         };
         match main.order {
             AxisOrder::Continuous => {
+                if !self.rivals(&line(main), &known).is_empty() {
+                    return false;
+                }
                 let across = Line { direction: main.direction, point: self.spread.center };
                 symmetry.axes.len() > 1
                     || half_turns_across(&across, PI)
@@ -234,23 +250,23 @@ impl Judge for Search {
     }
 
     fn order(&self, line: &Line) -> Option<AxisOrder> {
-        let fitting = |order: AxisOrder, turns_max: usize| {
-            let turns = angles(order).into_iter().take(turns_max).map(|angle| line.turn(angle));
-            self.judge_near(turns).filter(|judged| judged.excess <= 1.0)
-        };
-        let orders = || (2..=ORDER_MAX).rev().map(AxisOrder::Finite);
-        // Turns that an object only nearly has fit worse than those that it has.
-        if let Some(every) = fitting(AxisOrder::Continuous, usize::MAX) {
-            let is_rival = |order| {
-                let few = fitting(order, RIVAL_TURNS);
-                few.is_some_and(|few| every.worse_than(&few) >= WORSE)
-            };
-            if !orders().any(is_rival) {
+        let fitting = |order| self.judge_order(line, order).filter(|judged| judged.excess <= 1.0);
+        if let Some(every) = fitting(AxisOrder::Continuous) {
+            let rivals = self.rivals(line, &every);
+            // Orders without a common turn fit better by chance.
+            let agree =
+                |highest: u8| rivals.iter().all(|(order, _)| highest.is_multiple_of(*order));
+            let clear = rivals.iter().any(|(_, worse)| *worse >= WORSE);
+            if !rivals.first().is_some_and(|(highest, _)| clear && agree(*highest)) {
                 return Some(AxisOrder::Continuous);
             }
         }
-        let fitting: Vec<(AxisOrder, Judged)> =
-            orders().filter_map(|order| Some((order, fitting(order, usize::MAX)?))).collect();
+        // Turns that an object only nearly has fit worse than those that it has.
+        let fitting: Vec<(AxisOrder, Judged)> = (2..=ORDER_MAX)
+            .rev()
+            .map(AxisOrder::Finite)
+            .filter_map(|order| Some((order, fitting(order)?)))
+            .collect();
         let is_best = |(_, judged): &&(AxisOrder, Judged)| {
             fitting.iter().all(|(_, other)| judged.worse_than(other) < WORSE)
         };

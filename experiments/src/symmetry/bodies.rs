@@ -103,7 +103,7 @@ pub(super) fn bodies(seed: u64) -> anyhow::Result<Vec<Body>> {
             let neck = 0.45 * narrow;
             let profile = move |up: f64| neck + (narrow - neck) * smooth((0.8 - up) / 0.2);
             let own = if n == 16 { notch(draw(0.1, 0.3), 5.0) } else { handle(draw(0.1, 0.2)) };
-            let sided = |angle: f64, up: f64| profile(up) * flat(angle + PI / f64::from(n), n);
+            let sided = |angle: f64, up: f64| profile(up) * flat(angle, n);
             add(&format!("bottle of {n} sides"), sides(n, false), 80.0, &sided, own)?;
         }
         let ball = draw(24.0, 29.0);
