@@ -1,100 +1,96 @@
-//! Who gets in: how many requests are under way at once, and how long one may take.
+//! Admission: what a request may occupy, from the first byte of its body to the last of its
+//! answer.
 //!
-//! What is over a bound is told to come back; nothing waits without end. Health checks and
-//! metrics always get in, for an overloaded server must not look dead.
+//! Four budgets, each with a share of every client: bytes of bodies that have arrived, requests
+//! that are worked on, event streams, and bytes of answers that are not read yet. A body arrives
+//! before a slot is taken for its request, so a promise of bytes holds nothing. What is over a
+//! bound is told to come back; nothing waits without end. Health checks and metrics are always
+//! answered, for an overloaded server must not look dead.
 
-use std::sync::{Arc, Mutex, PoisonError};
+mod arrival;
+mod departure;
 
-use axum::extract::{Request, State};
+use std::sync::Arc;
+
+use axum::extract::{ConnectInfo, Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::app::App;
+use crate::budget::{Budget, Holding, Over};
+use crate::client::Client;
 use crate::config::Config;
+use crate::door::{Connections, Peer};
 use crate::refusal::Refusal;
+pub(crate) use departure::InMemory;
 
-/// The bounds on what is under way.
+/// The budgets of what is under way.
 #[derive(Debug)]
 pub(crate) struct Admission {
-    requests: Arc<Semaphore>,
-    streams: Arc<Semaphore>,
-    /// A permit is a block of a body.
-    bodies: Arc<Semaphore>,
-    requests_max: usize,
-    streams_max: usize,
-    body_blocks_max: usize,
-}
-
-/// Bytes of a block of a body.
-const BODY_BLOCK: usize = 1024;
-
-/// The room that a request's body has, until the request is answered: what is made of a body
-/// needs memory as well.
-#[derive(Clone, Debug)]
-pub(crate) struct BodyRoom(Arc<Mutex<Held>>);
-
-#[derive(Debug)]
-struct Held {
-    room: Arc<Semaphore>,
-    permit: Option<OwnedSemaphorePermit>,
-    blocks_max: usize,
-}
-
-impl BodyRoom {
-    /// Makes the room as large as a body of `bytes`.
-    pub(crate) fn hold(&self, bytes: usize) -> Result<(), Refusal> {
-        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let has = held.permit.as_ref().map_or(0, OwnedSemaphorePermit::num_permits);
-        let more = bytes.div_ceil(BODY_BLOCK).saturating_sub(has);
-        let full = |held: &Held| {
-            let used = held.blocks_max.saturating_sub(held.room.available_permits());
-            Refusal::BodiesFull { used: used * BODY_BLOCK, max: held.blocks_max * BODY_BLOCK }
-        };
-        let Ok(wanted) = u32::try_from(more) else { return Err(full(&held)) };
-        let taken = Arc::clone(&held.room).try_acquire_many_owned(wanted);
-        let taken = taken.map_err(|_| full(&held))?;
-        match &mut held.permit {
-            Some(permit) => permit.merge(taken),
-            none => *none = Some(taken),
-        }
-        Ok(())
-    }
+    requests: Arc<Budget>,
+    streams: Arc<Budget>,
+    bodies: Arc<Budget>,
+    answers: Arc<Budget>,
+    connections: Arc<Connections>,
 }
 
 impl Admission {
     pub(crate) fn new(config: &Config) -> Self {
-        let body_blocks_max = config.bodies_bytes_max / BODY_BLOCK;
         Self {
-            requests: Arc::new(Semaphore::new(config.requests_max)),
-            streams: Arc::new(Semaphore::new(config.streams_max)),
-            bodies: Arc::new(Semaphore::new(body_blocks_max)),
-            requests_max: config.requests_max,
-            streams_max: config.streams_max,
-            body_blocks_max,
+            requests: Budget::new(config.requests_max),
+            streams: Budget::new(config.streams_max),
+            bodies: Budget::new(config.bodies_bytes_max),
+            answers: Budget::new(config.answers_bytes_max),
+            connections: Connections::new(config.connections_max),
         }
     }
 
-    /// Room for one event stream, for as long as the permit is held.
-    pub(crate) fn stream(&self) -> Result<OwnedSemaphorePermit, Refusal> {
-        let permit = Arc::clone(&self.streams).try_acquire_owned();
-        permit.map_err(|_| Refusal::StreamsFull { open: self.streams_max })
+    /// Room for one event stream, for as long as the holding lives.
+    pub(crate) fn stream(&self, client: Option<Client>) -> Result<Holding, Refusal> {
+        self.streams.take(client, 1).map_err(|over| match over {
+            Over::Total => Refusal::StreamsFull { open: self.streams.total() },
+            Over::Share => share("streams", "streams", &self.streams),
+        })
     }
 
-    /// Bytes of the bodies under way.
+    /// The bounds on connections.
+    pub(crate) fn connections(&self) -> &Arc<Connections> {
+        &self.connections
+    }
+
+    /// Bytes of bodies that have arrived and whose requests are not answered.
     pub(crate) fn body_bytes(&self) -> usize {
-        self.body_blocks_max.saturating_sub(self.bodies.available_permits()) * BODY_BLOCK
+        self.bodies.used()
     }
 
-    fn body_room(&self) -> BodyRoom {
-        let (room, blocks_max) = (Arc::clone(&self.bodies), self.body_blocks_max);
-        BodyRoom(Arc::new(Mutex::new(Held { room, permit: None, blocks_max })))
+    /// Bytes of answers that are not read yet.
+    pub(crate) fn answer_bytes(&self) -> usize {
+        self.answers.used()
     }
 
-    fn request(&self) -> Result<OwnedSemaphorePermit, Refusal> {
-        let permit = Arc::clone(&self.requests).try_acquire_owned();
-        permit.map_err(|_| Refusal::RequestsFull { under_way: self.requests_max })
+    /// What is used of each budget and what there is, by name, for metrics.
+    pub(crate) fn occupied(&self) -> [(&'static str, usize, usize); 5] {
+        let of = |name, budget: &Budget| (name, budget.used(), budget.total());
+        [
+            ("requests", self.requests.used(), self.requests.total()),
+            of("streams", &self.streams),
+            of("bodies", &self.bodies),
+            of("answers", &self.answers),
+            ("connections", self.connections.used(), self.connections.total()),
+        ]
     }
+
+    fn request(&self, client: Option<Client>) -> Result<Holding, Refusal> {
+        self.requests.take(client, 1).map_err(|over| match over {
+            Over::Total => Refusal::RequestsFull { under_way: self.requests.total() },
+            Over::Share => share("concurrency", "concurrent-requests", &self.requests),
+        })
+    }
+}
+
+/// The refusal of a client that holds its share of a budget.
+fn share(name: &'static str, unit: &'static str, budget: &Budget) -> Refusal {
+    Refusal::ShareFull { name, unit, used: budget.used(), total: budget.total() }
 }
 
 /// Whether a path is what supervisors look at: it is always answered.
@@ -102,19 +98,30 @@ pub(crate) fn is_watched(path: &str) -> bool {
     matches!(path, "/livez" | "/readyz" | "/metrics")
 }
 
-/// Lets a request in if there is room, and ends it when it takes too long.
-pub(crate) async fn admit(State(app): State<App>, mut request: Request, next: Next) -> Response {
+/// Reads a request's body, lets the request in if there is room, ends it when it takes too long,
+/// and counts its answer until it was read.
+pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) -> Response {
     if is_watched(request.uri().path()) {
         return next.run(request).await;
     }
-    let permit = match app.admission().request() {
-        Ok(permit) => permit,
+    let admitted = async {
+        let client = Client::of(&request);
+        let peer = request.extensions().get::<ConnectInfo<Peer>>();
+        if peer.is_some_and(|ConnectInfo(peer)| peer.is_reserve) {
+            return Err(Refusal::ConnectionsFull { open: app.admission().connections.used() });
+        }
+        let (mut request, body) = arrival::receive(&app, request, client).await?;
+        request.extensions_mut().insert(client);
+        let slot = app.admission().request(client)?;
+        Ok((request, body, slot, client))
+    };
+    let (request, body, slot, client) = match admitted.await {
+        Ok(admitted) => admitted,
         Err(refusal) => return refusal.into_response(),
     };
-    let room = app.admission().body_room();
-    request.extensions_mut().insert(room.clone());
     let within = app.config().answer_timeout;
     let answer = tokio::time::timeout(within, next.run(request)).await;
-    drop((permit, room));
-    answer.unwrap_or_else(|_| Refusal::TooSlow { within }.into_response())
+    drop((slot, body));
+    let answer = answer.unwrap_or_else(|_| Refusal::TooSlow { within }.into_response());
+    departure::count(&app.admission().answers, client, answer)
 }

@@ -155,9 +155,14 @@ impl App {
         let memory = [
             ("beliefs", self.0.sessions.belief_bytes()),
             ("bodies", self.0.admission.body_bytes()),
+            ("answers", self.0.admission.answer_bytes()),
         ];
         for (kind, bytes) in memory {
             metrics::gauge!("palpate_memory_bytes", "kind" => kind).set(bytes as f64);
+        }
+        for (resource, used, total) in self.0.admission.occupied() {
+            metrics::gauge!("palpate_occupied", "resource" => resource).set(used as f64);
+            metrics::gauge!("palpate_occupied_max", "resource" => resource).set(total as f64);
         }
         for part in ModelPart::ALL {
             let bytes = self.0.catalogues.bytes_in_memory(part) as f64;

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use palpate_store::sled::{FreeSpace, RESERVE_BYTES};
 
+use crate::door::Patience;
 use crate::tls::TlsFiles;
 
 /// Whether requests need an API key.
@@ -74,6 +75,12 @@ pub struct Config {
     pub requests_max: usize,
     /// How many bytes the bodies of all requests under way may have together.
     pub bodies_bytes_max: usize,
+    /// How many bytes the answers may have together that are not read yet.
+    pub answers_bytes_max: usize,
+    /// How many connections may be open at once; fewer where the system allows fewer files.
+    pub connections_max: usize,
+    /// How long a connection may take for each step.
+    pub patience: Patience,
     /// How many requests a second each client may make; no bound of its own when `None`.
     pub rate_per_second: Option<NonZeroU32>,
     /// How many event streams may be open at once.
@@ -135,6 +142,9 @@ impl Config {
             answer_timeout: Duration::from_secs(90),
             requests_max: REQUESTS_PER_CORE * n_cores,
             bodies_bytes_max: 256 << 20,
+            answers_bytes_max: 256 << 20,
+            connections_max: 4096,
+            patience: Patience::default(),
             rate_per_second: None,
             streams_max: 1024,
             compute_threads: n_cores,

@@ -7,27 +7,20 @@ mod msgpack;
 mod plain;
 
 use std::error::Error as _;
-use std::time::Duration;
 
-use axum::body::{Body, Bytes};
+use axum::body::{Bytes, HttpBody};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, header};
-use futures::StreamExt;
 use palpate_schemas::FieldError;
 use serde::de::DeserializeOwned;
 use serde_json::error::Category;
 use serde_path_to_error::Segment;
 
-use crate::admission::BodyRoom;
 use crate::app::App;
 use crate::refusal::Refusal;
 pub(crate) use msgpack::parse as parse_msgpack;
-
-/// How many times its limit of a body that is too long is read and thrown away, so that the
-/// robot, still sending, gets to read the answer.
-const DRAIN_FACTOR: usize = 4;
 
 /// Longer bodies are parsed on the compute pool, in bytes: 1 ms is about 100 kB.
 const PARSE_HERE_MAX: usize = 100_000;
@@ -77,7 +70,7 @@ impl<T: DeserializeOwned + Default + Send + 'static> FromRequest<App> for Option
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
         let found = content_type(request.headers());
         let config = app.config();
-        let bytes = read(request, config.json_bytes_max, config.body_timeout).await?;
+        let bytes = read(request, config.json_bytes_max).await?;
         if bytes.is_empty() {
             return Ok(Self(T::default()));
         }
@@ -110,7 +103,7 @@ impl FromRequest<App> for MeshBody {
     async fn from_request(request: Request, app: &App) -> Result<Self, Refusal> {
         let content_type = content_type(request.headers());
         let config = app.config();
-        let bytes = read(request, config.mesh_bytes_max, config.body_timeout).await?;
+        let bytes = read(request, config.mesh_bytes_max).await?;
         Ok(Self { content_type, bytes })
     }
 }
@@ -198,7 +191,7 @@ async fn parsed<T: Send + 'static>(
     parse: fn(&[u8]) -> Result<T, Refusal>,
 ) -> Result<T, Refusal> {
     let config = app.config();
-    let bytes = read(request, config.json_bytes_max, config.body_timeout).await?;
+    let bytes = read(request, config.json_bytes_max).await?;
     if bytes.len() <= PARSE_HERE_MAX {
         return parse(&bytes);
     }
@@ -277,36 +270,18 @@ fn is_json(content_type: &str) -> bool {
         || (content_type.starts_with("application/") && content_type.ends_with("+json"))
 }
 
-async fn read(request: Request, max: usize, within: Duration) -> Result<Bytes, Refusal> {
+/// The body of a request, which has arrived by now (`admission`).
+async fn read(request: Request, max: usize) -> Result<Bytes, Refusal> {
     if let Some(encoding) = request.headers().get(header::CONTENT_ENCODING)
         && !encoding.as_bytes().eq_ignore_ascii_case(b"identity")
     {
         let found = String::from_utf8_lossy(encoding.as_bytes()).into_owned();
         return Err(Refusal::ContentEncoding { found });
     }
-    let room = request.extensions().get::<BodyRoom>().cloned();
-    let stated = request.headers().get(header::CONTENT_LENGTH);
-    let stated = stated.and_then(|length| length.to_str().ok()?.parse::<usize>().ok());
-    if let (Some(room), Some(length)) = (&room, stated) {
-        room.hold(length.min(max))?;
+    let length = request.body().size_hint().lower();
+    if length > max as u64 {
+        return Err(Refusal::BodyTooLarge { max });
     }
-    let reading = read_bounded(request.into_body(), max, room.as_ref());
-    tokio::time::timeout(within, reading).await.unwrap_or(Err(Refusal::BodyTooSlow { within }))
-}
-
-async fn read_bounded(body: Body, max: usize, room: Option<&BodyRoom>) -> Result<Bytes, Refusal> {
-    let mut stream = body.into_data_stream();
-    let mut bytes = Vec::new();
-    let mut length = 0usize;
-    while let Some(chunk) = stream.next().await {
-        let chunk = chunk.map_err(|error| Refusal::Unreadable { reason: error.to_string() })?;
-        length += chunk.len();
-        if length <= max {
-            room.map_or(Ok(()), |room| room.hold(length))?;
-            bytes.extend_from_slice(&chunk);
-        } else if length > DRAIN_FACTOR.saturating_mul(max) {
-            break;
-        }
-    }
-    if length > max { Err(Refusal::BodyTooLarge { max }) } else { Ok(bytes.into()) }
+    let read = axum::body::to_bytes(request.into_body(), max).await;
+    read.map_err(|error| Refusal::Unreadable { reason: error.to_string() })
 }

@@ -17,8 +17,8 @@ use palpate_store::access::AccessKey;
 use crate::app::App;
 use crate::audit::Attempt;
 use crate::dashboard;
+use crate::door::Peer;
 use crate::keys::KeyFault;
-use crate::listener::Peer;
 use crate::refusal::Refusal;
 use crate::roles::{self, Asked, Effect, Rule, Who};
 use crate::telemetry::REQUEST_ID;
@@ -149,7 +149,7 @@ fn attempt(request: &Request, operation: &'static str, key: Option<&AccessKey>) 
     Attempt {
         operation,
         key: key.map(|key| (key.id, key.name.clone(), key.role)),
-        address: peer.map_or_else(String::new, |ConnectInfo(peer)| peer.0.ip().to_string()),
+        address: peer.map_or_else(String::new, |ConnectInfo(peer)| peer.address.ip().to_string()),
         path: request.uri().path().to_owned(),
         request_id: id.unwrap_or_default().to_owned(),
     }

@@ -1,6 +1,6 @@
 //! Palpate's networked service, as a library: start a [`Server`] with a [`Config`].
 //!
-//! A request comes in by `listener` and goes through `telemetry` (id, log, figures), `headers`
+//! A request comes in by `door` and goes through `telemetry` (id, log, figures), `headers`
 //! (for browsers), `guard` (who may do what: `keys`, `roles`), `admission` (bounds), `audit`
 //! and a route, which asks one of `sensors`, `objects`, `catalogues`, `jobs` and `sessions`;
 //! `wire` converts, `compute` computes, `problem` turns every refusal into RFC 9457.
@@ -16,12 +16,16 @@ mod admission;
 mod app;
 mod audit;
 mod belief;
+mod blocks;
+mod budget;
 mod calibrations;
 mod catalogues;
 mod checkpoints;
+mod client;
 mod clock;
 mod compute;
 mod dashboard;
+mod door;
 mod extract;
 mod guard;
 mod hints;
@@ -29,7 +33,6 @@ mod integrity;
 mod jobs;
 mod keys;
 mod limits;
-mod listener;
 mod live;
 mod objects;
 mod problem;
@@ -46,5 +49,6 @@ mod training;
 mod wire;
 
 pub use config::{Access, Config};
+pub use door::Patience;
 pub use palpate_store::sled::FreeSpace;
 pub use server::{Server, StartError};

@@ -10,8 +10,8 @@ use palpate_schemas as wire;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_store::database::Database;
 use palpate_store::entity::{JobState, Object, StoredReading};
-use palpate_store::journal::{AppendError, Event, NewEntry};
-use palpate_store::mesh::MeshInfo;
+use palpate_store::journal::{AppendError, Event, Limit, NewEntry};
+use palpate_store::mesh::{MeshInfo, MeshReader};
 use uuid::Uuid;
 
 use crate::clock::now_ms;
@@ -21,7 +21,7 @@ use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, unit_metres};
 use crate::wire::reading::{Incoming, READINGS_MAX};
-use crate::wire::{self as convert, cursor, page_id, page_length, page_number};
+use crate::wire::{self as convert, PAGE_BYTES, cursor, page_id, page_length, page_number};
 
 /// The longest description, in characters.
 const DESCRIPTION_MAX: usize = 2000;
@@ -140,16 +140,16 @@ impl Objects {
         Ok(mesh_report(&info, &mesh))
     }
 
-    /// An object's mesh as it was uploaded, and its format.
-    pub(crate) async fn mesh(&self, reference: &str) -> Result<(MeshFormat, Vec<u8>), Refusal> {
+    /// An object's mesh as it was uploaded, to be read block by block, and its format.
+    pub(crate) async fn mesh(&self, reference: &str) -> Result<(MeshFormat, MeshReader), Refusal> {
         let object = self.find(reference)?;
         let meshes = self.store.meshes();
-        let found = self.pool.place()?.run(move || meshes.get(object.id)).await??;
-        let (info, file) = found.ok_or_else(|| Refusal::NotFound {
+        let found = self.pool.place()?.run(move || meshes.open(object.id)).await??;
+        let reader = found.ok_or_else(|| Refusal::NotFound {
             what: "mesh of object",
             reference: object.name.clone(),
         })?;
-        Ok((read_format(info.format), file))
+        Ok((read_format(reader.info().format), reader))
     }
 
     /// Stores training readings: all of them or none, none of them twice.
@@ -201,7 +201,8 @@ impl Objects {
         let object = self.find(reference)?;
         let (from, limit) = (page_number(query)?, page_length(query)?);
         let journal = self.store.training();
-        let entries = journal.entries(object.id, from, limit.min(READINGS_MAX))?;
+        let limit = Limit { records: limit.min(READINGS_MAX), bytes: PAGE_BYTES };
+        let entries = journal.page(object.id, from, limit)?;
         let next = from + entries.len() as u64;
         let more = next < journal.len(object.id)? && !entries.is_empty();
         Ok(wire::StoredReadingPage {

@@ -88,6 +88,9 @@ fn bound(refusal: &Refusal) -> Option<Bound> {
         }
         Refusal::BeliefsFull { max, .. } => Bound::used_up("beliefs", "bytes", *max),
         Refusal::BodiesFull { max, .. } => Bound::used_up("bodies", "content-bytes", *max),
+        Refusal::AnswersFull { max, .. } => Bound::used_up("answers", "content-bytes", *max),
+        Refusal::ConnectionsFull { open } => Bound::used_up("connections", "connections", *open),
+        Refusal::ShareFull { name, unit, total, .. } => Bound::used_up(name, unit, *total),
         Refusal::Compute(ComputeError::Full { places }) => {
             Bound::used_up("compute", "places", *places)
         }
@@ -190,6 +193,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::ReadingConflict { .. } | Refusal::OtherTruth { .. } => ProblemType::Conflict,
         Refusal::SessionEnded { .. } => ProblemType::SessionEnded,
         Refusal::RateExceeded { .. }
+        | Refusal::ShareFull { .. }
         | Refusal::SessionsFull { .. }
         | Refusal::SessionBusy { .. } => ProblemType::TooManyRequests,
         Refusal::TooManyToExplain { .. }
@@ -214,6 +218,8 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::StreamsFull { .. }
         | Refusal::RequestsFull { .. }
         | Refusal::BodiesFull { .. }
+        | Refusal::AnswersFull { .. }
+        | Refusal::ConnectionsFull { .. }
         | Refusal::BeliefsFull { .. }
         | Refusal::TooSlow { .. }
         | Refusal::ModelsInUse { .. }

@@ -3,39 +3,25 @@
 //! Bounds on the whole server (`admission`, `compute`) protect it from all clients together;
 //! this one protects clients from each other. It is off unless the operator sets it.
 
-use std::net::{IpAddr, Ipv6Addr};
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use axum::extract::{ConnectInfo, Request, State};
+use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use governor::clock::{Clock, DefaultClock};
 use governor::middleware::StateInformationMiddleware;
 use governor::state::keyed::DashMapStateStore;
 use governor::{Quota, RateLimiter};
-use uuid::Uuid;
 
 use crate::admission::is_watched;
 use crate::app::App;
-use crate::guard::Caller;
+use crate::client::Client;
 use crate::limits::Bound;
-use crate::listener::Peer;
 use crate::refusal::Refusal;
 
-/// A network of this length is one client: a host may choose any address in it.
-const IPV6_PREFIX_BITS: u32 = 64;
 /// So many clients are remembered before those are forgotten that have been quiet.
 const CLIENTS_REMEMBERED: usize = 10_000;
-
-/// Who has a share of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Client {
-    /// The holder of a key.
-    Key(Uuid),
-    /// Whoever asks from an address.
-    Address(IpAddr),
-}
 
 /// The shares of all clients.
 pub(crate) struct Rates {
@@ -82,7 +68,7 @@ pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) 
     let Some(rates) = app.rates().filter(|_| !is_watched(request.uri().path())) else {
         return next.run(request).await;
     };
-    let Some(client) = client(&request) else { return next.run(request).await };
+    let Some(client) = Client::of(&request) else { return next.run(request).await };
     match rates.take(client) {
         Ok(left) => {
             let mut response = next.run(request).await;
@@ -96,29 +82,10 @@ pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) 
     }
 }
 
-/// Whose share a request counts to.
-fn client(request: &Request) -> Option<Client> {
-    let caller = request.extensions().get::<Caller>();
-    if let Some(key) = caller.and_then(|caller| caller.key.as_ref()) {
-        return Some(Client::Key(key.id));
-    }
-    let ConnectInfo(peer) = request.extensions().get::<ConnectInfo<Peer>>()?;
-    Some(Client::Address(network(peer.0.ip())))
-}
-
-/// The address that stands for all that one client may have.
-fn network(address: IpAddr) -> IpAddr {
-    match address.to_canonical() {
-        IpAddr::V6(address) => {
-            let host_bits = 128 - IPV6_PREFIX_BITS;
-            IpAddr::V6(Ipv6Addr::from_bits(address.to_bits() >> host_bits << host_bits))
-        }
-        v4 => v4,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use uuid::Uuid;
+
     use super::*;
 
     #[test]
@@ -129,14 +96,5 @@ mod tests {
         let wait = rates.take(a).unwrap_err();
         assert!(wait > Duration::ZERO && wait <= Duration::from_millis(334), "{wait:?}");
         assert_eq!(rates.take(b), Ok(2));
-    }
-
-    #[test]
-    fn a_host_is_one_client_whatever_address_of_its_network_it_takes() {
-        let of = |text: &str| network(text.parse().unwrap());
-        assert_eq!(of("2001:db8:1:2:3::4"), of("2001:db8:1:2:ffff::1"));
-        assert_ne!(of("2001:db8:1:2::4"), of("2001:db8:1:3::4"));
-        assert_eq!(of("::ffff:10.0.0.1"), of("10.0.0.1"));
-        assert_ne!(of("10.0.0.1"), of("10.0.0.2"));
     }
 }

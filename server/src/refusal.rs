@@ -161,6 +161,15 @@ pub(crate) enum Refusal {
         megabytes(*bytes as u64), megabytes(*max as u64)
     )]
     BeliefsFull { bytes: usize, max: usize },
+    #[error("answers that are not read yet have {used} of {max} bytes: this one has no room")]
+    AnswersFull { used: usize, max: usize },
+    #[error("{open} connections are open, and no more may be: health checks alone are answered")]
+    ConnectionsFull { open: usize },
+    #[error(
+        "this client holds its share of the server's {name}: all clients hold {used} of {total} \
+         {unit}, and one may hold at most three times what is free"
+    )]
+    ShareFull { name: &'static str, unit: &'static str, used: usize, total: usize },
     #[error("{open} event streams are open already")]
     StreamsFull { open: usize },
     #[error("{under_way} requests are under way already")]

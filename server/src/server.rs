@@ -23,11 +23,11 @@ use crate::audit::Audit;
 use crate::catalogues::Catalogues;
 use crate::compute::Pool;
 use crate::config::{Access, Config};
+use crate::door::Door;
 use crate::headers::is_origin;
 use crate::integrity;
 use crate::jobs::Jobs;
 use crate::keys::{Keys, KeysError};
-use crate::listener::{Door, Peer};
 use crate::objects::Objects;
 use crate::rate::Rates;
 use crate::refusal::Refusal;
@@ -43,7 +43,7 @@ const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
 pub struct Server {
     local_addr: SocketAddr,
     stop: watch::Sender<bool>,
-    serving: JoinHandle<std::io::Result<()>>,
+    serving: JoinHandle<()>,
     working: JoinHandle<()>,
     sessions: Arc<Sessions>,
     engine: Arc<SledEngine>,
@@ -179,16 +179,16 @@ impl Server {
             tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
         }
         integrity::check(checked, checked_catalogues, stopping.clone())?;
-        let mut stopped = stopping.clone();
-        let service = router(app).into_make_service_with_connect_info::<Peer>();
-        let door = Door::new(listener, tls.as_ref().map(watch::Sender::subscribe));
+        let door = Door {
+            listener,
+            tls: tls.as_ref().map(watch::Sender::subscribe),
+            connections: Arc::clone(app.admission().connections()),
+            patience: app.config().patience,
+        };
         if let (Some(files), Some(tls)) = (tls_files, tls) {
             tokio::spawn(tls::renew(files, tls, stopping.clone()));
         }
-        let serving = axum::serve(door, service).with_graceful_shutdown(async move {
-            let _ = stopped.wait_for(|stopping| *stopping).await;
-        });
-        let serving = tokio::spawn(serving.into_future());
+        let serving = tokio::spawn(door.serve(router(app), stopping));
         tracing::info!("Listening at {scheme}://{local_addr}");
         Ok(Self { local_addr, stop, serving, working, sessions, engine, scheme, admin_key })
     }

@@ -15,6 +15,9 @@ use crate::refusal::Refusal;
 
 /// How many chunks wait for the receiver.
 const CHUNKS_MAX: usize = 4;
+/// Memory of a snapshot that is sent, in bytes: chunks of at most 1 MB that wait, one that is made
+/// and one that is sent.
+pub(crate) const IN_MEMORY: usize = (CHUNKS_MAX + 2) << 20;
 /// How long a receiver may take for a chunk.
 const PATIENCE: Duration = Duration::from_secs(60);
 

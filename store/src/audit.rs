@@ -13,7 +13,7 @@ use crate::access::Role;
 use crate::engine::{Commit, CommitError, Engine, EngineError};
 use crate::error::StoreError;
 use crate::key::{self, Space};
-use crate::pieces;
+use crate::pieces::{self, Limit};
 use crate::record;
 
 /// How many old entries an append removes at most, when the log was opened for fewer.
@@ -140,7 +140,14 @@ impl AuditLog {
         let mut behind = key_of(seq);
         behind.extend_from_slice(&[0xff; 5]);
         let (space, prefix) = (Space::Audit, key::space(Space::Audit));
-        let records = pieces::scan(&*self.engine, space, &prefix, KEY_BYTES, Some(behind), limit)?;
+        let records = pieces::scan(
+            &*self.engine,
+            space,
+            &prefix,
+            KEY_BYTES,
+            Some(behind),
+            Limit::records(limit),
+        )?;
         let decoded: Result<Vec<_>, _> =
             records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
         decoded.map_err(StoreError::damaged(space))

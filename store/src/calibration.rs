@@ -13,7 +13,7 @@ use uuid::Uuid;
 use crate::engine::{Commit, Engine, Expected};
 use crate::error::{StoreError, conflict};
 use crate::key::{self, Space};
-use crate::pieces;
+use crate::pieces::{self, Limit};
 use crate::record;
 
 /// A calibration's key: space, sensor, number.
@@ -114,7 +114,14 @@ impl Calibrations {
     pub fn all(&self, sensor: Uuid) -> Result<Vec<StoredCalibration>, StoreError> {
         let prefix = key::id(Space::Calibration, sensor);
         let space = Space::Calibration;
-        let records = pieces::scan(&*self.engine, space, &prefix, KEY_BYTES, None, usize::MAX)?;
+        let records = pieces::scan(
+            &*self.engine,
+            space,
+            &prefix,
+            KEY_BYTES,
+            None,
+            Limit::records(usize::MAX),
+        )?;
         let decoded: Result<Vec<_>, _> =
             records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
         decoded.map_err(StoreError::damaged(space))

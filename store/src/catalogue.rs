@@ -22,7 +22,7 @@ use crate::error::{RecordError, StoreError};
 use crate::key::{self, Space};
 use crate::mesh::open_raw;
 use crate::model_codec::{self, CodecError, ModelPart};
-use crate::pieces;
+use crate::pieces::{self, Limit};
 use crate::record::{self, SCHEMA};
 use crate::table::{Entity, Page, Table};
 
@@ -265,8 +265,14 @@ impl Catalogues {
             behind.extend_from_slice(&[0xff; 5]);
             let (prefix, space) = (key::id(Space::Version, catalogue), Space::Version);
             let from = Some(behind);
-            let records =
-                pieces::scan(&*self.engine, space, &prefix, MANIFEST_KEY_BYTES, from, wanted)?;
+            let records = pieces::scan(
+                &*self.engine,
+                space,
+                &prefix,
+                MANIFEST_KEY_BYTES,
+                from,
+                Limit::records(wanted),
+            )?;
             let decoded: Result<Vec<Manifest>, _> =
                 records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
             let decoded = decoded.map_err(StoreError::damaged(space))?;

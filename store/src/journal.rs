@@ -17,6 +17,7 @@ use crate::envelope::EnvelopeError;
 use crate::error::{RecordError, StoreError, conflict};
 use crate::key::{self, Space};
 use crate::pieces;
+pub use crate::pieces::Limit;
 use crate::record::{self, JournalHeadV1, JournalRetractionV1, JournalRobotV1};
 
 /// No robot's name may be longer, in bytes.
@@ -276,9 +277,18 @@ impl Journal {
     /// # Errors
     /// [`StoreError::Damaged`], also when an entry is missing; the engine's.
     pub fn entries(&self, owner: Uuid, from: u64, limit: usize) -> Result<Vec<Entry>, StoreError> {
+        self.page(owner, from, Limit::records(limit))
+    }
+
+    /// The entries from number `from` on, up to a number of them or of their stored bytes.
+    ///
+    /// # Errors
+    /// As [`Journal::entries`].
+    pub fn page(&self, owner: Uuid, from: u64, limit: Limit) -> Result<Vec<Entry>, StoreError> {
         let space = self.spaces.entries;
         let length = self.len(owner)?;
-        let wanted = usize::try_from(length.saturating_sub(from)).unwrap_or(usize::MAX).min(limit);
+        let left = usize::try_from(length.saturating_sub(from)).unwrap_or(usize::MAX);
+        let limit = Limit { records: left.min(limit.records), ..limit };
         let after = from.checked_sub(1).map(|before| {
             // Behind all pieces of the entry before.
             let mut key = key::numbered(space, owner, before);
@@ -286,7 +296,7 @@ impl Journal {
             key
         });
         let prefix = key::id(space, owner);
-        let records = pieces::scan(&*self.engine, space, &prefix, ENTRY_KEY_BYTES, after, wanted)?;
+        let records = pieces::scan(&*self.engine, space, &prefix, ENTRY_KEY_BYTES, after, limit)?;
         let damaged = StoreError::damaged(space);
         let mut entries = Vec::with_capacity(records.len());
         for (seq, (key, bytes)) in (from..).zip(&records) {
@@ -299,7 +309,8 @@ impl Journal {
             }
             entries.push(entry);
         }
-        if entries.len() < wanted {
+        let bytes: usize = records.iter().map(|(_, bytes)| bytes.len()).sum();
+        if entries.len() < limit.records && bytes < limit.bytes {
             let seq = from + entries.len() as u64;
             return Err(damaged(RecordError::Entry { seq, length }));
         }

@@ -3,6 +3,8 @@
 //! An upload is written under an id of its own, piece by piece; one commit then makes it the
 //! object's mesh, and the file before it is removed. A crash in between leaves the old one.
 
+mod reader;
+
 use std::sync::Arc;
 
 use uuid::Uuid;
@@ -13,6 +15,10 @@ use crate::error::{RecordError, StoreError, conflict};
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record::{self, SCHEMA};
+pub use reader::MeshReader;
+
+/// How often a mesh is looked up that is being replaced.
+const OPEN_ATTEMPTS: usize = 16;
 
 /// The format of a mesh file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,6 +145,21 @@ impl Meshes {
         };
         let file = open_raw(Kind::MeshFile, &sealed, &info.hash).map_err(damaged)?;
         Ok(Some((info, file)))
+    }
+
+    /// An object's mesh, to be read block by block; its first block is read.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn open(&self, object: Uuid) -> Result<Option<MeshReader>, StoreError> {
+        for _ in 0..OPEN_ATTEMPTS {
+            let Some(info) = self.info(object)? else { return Ok(None) };
+            if let Some(reader) = MeshReader::open(Arc::clone(&self.engine), object, info)? {
+                return Ok(Some(reader));
+            }
+            // Replaced while we looked.
+        }
+        Err(StoreError::damaged(Space::MeshFile)(RecordError::Piece { piece: 0 }))
     }
 
     /// Removes an object's mesh.

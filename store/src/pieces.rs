@@ -6,6 +6,8 @@
 //! Small records are written in one commit. Large immutable ones ([`write_large`]) are
 //! written in many, the first piece last: what has a first piece is whole.
 
+use std::ops::Range;
+
 use crate::engine::{Commit, CommitError, Engine, EngineError, Pair, VALUE_BYTES_MAX};
 use crate::envelope;
 use crate::error::{RecordError, StoreError};
@@ -68,6 +70,22 @@ pub(crate) fn read(
     Err(StoreError::Damaged { space, source: RecordError::Piece { piece: 0 } })
 }
 
+/// Where a scan of records ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Limit {
+    /// The most records.
+    pub records: usize,
+    /// With the record that reaches this many bytes, so that one record is always read.
+    pub bytes: usize,
+}
+
+impl Limit {
+    /// At most this many records, however large they are.
+    pub(crate) fn records(records: usize) -> Self {
+        Self { records, bytes: usize::MAX }
+    }
+}
+
 /// Up to `limit` records whose keys have `prefix`, are `head_bytes` long and greater than
 /// `after`: keys and whole records, in ascending order.
 pub(crate) fn scan(
@@ -76,26 +94,32 @@ pub(crate) fn scan(
     prefix: &[u8],
     head_bytes: usize,
     after: Option<Vec<u8>>,
-    limit: usize,
+    limit: Limit,
 ) -> Result<Vec<Pair>, StoreError> {
     let mut found = Vec::new();
     let mut after = after;
-    while found.len() < limit {
+    let (mut records, mut bytes) = (0, 0usize);
+    while records < limit.records && bytes < limit.bytes {
         let page = engine.scan(
             prefix,
             after.as_deref(),
-            (limit - found.len()).clamp(16, PIECES_PER_SCAN),
+            (limit.records - records).clamp(16, PIECES_PER_SCAN),
         )?;
         let Some((last, _)) = page.last() else { break };
         after = Some(last.clone());
         for (head, value) in page {
-            if head.len() != head_bytes || found.len() == limit {
+            if records == limit.records || bytes >= limit.bytes {
+                break;
+            }
+            if head.len() != head_bytes {
                 continue;
             }
             let fits = envelope::total_bytes(&value).is_ok_and(|total| total == value.len());
             let record = if fits { Some(value) } else { read(engine, space, &head)? };
             // A record that is gone now was removed while we looked.
-            found.extend(record.map(|record| (head, record)));
+            let Some(record) = record else { continue };
+            (records, bytes) = (records + 1, bytes.saturating_add(record.len()));
+            found.push((head, record));
         }
     }
     Ok(found)
@@ -145,23 +169,57 @@ fn complete(
     head: &[u8],
     first: &[u8],
 ) -> Result<Vec<u8>, StoreError> {
-    let damaged = StoreError::damaged(space);
-    let total = envelope::total_bytes(first).map_err(|error| damaged(error.into()))?;
+    let mut rest = Rest::behind(space, head, first)?;
     let mut whole = first.to_vec();
-    let mut after = head.to_vec();
-    let mut wanted = 1..n_pieces(total);
-    while !wanted.is_empty() {
-        let page = engine.scan(head, Some(&after), wanted.len().min(PIECES_PER_SCAN))?;
-        if page.is_empty() {
-            return Err(damaged(RecordError::Piece { piece: wanted.start }));
+    loop {
+        let bytes = rest.next(engine, PIECES_PER_SCAN)?;
+        if bytes.is_empty() {
+            return Ok(whole);
         }
-        for ((key, bytes), piece) in page.into_iter().zip(&mut wanted) {
-            if key != key::piece(head, piece) {
+        whole.extend_from_slice(&bytes);
+    }
+}
+
+/// The place of a reader in a record, behind its first piece.
+#[derive(Debug)]
+pub(crate) struct Rest {
+    space: Space,
+    head: Vec<u8>,
+    after: Vec<u8>,
+    wanted: Range<u32>,
+}
+
+impl Rest {
+    /// Behind the piece `first` of the record under `head`.
+    pub(crate) fn behind(space: Space, head: &[u8], first: &[u8]) -> Result<Self, StoreError> {
+        let total = envelope::total_bytes(first);
+        let total = total.map_err(|error| StoreError::damaged(space)(error.into()))?;
+        let (head, after) = (head.to_vec(), head.to_vec());
+        Ok(Self { space, head, after, wanted: 1..n_pieces(total) })
+    }
+
+    /// The bytes of at most `limit` more pieces; none at the end.
+    pub(crate) fn next(
+        &mut self,
+        engine: &dyn Engine,
+        limit: usize,
+    ) -> Result<Vec<u8>, StoreError> {
+        let damaged = StoreError::damaged(self.space);
+        if self.wanted.is_empty() {
+            return Ok(Vec::new());
+        }
+        let page = engine.scan(&self.head, Some(&self.after), self.wanted.len().min(limit))?;
+        if page.is_empty() {
+            return Err(damaged(RecordError::Piece { piece: self.wanted.start }));
+        }
+        let mut whole = Vec::with_capacity(page.len() * VALUE_BYTES_MAX);
+        for ((key, bytes), piece) in page.into_iter().zip(&mut self.wanted) {
+            if key != key::piece(&self.head, piece) {
                 return Err(damaged(RecordError::Piece { piece }));
             }
             whole.extend_from_slice(&bytes);
-            after = key;
+            self.after = key;
         }
+        Ok(whole)
     }
-    Ok(whole)
 }

@@ -12,7 +12,7 @@ use crate::engine::{Commit, Engine, Expected};
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{StoreError, conflict};
 use crate::key::{self, ID_KEY_BYTES, Space};
-use crate::pieces;
+use crate::pieces::{self, Limit};
 use crate::record::{self, NameV1, Record};
 
 /// How often an update is tried again when others change the same thing.
@@ -118,7 +118,14 @@ impl<T: Entity> Table<T> {
             key
         });
         let wanted = limit.saturating_add(1);
-        let records = pieces::scan(&*self.engine, T::SPACE, &prefix, ID_KEY_BYTES, after, wanted)?;
+        let records = pieces::scan(
+            &*self.engine,
+            T::SPACE,
+            &prefix,
+            ID_KEY_BYTES,
+            after,
+            Limit::records(wanted),
+        )?;
         let decoded: Result<Vec<T>, _> =
             records.iter().map(|(_, record)| record::decode(record)).collect();
         let mut items = decoded.map_err(StoreError::damaged(T::SPACE))?;

@@ -118,6 +118,26 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..)
     )]
     keep_sessions_s: Option<u64>,
+    /// Memory for answers that are not read yet, in MB; a request whose answer finds no room is
+    /// told to come back (503).
+    #[arg(
+        long,
+        env = "PALPATE_ANSWER_MEMORY_MB",
+        value_name = "MB",
+        default_value_t = 256,
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000_000)
+    )]
+    answer_memory_mb: u64,
+    /// How many connections may be open at once; fewer where the system allows fewer open files.
+    /// When all are taken, health checks alone are answered.
+    #[arg(
+        long,
+        env = "PALPATE_CONNECTIONS",
+        value_name = "N",
+        default_value_t = 4096,
+        value_parser = clap::value_parser!(u32).range(1..=1_000_000)
+    )]
+    connections: u32,
     /// How many requests a second each client may make, which is a key's holder, or an address
     /// where nobody is asked for a key; more are refused (429). Without it only the bounds on
     /// all clients together count.
@@ -236,6 +256,8 @@ fn config(args: ServeArgs) -> Config {
         model_memory_bytes_max: args.model_memory_mb * 1_000_000,
         belief_memory_bytes_max: args.belief_memory_mb as usize * 1_000_000,
         bodies_bytes_max: (args.body_memory_mb as usize) << 20,
+        answers_bytes_max: (args.answer_memory_mb as usize) << 20,
+        connections_max: args.connections as usize,
         sessions_open_max: args.sessions_open as usize,
         session_time_to_live: Duration::from_secs(args.session_ttl_s),
         session_kept: args.keep_sessions_s.map(Duration::from_secs),

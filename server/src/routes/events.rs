@@ -17,6 +17,7 @@ use tokio::sync::broadcast::Receiver;
 use tokio_stream::wrappers::{BroadcastStream, WatchStream};
 
 use crate::app::App;
+use crate::client::Client;
 use crate::extract::{Params, Segment1, revision};
 use crate::guard::Caller;
 use crate::refusal::Refusal;
@@ -36,12 +37,13 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 pub(crate) async fn job_events(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
+    Extension(client): Extension<Option<Client>>,
     Segment1(job): Segment1,
 ) -> Result<Response, Refusal> {
     let jobs = WatchStream::new(app.jobs().follow(&job)?);
     let events = until(jobs.boxed(), |job: &Job| job.state.is_final());
     let events = events.map(|job| Event::default().event("job").json_data(&job));
-    sse(&app, caller, events.filter_map(async |event| event.ok()).boxed())
+    sse(&app, (caller, client), events.filter_map(async |event| event.ok()).boxed())
 }
 
 /// Follow a session
@@ -55,6 +57,7 @@ pub(crate) async fn job_events(
 pub(crate) async fn session_events(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
+    Extension(client): Extension<Option<Client>>,
     Segment1(session): Segment1,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
@@ -62,7 +65,7 @@ pub(crate) async fn session_events(
     let id = app.sessions().parse(&session)?;
     let (now, events) = app.sessions().follow(id, known).await?;
     let events = until(session_stream(now, events), is_last);
-    sse(&app, caller, events.filter_map(async |event| session_event(&event)).boxed())
+    sse(&app, (caller, client), events.filter_map(async |event| session_event(&event)).boxed())
 }
 
 /// Follow several sessions in one stream
@@ -75,6 +78,7 @@ pub(crate) async fn session_events(
 pub(crate) async fn events(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
+    Extension(client): Extension<Option<Client>>,
     Params(query): Params<EventsQuery>,
 ) -> Result<Response, Refusal> {
     let mut all = Vec::new();
@@ -82,7 +86,11 @@ pub(crate) async fn events(
         let (now, events) = app.sessions().follow(id, None).await?;
         all.push(session_stream(now, events));
     }
-    sse(&app, caller, select_all(all).filter_map(async |event| session_event(&event)).boxed())
+    sse(
+        &app,
+        (caller, client),
+        select_all(all).filter_map(async |event| session_event(&event)).boxed(),
+    )
 }
 
 /// What is now, then what happens. Who lags behind misses events that newer ones replace.
@@ -121,8 +129,12 @@ fn until<T: Send + 'static>(
 }
 
 /// The response of a stream. It counts against the bound on streams while it is open.
-fn sse(app: &App, caller: Caller, events: BoxStream<'static, Event>) -> Result<Response, Refusal> {
-    let permit = app.admission().stream()?;
+fn sse(
+    app: &App,
+    (caller, client): (Caller, Option<Client>),
+    events: BoxStream<'static, Event>,
+) -> Result<Response, Refusal> {
+    let permit = app.admission().stream(client)?;
     let mut stopping = app.stopping();
     let app = app.clone();
     let ended = async move {

@@ -2,14 +2,15 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::StatusCode;
+use axum::response::Response;
 use palpate_schemas::{
     AddTrainingReadings, CreateObject, MeshQuery, MeshReport, ObjectInfo, ObjectPage, PageQuery,
     StoredReadingPage, TrainingReadingsAdded, UpdateObject,
 };
 
 use crate::app::App;
+use crate::blocks;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segment1};
 use crate::openapi::{Conflict, MeshFile};
 use crate::refusal::Refusal;
@@ -92,7 +93,7 @@ pub(crate) async fn get_mesh(
     Segment1(object): Segment1,
 ) -> Result<Response, Refusal> {
     let (format, file) = app.objects().mesh(&object).await?;
-    Ok(([(header::CONTENT_TYPE, format.media_type())], file).into_response())
+    Ok(blocks::answer(format.media_type(), file))
 }
 
 /// Upload an object's mesh

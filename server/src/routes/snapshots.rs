@@ -1,15 +1,17 @@
 //! `/v1/snapshots`
 
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use tokio_stream::wrappers::ReceiverStream;
 
+use crate::admission::InMemory;
 use crate::app::App;
 use crate::openapi::SnapshotFile;
 use crate::refusal::Refusal;
-use crate::snapshots::take;
+use crate::snapshots::{IN_MEMORY, take};
 
 /// Take a snapshot
 ///
@@ -22,5 +24,6 @@ use crate::snapshots::take;
 pub(crate) async fn take_snapshot(State(app): State<App>) -> Result<Response, Refusal> {
     let chunks = take(app.store(), app.stopping()).await?;
     let content_type = [(header::CONTENT_TYPE, "application/octet-stream")];
-    Ok((content_type, Body::from_stream(ReceiverStream::new(chunks))).into_response())
+    let body = Body::from_stream(ReceiverStream::new(chunks));
+    Ok((content_type, Extension(InMemory(IN_MEMORY)), body).into_response())
 }

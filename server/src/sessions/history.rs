@@ -5,12 +5,13 @@ use std::sync::Arc;
 use palpate_schemas as wire;
 use palpate_schemas::BeliefDetail;
 use palpate_store::entity::ReadingId;
+use palpate_store::journal::Limit;
 use uuid::Uuid;
 
 use super::{Sessions, poses};
 use crate::live::ReplayQuestion;
 use crate::refusal::Refusal;
-use crate::wire::{page_length, page_number, reading, within};
+use crate::wire::{PAGE_BYTES, page_length, page_number, reading, within};
 
 /// Steps of a replay when the request does not say.
 const STEPS: u32 = 100;
@@ -28,7 +29,8 @@ impl Sessions {
         let (from, limit) = (page_number(query)?, page_length(query)?);
         let journal = self.store.journal();
         let withdrawn = journal.retractions(session)?;
-        let entries = journal.entries(session, from, limit)?;
+        let limit = Limit { records: limit, bytes: PAGE_BYTES };
+        let entries = journal.page(session, from, limit)?;
         let next = from + entries.len() as u64;
         let shown = |entry| reading::of_session(entry, withdrawn.get(&entry.seq).copied());
         let items = entries.iter().filter_map(shown).collect();

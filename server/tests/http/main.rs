@@ -9,6 +9,7 @@ mod bad_input;
 mod calibrated;
 mod calibration;
 mod checkpoints;
+mod door;
 mod fleet;
 mod frames;
 mod geometry;

@@ -8,6 +8,7 @@ mod damage;
 mod engines;
 mod fsck;
 mod keeping;
+mod meshes;
 mod removal;
 mod repositories;
 mod samples;

@@ -1,0 +1,86 @@
+//! A body on its way in: counted as it arrives, complete before its request is worked on.
+
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use axum::extract::Request;
+use axum::http::header;
+use futures::StreamExt;
+
+use super::share;
+use crate::app::App;
+use crate::budget::{Budget, Holding, Over};
+use crate::client::Client;
+use crate::refusal::Refusal;
+
+/// A body that is too long is read on and thrown away up to this many times its limit, so that
+/// the robot, still sending, gets to read the answer.
+const DRAIN_FACTOR: usize = 4;
+
+/// The time that a body has.
+#[derive(Clone, Copy)]
+struct Time {
+    /// For all of it.
+    whole: Duration,
+    /// Between two pieces.
+    pause: Duration,
+}
+
+/// The request with its whole body, and the room that the body has.
+pub(super) async fn receive(
+    app: &App,
+    request: Request,
+    client: Option<Client>,
+) -> Result<(Request, Holding), Refusal> {
+    let bodies = &app.admission().bodies;
+    let mut room = bodies.take(client, 0).map_err(|over| full(bodies, over))?;
+    let config = app.config();
+    let is_json = content_type_is_structured(&request);
+    let max = if is_json { config.json_bytes_max } else { config.mesh_bytes_max };
+    let time = Time { whole: config.body_timeout, pause: config.patience.body };
+    let (parts, body) = request.into_parts();
+    let reading = read(body, max, &mut room, bodies, time.pause);
+    let within = time.whole;
+    let bytes = tokio::time::timeout(within, reading).await;
+    let bytes = bytes.unwrap_or(Err(Refusal::BodyTooSlow { within }))?;
+    Ok((Request::from_parts(parts, Body::from(bytes)), room))
+}
+
+/// Whether a body is JSON or MessagePack: these have a limit of their own.
+fn content_type_is_structured(request: &Request) -> bool {
+    let value = request.headers().get(header::CONTENT_TYPE);
+    let value = value.and_then(|value| value.to_str().ok()).unwrap_or_default();
+    value.contains("json") || value.contains("msgpack")
+}
+
+async fn read(
+    body: Body,
+    max: usize,
+    room: &mut Holding,
+    bodies: &Budget,
+    pause: Duration,
+) -> Result<Bytes, Refusal> {
+    let mut stream = body.into_data_stream();
+    let mut bytes = Vec::new();
+    let mut length = 0usize;
+    loop {
+        let next = tokio::time::timeout(pause, stream.next()).await;
+        let Some(chunk) = next.map_err(|_| Refusal::BodyTooSlow { within: pause })? else { break };
+        let chunk = chunk.map_err(|error| Refusal::Unreadable { reason: error.to_string() })?;
+        length += chunk.len();
+        if length <= max {
+            room.grow_to(length).map_err(|over| full(bodies, over))?;
+            bytes.extend_from_slice(&chunk);
+        } else if length > DRAIN_FACTOR.saturating_mul(max) {
+            break;
+        }
+    }
+    if length > max { Err(Refusal::BodyTooLarge { max }) } else { Ok(bytes.into()) }
+}
+
+fn full(bodies: &Budget, over: Over) -> Refusal {
+    match over {
+        Over::Total => Refusal::BodiesFull { used: bodies.used(), max: bodies.total() },
+        Over::Share => share("bodies", "content-bytes", bodies),
+    }
+}

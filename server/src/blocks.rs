@@ -1,0 +1,35 @@
+//! A stored file as the body of an answer, read from the store block by block as its reader
+//! takes it.
+
+use std::io;
+
+use axum::Extension;
+use axum::body::{Body, Bytes};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use futures::stream;
+use palpate_store::mesh::MeshReader;
+
+use crate::admission::InMemory;
+
+/// Memory of one answer, in bytes: a block that is sent, the next one, and the connection's
+/// buffer.
+const IN_MEMORY: usize = 640 << 10;
+
+/// A mesh file as an answer. When it turns out to be damaged, or is replaced meanwhile, the
+/// answer breaks off before its stated length.
+pub(crate) fn answer(content_type: &'static str, reader: MeshReader) -> Response {
+    let length = reader.info().length;
+    let blocks = stream::try_unfold(reader, async |mut reader| {
+        let reading = tokio::task::spawn_blocking(move || Ok((reader.next_block()?, reader)));
+        let read = reading.await.map_err(io::Error::other)?;
+        let (block, reader) = read.map_err(|error: palpate_store::error::StoreError| {
+            tracing::error!(%error, "A mesh was not sent to its end: {error}");
+            io::Error::other(error)
+        })?;
+        Ok::<_, io::Error>(block.map(|block| (Bytes::from(block), reader)))
+    });
+    let kind = [(header::CONTENT_TYPE, content_type)];
+    let length = [(header::CONTENT_LENGTH, length)];
+    (kind, length, Extension(InMemory(IN_MEMORY)), Body::from_stream(blocks)).into_response()
+}

@@ -1,0 +1,225 @@
+//! The pace of a connection: deadlines for headers that do not end and answers that are not read.
+//!
+//! What a connection waits for is known on two sides: bytes pass through [`Paced`], requests and
+//! answers through [`Pace::request`] and [`Served`]. Both share one [`Pace`].
+
+use std::io;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, ready};
+
+use axum::body::{Body, Bytes, HttpBody};
+use hyper::body::{Frame, SizeHint};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::time::{Instant, Sleep, sleep_until};
+
+use super::Patience;
+
+/// What a connection waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// The rest of a request's headers, until then.
+    Headers(Instant),
+    /// The first byte of a request.
+    Idle,
+    /// The server's answer.
+    Request,
+}
+
+/// The pace of one connection.
+#[derive(Debug)]
+pub(super) struct Pace {
+    patience: Patience,
+    phase: Mutex<Phase>,
+}
+
+/// A request under way; dropped with the last byte of its answer's body.
+#[derive(Debug)]
+pub(super) struct RequestUnderWay(Arc<Pace>);
+
+impl Pace {
+    pub(super) fn new(patience: Patience) -> Arc<Self> {
+        let phase = Phase::Headers(Instant::now() + patience.headers);
+        Arc::new(Self { patience, phase: Mutex::new(phase) })
+    }
+
+    /// Notes that the headers of a request are there.
+    pub(super) fn request(self: &Arc<Self>) -> RequestUnderWay {
+        self.enter(Phase::Request);
+        RequestUnderWay(Arc::clone(self))
+    }
+
+    /// Notes that bytes came in.
+    fn hear(&self) {
+        let mut phase = self.phase.lock().unwrap_or_else(PoisonError::into_inner);
+        if *phase == Phase::Idle {
+            *phase = Phase::Headers(Instant::now() + self.patience.headers);
+        }
+    }
+
+    fn enter(&self, phase: Phase) {
+        *self.phase.lock().unwrap_or_else(PoisonError::into_inner) = phase;
+    }
+
+    /// When headers that are arriving must be complete.
+    fn deadline(&self) -> Option<Instant> {
+        match *self.phase.lock().unwrap_or_else(PoisonError::into_inner) {
+            Phase::Headers(until) => Some(until),
+            Phase::Idle | Phase::Request => None,
+        }
+    }
+}
+
+impl Drop for RequestUnderWay {
+    fn drop(&mut self) {
+        self.0.enter(Phase::Idle);
+    }
+}
+
+/// A deadline that can be set again and again.
+#[derive(Debug, Default)]
+struct Alarm(Option<Pin<Box<Sleep>>>);
+
+impl Alarm {
+    /// Whether `until` has passed; else the task is woken then.
+    fn poll(&mut self, until: Instant, context: &mut Context<'_>) -> bool {
+        let sleep = self.0.get_or_insert_with(|| Box::pin(sleep_until(until)));
+        if sleep.deadline() != until {
+            sleep.as_mut().reset(until);
+        }
+        sleep.as_mut().poll(context).is_ready()
+    }
+}
+
+/// The bytes of a connection, at its pace.
+#[derive(Debug)]
+pub(super) struct Paced<T> {
+    inner: T,
+    pace: Arc<Pace>,
+    headers: Alarm,
+    /// When the reader must have taken something of what waits for it.
+    stalled_until: Option<Instant>,
+    stalled: Alarm,
+}
+
+impl<T> Paced<T> {
+    pub(super) fn new(inner: T, pace: Arc<Pace>) -> Self {
+        let (headers, stalled) = (Alarm::default(), Alarm::default());
+        Self { inner, pace, headers, stalled_until: None, stalled }
+    }
+
+    /// Ends a write that makes no progress.
+    fn wrote<R>(
+        &mut self,
+        poll: Poll<io::Result<R>>,
+        context: &mut Context<'_>,
+    ) -> Poll<io::Result<R>> {
+        if poll.is_ready() {
+            self.stalled_until = None;
+            return poll;
+        }
+        let answer = self.pace.patience.answer;
+        let until = *self.stalled_until.get_or_insert_with(|| Instant::now() + answer);
+        if self.stalled.poll(until, context) {
+            return Poll::Ready(Err(io::Error::new(
+                io::ErrorKind::TimedOut,
+                format!("the reader took nothing of its answer for {answer:?}"),
+            )));
+        }
+        Poll::Pending
+    }
+}
+
+impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let before = buffer.filled().len();
+        let this = &mut *self;
+        let read = Pin::new(&mut this.inner).poll_read(context, buffer);
+        if buffer.filled().len() > before {
+            this.pace.hear();
+        }
+        // Bytes that come one by one do not put off the deadline.
+        let Some(until) = this.pace.deadline() else { return read };
+        if this.headers.poll(until, context) {
+            return Poll::Ready(Err(io::Error::new(
+                io::ErrorKind::TimedOut,
+                format!("no complete headers within {:?}", this.pace.patience.headers),
+            )));
+        }
+        read
+    }
+}
+
+impl<T: AsyncWrite + Unpin> AsyncWrite for Paced<T> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.inner).poll_write(context, bytes);
+        self.wrote(written, context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.inner).poll_write_vectored(context, slices);
+        self.wrote(written, context)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.inner.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        let flushed = Pin::new(&mut self.inner).poll_flush(context);
+        self.wrote(flushed, context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        let shut = Pin::new(&mut self.inner).poll_shutdown(context);
+        self.wrote(shut, context)
+    }
+}
+
+/// The body of an answer, with the request that it answers.
+pub(super) struct Served {
+    body: Body,
+    request: Option<RequestUnderWay>,
+}
+
+impl Served {
+    pub(super) fn new(body: Body, request: RequestUnderWay) -> Self {
+        Self { body, request: Some(request) }
+    }
+}
+
+impl HttpBody for Served {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let frame = ready!(Pin::new(&mut self.body).poll_frame(context));
+        if frame.is_none() {
+            self.request = None;
+        }
+        Poll::Ready(frame)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}

@@ -1,0 +1,218 @@
+//! What callers can occupy: connections, bodies that only begin, answers that nobody reads.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use palpate_server::tls::TlsFiles;
+use palpate_server::{Access, Server};
+use rcgen::{CertificateParams, KeyPair};
+use reqwest::Client;
+use serde_json::json;
+use tempfile::TempDir;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpSocket, TcpStream};
+
+use crate::harness::{CUBE, Harness, config, off_box, quiet_reading};
+
+/// Long enough for any step of a test on a busy machine.
+const LONG: Duration = Duration::from_secs(20);
+
+async fn connect(address: SocketAddr, said: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(said.as_bytes()).await.unwrap();
+    stream
+}
+
+/// What a connection says until it is closed.
+async fn rest(mut stream: TcpStream) -> String {
+    let mut said = Vec::new();
+    // A reset is an end as well.
+    let read = tokio::time::timeout(LONG, stream.read_to_end(&mut said)).await;
+    let said = String::from_utf8_lossy(&said).into_owned();
+    assert!(read.is_ok(), "the server does not close the connection, and said {said:?}");
+    said
+}
+
+/// A client without connections of its own yet.
+fn stranger() -> Client {
+    Client::builder().timeout(LONG).build().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn headers_that_do_not_end_give_their_connections_back() {
+    let it = Harness::start_with(|config| {
+        config.connections_max = 16;
+        config.patience.headers = Duration::from_millis(1500);
+    })
+    .await;
+    let address = it.server.local_addr();
+    let mut open = Vec::new();
+    for _ in 0..40 {
+        open.push(connect(address, "GET /v1/objects HTTP/1.1\r\nHost: localhost\r\nX: ").await);
+    }
+    let livez = stranger().get(it.url("/livez")).send().await.unwrap();
+    assert_eq!(livez.status(), 200, "health is answered while every connection is taken");
+    let refused = stranger().get(it.url("/v1/objects")).send().await.unwrap();
+    assert_eq!(refused.status(), 503);
+    let policy = refused.headers()["ratelimit-policy"].to_str().unwrap().to_owned();
+    assert!(policy.starts_with("\"connections\""), "{policy}");
+    // Bytes that drip in do not put the deadline off.
+    let mut dripping = open.swap_remove(0);
+    let dripped = async {
+        while dripping.write_all(b"x").await.is_ok() {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    };
+    tokio::time::timeout(LONG, dripped).await.expect("the server closes it");
+    for stream in open {
+        rest(stream).await;
+    }
+    assert_eq!(stranger().get(it.url("/v1/objects")).send().await.unwrap().status(), 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn idle_connections_are_closed_and_used_ones_are_kept() {
+    let it = Harness::start_with(|config| {
+        config.patience.headers = Duration::from_millis(800);
+        config.patience.idle = Duration::from_millis(2500);
+    })
+    .await;
+    let request = "GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    let mut stream = connect(it.server.local_addr(), request).await;
+    // Longer than headers may take, shorter than idling may.
+    tokio::time::sleep(Duration::from_millis(1300)).await;
+    stream.write_all(request.as_bytes()).await.unwrap();
+    let said = rest(stream).await;
+    assert_eq!(said.matches("HTTP/1.1 200 OK").count(), 2, "{said}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn headers_longer_than_the_buffer_are_refused() {
+    let it = Harness::start().await;
+    let long =
+        format!("GET /livez HTTP/1.1\r\nHost: localhost\r\nX: {}\r\n\r\n", "x".repeat(80_000));
+    let said = rest(connect(it.server.local_addr(), &long).await).await;
+    assert!(said.starts_with("HTTP/1.1 431"), "{said}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn promised_bodies_hold_no_slot_and_no_room() {
+    let it = Harness::start_with(|config| {
+        config.requests_max = 8;
+        config.bodies_bytes_max = 1 << 20;
+        config.patience.body = Duration::from_millis(1500);
+    })
+    .await;
+    let promise = "POST /v1/objects HTTP/1.1\r\nHost: localhost\r\n\
+        Content-Type: application/json\r\nContent-Length: 900000\r\n\r\n{\"name\": ";
+    let mut open = Vec::new();
+    for _ in 0..40 {
+        open.push(connect(it.server.local_addr(), promise).await);
+    }
+    it.post("/v1/objects", &json!({"name": "vase"})).await.expect(201);
+    for stream in open {
+        let said = rest(stream).await;
+        assert!(said.starts_with("HTTP/1.1 408"), "{said}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn answers_that_nobody_reads_are_bounded_and_given_back() {
+    let it = Harness::start_with(|config| {
+        // Room for three meshes that are read block by block.
+        config.answers_bytes_max = 3 << 20;
+        config.patience.answer = Duration::from_millis(1500);
+    })
+    .await;
+    it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
+    let comments = format!("# {}\n", "x".repeat(1000)).repeat(16 << 10);
+    let mesh = format!("{}{comments}", off_box(CUBE));
+    it.put_mesh("cube", &mesh).await.expect(200);
+    let request = "GET /v1/objects/cube/mesh HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    let mut unread = Vec::new();
+    for _ in 0..6 {
+        // A small window, so that the system does not take the answer off the server's hands.
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.set_recv_buffer_size(4096).unwrap();
+        let mut stream = socket.connect(it.server.local_addr()).await.unwrap();
+        stream.write_all(request.as_bytes()).await.unwrap();
+        unread.push(stream);
+    }
+    let refused = async {
+        loop {
+            let answer = it.client.get(it.url("/v1/objects/cube/mesh")).send().await.unwrap();
+            if answer.status() == 429 {
+                break answer.headers()["ratelimit-policy"].to_str().unwrap().to_owned();
+            }
+            // The unread requests may not have arrived yet.
+            answer.bytes().await.unwrap();
+        }
+    };
+    let policy = tokio::time::timeout(LONG, refused).await.expect("the share is held");
+    assert!(policy.starts_with("\"answers\""), "{policy}");
+    it.get("/v1/objects").await.expect(200);
+    let given_back = async {
+        loop {
+            let answer = it.client.get(it.url("/v1/objects/cube/mesh")).send().await.unwrap();
+            if answer.status() == 200 {
+                break answer.bytes().await.unwrap().len();
+            }
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    };
+    let bytes = tokio::time::timeout(LONG, given_back).await.expect("stalled readers are closed");
+    assert_eq!(bytes, mesh.len());
+    drop(unread);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn silent_connections_do_not_close_the_door_of_tls() {
+    let (files, data) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let key = KeyPair::generate().unwrap();
+    let names = vec!["127.0.0.1".to_owned()];
+    let certificate = CertificateParams::new(names).unwrap().self_signed(&key).unwrap();
+    let path = |name: &str| files.path().join(name);
+    std::fs::write(path("server.pem"), certificate.pem()).unwrap();
+    std::fs::write(path("server.key"), key.serialize_pem()).unwrap();
+    let mut config = config(data.path());
+    config.tls = Some(TlsFiles {
+        certificate: path("server.pem"),
+        key: path("server.key"),
+        look_every: LONG,
+    });
+    config.access = Access::Keys;
+    // The silent ones outlive the test: nothing but room lets others in.
+    config.patience.handshake = Duration::from_secs(600);
+    let server = Server::start(config).await.unwrap();
+    let mut silent = Vec::new();
+    for _ in 0..300 {
+        silent.push(TcpStream::connect(server.local_addr()).await.unwrap());
+    }
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let trusted = reqwest::Certificate::from_pem(certificate.pem().as_bytes()).unwrap();
+    let client = Client::builder().tls_certs_only([trusted]).timeout(LONG).build().unwrap();
+    let livez = client.get(format!("{}/livez", server.address())).send().await.unwrap();
+    assert_eq!(livez.status(), 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_of_readings_ends_at_a_number_of_bytes() {
+    let it = Harness::start().await;
+    it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
+    let mut reading = quiet_reading();
+    reading["feature"] = json!(vec![0; 4096]);
+    let readings = json!({"readings": vec![reading; 300]});
+    it.post("/v1/objects/cube/readings", &readings).await.expect(200);
+    let (mut cursor, mut seen) = (String::new(), Vec::new());
+    loop {
+        let path = format!("/v1/objects/cube/readings?limit=1000{cursor}");
+        let page = it.get(&path).await.expect(200);
+        let items = page["items"].as_array().unwrap();
+        // 4096 numbers of eight bytes and an image: 4 MiB have 127 readings.
+        assert!((120..=127).contains(&items.len()) || page["next_cursor"].is_null());
+        seen.extend(items.iter().map(|item| item["index"].as_u64().unwrap()));
+        let Some(next) = page["next_cursor"].as_str() else { break };
+        cursor = format!("&cursor={next}");
+    }
+    assert_eq!(seen, (0..300).collect::<Vec<u64>>());
+}
