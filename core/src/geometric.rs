@@ -22,6 +22,7 @@ use crate::log_prob::normalize;
 use crate::model::ObjectIdx;
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;
+use crate::stop::Stop;
 
 pub use error::GeometricError;
 pub use marginals::{AxisMarginal, Marginals, PlaneMarginal};
@@ -130,6 +131,15 @@ impl GeometricBelief {
             }
         };
         Ok(Self { pose: options.pose, n_readings: 0, state })
+    }
+
+    /// Ends what takes long from now on when `stop` is asked for ([`Stop::check`]).
+    pub fn heed(&mut self, stop: &Stop) {
+        match &mut self.state {
+            State::Planar(belief) => belief.heed(stop),
+            State::Printed(belief) => belief.heed(stop),
+            State::Solid(belief) => belief.heed(stop),
+        }
     }
 
     /// Takes a reading into account.

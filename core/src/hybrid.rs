@@ -53,6 +53,7 @@ use crate::model::surface::SurfaceModel;
 use crate::reading::Reading;
 use crate::recognise::{RecogniseError, log_prior};
 use crate::sensor::SensorDescription;
+use crate::stop::Stop;
 use crate::surface::SurfaceMap;
 use crate::surface::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::surface::touch::observe_touch;
@@ -100,6 +101,7 @@ pub struct HybridBelief {
     /// Beliefs that assume unannounced motion, one for each amplitude; empty while rest explains
     /// the touches well.
     moving: Vec<Self>,
+    stop: Stop,
 }
 
 /// What is believed of one object.
@@ -175,6 +177,7 @@ impl HybridBelief {
             may_have_moved: false,
             is_restless: false,
             moving: Vec::new(),
+            stop: Stop::never(),
             model,
             options,
         })
@@ -195,6 +198,12 @@ impl HybridBelief {
             + self.misses.iter().map(Miss::bytes).sum::<usize>()
             + self.objects.capacity() * size_of::<ObjectState>()
             + objects
+    }
+
+    /// Ends what takes long from now on when `stop` is asked for ([`Stop::check`]).
+    pub fn heed(&mut self, stop: &Stop) {
+        self.stop = stop.clone();
+        self.moving.iter_mut().for_each(|moving| moving.heed(stop));
     }
 
     /// Takes a reading into account. A press that touched nothing says where the object is not.
@@ -278,7 +287,7 @@ impl HybridBelief {
     /// What the newest press says of free and occupied space scores every hypothesis.
     fn judge_newest_pattern(&mut self) {
         let (objects, evidence) = self.parts();
-        for_each_object(objects, evidence.maps, |state, map| {
+        for_each_object(objects, evidence.maps, evidence.stop, |state, map| {
             for hypothesis in &mut state.hypotheses {
                 hypothesis.score += evidence.newest_pattern(map, &hypothesis.pose());
             }
@@ -291,7 +300,7 @@ impl HybridBelief {
         self.stage = 1;
         let touch = &self.touches[0];
         let n_compared = self.n_listed().map_or(usize::MAX, |_| TOUCHES_PER_OBJECT);
-        for_each_object(&mut self.objects, self.model.maps(), |state, map| {
+        for_each_object(&mut self.objects, self.model.maps(), &self.stop, |state, map| {
             let mut looks = Vec::new();
             let n_compared = n_compared.min(map.patches().len());
             touch.appearances(map.features(), 0..n_compared, &mut looks);
@@ -324,7 +333,7 @@ impl HybridBelief {
             return;
         }
         let (objects, evidence) = self.parts();
-        for_each_object(objects, evidence.maps, |state, map| {
+        for_each_object(objects, evidence.maps, evidence.stop, |state, map| {
             for hypothesis in &mut state.hypotheses {
                 hypothesis.score += evidence.newest(map, &hypothesis.pose());
             }
@@ -341,6 +350,7 @@ impl HybridBelief {
             touches: &self.touches,
             patterns: &self.patterns,
             options: &self.options,
+            stop: &self.stop,
         };
         (&mut self.objects, evidence)
     }
@@ -386,9 +396,11 @@ fn searched(objects: &mut [ObjectState]) -> impl Iterator<Item = &mut ObjectStat
 fn for_each_object(
     objects: &mut [ObjectState],
     maps: &[Arc<SurfaceMap>],
+    stop: &Stop,
     work: impl Fn(&mut ObjectState, &SurfaceMap) + Send + Sync,
 ) {
     let work = |state: &mut ObjectState, map: &SurfaceMap| {
+        stop.check();
         if !state.is_ruled_out {
             work(state, map);
         }

@@ -6,6 +6,8 @@
 
 pub mod units;
 
+pub mod stop;
+
 pub mod rng;
 
 pub mod log_prob;

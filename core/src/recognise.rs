@@ -24,6 +24,7 @@ use crate::patch::{Patch, observe_patch};
 use crate::reading::Reading;
 use crate::rotation_grid::RotationGrid;
 use crate::sensor::SensorDescription;
+use crate::stop::Stop;
 use crate::vocabulary::Association;
 use matching::{PairQuery, find_poses};
 pub use options::{BinPose, PairWeight, SvaOptions};
@@ -89,6 +90,7 @@ pub struct SvaBelief {
     seen: Vec<Patch>,
     histograms: Vec<SparseHistogram>,
     n_readings: usize,
+    stop: Stop,
 }
 
 impl SvaBelief {
@@ -117,7 +119,13 @@ impl SvaBelief {
         let n_objects = catalogue.objects.len();
         let log_prior = log_prior(prior, n_objects)?;
         let histograms = vec![SparseHistogram::new(options.rule, options.bins_max); n_objects];
-        Ok(Self { catalogue, options, log_prior, seen: Vec::new(), histograms, n_readings: 0 })
+        let (seen, stop) = (Vec::new(), Stop::never());
+        Ok(Self { catalogue, options, log_prior, seen, histograms, n_readings: 0, stop })
+    }
+
+    /// Ends what takes long from now on when `stop` is asked for ([`Stop::check`]).
+    pub fn heed(&mut self, stop: &Stop) {
+        self.stop = stop.clone();
     }
 
     /// Takes a reading into account. A press that touched nothing counts as a reading and
@@ -168,7 +176,10 @@ impl SvaBelief {
             .catalogue
             .objects
             .par_iter()
-            .map(|object| find_poses(object, &query, &self.options))
+            .map(|object| {
+                self.stop.check();
+                find_poses(object, &query, &self.options)
+            })
             .collect();
         // Equation 5.14, normalised per object: more training pairs are no evidence.
         let per_pair: Vec<f64> =

@@ -17,6 +17,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use crate::app::App;
+use crate::asker;
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
 use crate::config::Config;
@@ -120,7 +121,7 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
         Err(refusal) => return refusal.into_response(),
     };
     let within = app.config().answer_timeout;
-    let answer = tokio::time::timeout(within, next.run(request)).await;
+    let answer = tokio::time::timeout(within, asker::ask(client, next.run(request))).await;
     drop((slot, body));
     let answer = answer.unwrap_or_else(|_| Refusal::TooSlow { within }.into_response());
     departure::count(&app.admission().answers, client, answer)

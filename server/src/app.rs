@@ -122,7 +122,10 @@ impl App {
         let integrity =
             check("integrity", n_damaged == 0, format!("{n_damaged} versions are damaged"));
         let n_free = self.0.pool.n_free();
-        let compute = check("compute", n_free > 0, format!("{n_free} places are free"));
+        let is_stalled = self.0.pool.is_stalled();
+        let stalled = if is_stalled { ", no thread takes work" } else { "" };
+        let compute = format!("{n_free} places are free{stalled}");
+        let compute = check("compute", n_free > 0 && !is_stalled, compute);
         let stopping = *self.0.stopping.borrow();
         let serving = if stopping { "the server stops" } else { "the server serves" };
         let (beliefs, bodies) = (self.0.sessions.belief_bytes(), self.0.admission.body_bytes());

@@ -20,6 +20,7 @@ use tracing::Instrument as _;
 use uuid::Uuid;
 
 use crate::app::App;
+use crate::asker;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::roles;
@@ -169,7 +170,7 @@ pub(crate) async fn record(State(app): State<App>, mut request: Request, next: N
         app.audit().finish(outcome(entry, &response)).await;
         response
     };
-    let changed = tokio::spawn(changing.in_current_span()).await;
+    let changed = asker::spawn(changing.in_current_span()).await;
     changed.unwrap_or_else(|_| Refusal::Panicked.into_response())
 }
 

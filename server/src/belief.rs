@@ -20,6 +20,7 @@ use palpate_core::next_touch::{Ranking, rank};
 use palpate_core::reading::Reading;
 use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
+use palpate_core::stop::Stop;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::{DEG, MM};
 use palpate_schemas::{FieldError, Method};
@@ -130,6 +131,17 @@ impl SessionBelief {
             Self::Sva(belief, _) => belief.bytes(),
             Self::Geometric(belief) => belief.bytes(),
             Self::Appearance(belief) => belief.bytes(),
+        }
+    }
+
+    /// Ends what takes long from now on when `stop` is asked for.
+    pub(crate) fn heed(&mut self, stop: &Stop) {
+        match self {
+            Self::Hybrid(belief) => belief.heed(stop),
+            Self::Sva(belief, _) => belief.heed(stop),
+            Self::Geometric(belief) => belief.heed(stop),
+            // A reading takes a millisecond.
+            Self::Appearance(_) => {}
         }
     }
 

@@ -4,32 +4,48 @@
 //! core) are done by these threads too, never by a pool of the whole process. Each piece
 //! has a thread that waits for it, so that no more pieces are begun than threads compute.
 //! Async threads only wait for it. Whoever wants to compute takes a [`Place`] first, before
-//! anything is stored; when there is none the robot is asked to come back. A panic in one
-//! piece of work ends that piece only.
+//! anything is stored; when there is none the robot is asked to come back. Work whose asker has
+//! gone before it began is not begun (`asker`). A panic in one piece of work ends that piece only.
+
+mod queue;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::sync::Arc;
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use palpate_core::stop::Stop;
 use thiserror::Error;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
-type Work = Box<dyn FnOnce() + Send>;
+use crate::asker::Asker;
+use queue::{Length, Queue};
+
+/// When work waits and no thread has taken any for this long, the server is not ready. Chosen: a
+/// piece takes milliseconds, the slowest seconds.
+const STALLED_AFTER: Duration = Duration::from_secs(30);
 
 /// Threads that compute, and the places in the queue before them.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct Pool {
     places: Arc<Semaphore>,
-    queue: mpsc::Sender<Work>,
+    open: Arc<Open>,
     n_places: usize,
 }
 
+/// The queue, closed when nobody can bring work any more.
+struct Open(Arc<Queue>);
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        self.0.close();
+    }
+}
+
 /// A place in the queue; dropped, it is free again.
-#[derive(Debug)]
 pub(crate) struct Place {
     permit: OwnedSemaphorePermit,
-    queue: mpsc::Sender<Work>,
+    open: Arc<Open>,
 }
 
 /// Why something was not computed.
@@ -44,6 +60,9 @@ pub(crate) enum ComputeError {
     /// The work panicked.
     #[error("the computation panicked")]
     Panicked,
+    /// Nobody waits for the answer, or the time for answers is up.
+    #[error("the computation was ended before its answer: its time was up")]
+    Stopped,
 }
 
 impl Pool {
@@ -59,18 +78,18 @@ impl Pool {
             .build()
             .map_err(std::io::Error::other)?;
         let computing = Arc::new(computing);
-        let (sender, receiver) = mpsc::channel::<Work>();
-        let receiver = Arc::new(Mutex::new(receiver));
+        let queue = Arc::new(Queue::new());
+        let open = Arc::new(Open(Arc::clone(&queue)));
         for thread in 0..threads {
-            let (receiver, computing) = (Arc::clone(&receiver), Arc::clone(&computing));
+            let (queue, computing) = (Arc::clone(&queue), Arc::clone(&computing));
             thread::Builder::new().name(format!("compute-wait-{thread}")).spawn(move || {
-                while let Some(work) = take(&receiver) {
+                while let Some(work) = queue.take() {
                     computing.install(work);
                 }
             })?;
         }
         let n_places = threads + queue_max;
-        Ok(Self { places: Arc::new(Semaphore::new(n_places)), queue: sender, n_places })
+        Ok(Self { places: Arc::new(Semaphore::new(n_places)), open, n_places })
     }
 
     /// Takes a place in the queue, without waiting.
@@ -81,7 +100,7 @@ impl Pool {
         let permit = Arc::clone(&self.places).try_acquire_owned();
         metrics::gauge!("palpate_compute_places_free").set(self.places.available_permits() as f64);
         match permit {
-            Ok(permit) => Ok(Place { permit, queue: self.queue.clone() }),
+            Ok(permit) => Ok(Place { permit, open: Arc::clone(&self.open) }),
             Err(_) => Err(ComputeError::Full { places: self.n_places }),
         }
     }
@@ -91,51 +110,83 @@ impl Pool {
     pub(crate) fn n_free(&self) -> usize {
         self.places.available_permits()
     }
+
+    /// Whether work waits and no thread has taken any for a while: all are at pieces without end.
+    pub(crate) fn is_stalled(&self) -> bool {
+        self.open.0.stalled() >= STALLED_AFTER
+    }
 }
 
 impl Place {
-    /// Computes on one of the pool's threads.
+    /// Computes on one of the pool's threads, in its asker's turn.
     ///
     /// # Errors
-    /// [`ComputeError::Panicked`] when `work` panicked.
+    /// [`ComputeError::Panicked`] when `work` panicked, [`ComputeError::Stopped`] when it ended
+    /// because its asker has gone.
     pub(crate) async fn run<T: Send + 'static>(
         self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, ComputeError> {
+        self.run_as(Length::Short, work).await
+    }
+
+    /// The same for a slice of long work, which gives way to what robots wait for.
+    ///
+    /// # Errors
+    /// As [`Place::run`].
+    pub(crate) async fn run_long<T: Send + 'static>(
+        self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, ComputeError> {
+        self.run_as(Length::Long, work).await
+    }
+
+    async fn run_as<T: Send + 'static>(
+        self,
+        length: Length,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, ComputeError> {
         let (answer, answered) = oneshot::channel();
-        let permit = self.permit;
-        let queued = Instant::now();
+        let Self { permit, open } = self;
+        let (asker, queued) = (Asker::current(), Instant::now());
+        let client = asker.client();
         let work = Box::new(move || {
             metrics::histogram!("palpate_compute_wait_seconds").record(queued.elapsed());
             let begun = Instant::now();
-            let outcome = catch_unwind(AssertUnwindSafe(work));
+            let outcome = if asker.is_gone() { Err(ComputeError::Stopped) } else { outcome(work) };
             metrics::histogram!("palpate_compute_seconds").record(begun.elapsed());
             drop(permit);
             // A robot that has gone away does not read the answer.
-            let _ = answer.send(outcome.map_err(|_| ComputeError::Panicked));
+            let _ = answer.send(outcome);
         });
-        self.queue.send(work).map_err(|_| ComputeError::Panicked)?;
+        open.0.push(client, length, work);
+        drop(open);
         answered.await.unwrap_or(Err(ComputeError::Panicked))
     }
 }
 
-fn take(queue: &Mutex<mpsc::Receiver<Work>>) -> Option<Work> {
-    queue.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
+fn outcome<T>(work: impl FnOnce() -> T) -> Result<T, ComputeError> {
+    let done = catch_unwind(AssertUnwindSafe(|| Stop::heeding(work)));
+    done.map_or(Err(ComputeError::Panicked), |done| done.map_err(|_| ComputeError::Stopped))
 }
 
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
+    use std::sync::Mutex;
 
+    use futures::future::join_all;
     use rayon::prelude::*;
 
     use super::*;
+    use crate::asker;
+    use crate::client::Client;
 
     #[tokio::test]
     async fn a_full_queue_refuses_and_a_free_place_accepts_again() {
         let pool = Pool::start(1, 1).unwrap();
         let (first, second) = (pool.place().unwrap(), pool.place().unwrap());
-        assert_eq!(pool.place().unwrap_err(), ComputeError::Full { places: 2 });
+        assert_eq!(pool.place().err(), Some(ComputeError::Full { places: 2 }));
         drop(first);
         assert_eq!(second.run(|| 6 * 7).await, Ok(42));
         assert_eq!(pool.n_free(), 2);
@@ -151,6 +202,46 @@ mod tests {
             names.iter().all(|name| ["compute-0", "compute-1"].contains(&&**name)),
             "{names:?}"
         );
+    }
+
+    #[tokio::test]
+    async fn work_whose_asker_has_gone_gives_its_thread_back() {
+        let pool = Pool::start(1, 1).unwrap();
+        let endless = asker::ask(None, async {
+            let stop = Asker::current().overdue().clone();
+            let turning = move || -> () {
+                loop {
+                    stop.check();
+                }
+            };
+            pool.place().unwrap().run(turning).await
+        });
+        let moment = Duration::from_millis(50);
+        tokio::time::timeout(moment, endless).await.expect_err("it has no end");
+        let free = pool.place().unwrap().run(|| 6 * 7);
+        let free = tokio::time::timeout(Duration::from_secs(10), free).await;
+        assert_eq!(free.expect("the thread is free"), Ok(42));
+        assert_eq!(pool.n_free(), 2);
+    }
+
+    #[tokio::test]
+    async fn one_client_with_much_work_does_not_hold_up_another() {
+        let pool = Pool::start(1, 32).unwrap();
+        let done = Arc::new(Mutex::new(Vec::new()));
+        let piece = |host: u8| {
+            let (place, done) = (pool.place().unwrap(), Arc::clone(&done));
+            let work = move || {
+                thread::sleep(Duration::from_millis(5));
+                done.lock().unwrap().push(host);
+            };
+            asker::ask(Some(Client::at([10, 0, 0, host].into())), place.run(work))
+        };
+        // They are queued in this order, all of the greedy one before the other.
+        let mut all: Vec<_> = (0..20).map(|_| piece(1)).collect();
+        all.push(piece(2));
+        join_all(all).await;
+        let turn = done.lock().unwrap().iter().position(|host| *host == 2).unwrap();
+        assert!(turn <= 2, "{turn}");
     }
 
     #[tokio::test]

@@ -14,6 +14,7 @@ pub mod tls;
 
 mod admission;
 mod app;
+mod asker;
 mod audit;
 mod belief;
 mod blocks;

@@ -9,6 +9,7 @@ mod ending;
 mod explain;
 mod folding;
 mod memory;
+mod next_touch;
 mod order;
 mod past;
 mod presses;
@@ -19,12 +20,12 @@ mod turns;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
 
 use palpate_core::belief::answer::Answer;
 use palpate_core::model::ObjectIdx;
+use palpate_core::stop::Stop;
 use palpate_schemas as wire;
-use palpate_schemas::{BeliefDetail, Method, SessionEvent};
+use palpate_schemas::{BeliefDetail, SessionEvent};
 use palpate_store::database::Database;
 use palpate_store::entity::{ReadingId, Session, StoredReading};
 use palpate_store::error::StoreError;
@@ -32,18 +33,18 @@ use palpate_store::journal::{Event, Journal, NewEntry};
 use tokio::sync::broadcast;
 use tracing::Instrument;
 
+use crate::asker::Asker;
 use crate::belief::{SessionBelief, check};
 use crate::catalogues::Model;
 use crate::clock::now_ms;
-use crate::compute::Place;
+use crate::compute::{ComputeError, Place};
 use crate::refusal::Refusal;
 use crate::repeats::new_readings;
 use crate::sessions::{POSES, Tools, status};
 use crate::wire::belief::{belief, top};
 use crate::wire::life::Status;
-use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::reading::{Incoming, warnings};
-use crate::wire::session::{name, options};
+use crate::wire::session::options;
 use crate::wire::{count, geometry};
 use account::Account;
 pub(crate) use account::Total;
@@ -248,33 +249,6 @@ impl Live {
         Ok(Some(geometry::marginals(self.session.id, length, &marginals, &self.model)))
     }
 
-    /// Where to touch next. `begun` is when the question came: its deadline counts from there.
-    pub(crate) async fn next_touches(
-        &self,
-        tools: &Tools<'_>,
-        question: Question,
-        begun: Instant,
-    ) -> Result<wire::NextTouches, Refusal> {
-        let (session, method) = (self.session.id, options(&self.session).method);
-        if method != Method::Hybrid {
-            return Err(Refusal::NoNextTouches { session, method: name(method) });
-        }
-        let mut state = self.turns.take().await?;
-        let status = self.status(tools.store, now_ms())?;
-        if let Some(end) = status.end {
-            return Err(Refusal::SessionEnded { session, end });
-        }
-        let length = status.length;
-        let place = tools.pool.place()?;
-        let ask = move |belief: &SessionBelief| {
-            let mut is_late = || begun.elapsed() >= question.deadline;
-            (belief.next_touches(&question, &mut is_late), question)
-        };
-        let (ranking, question) = self.ask(&mut state, tools, place, length, ask).await?;
-        let ranking = ranking.ok_or(Refusal::NoTouch { session })?;
-        Ok(next_touches(session, length, &ranking, &question))
-    }
-
     fn status(&self, store: &Database, now: u64) -> Result<Status, Refusal> {
         let session = store.sessions().find(self.session.id)?.ok_or_else(|| self.unknown())?;
         status(store, &session, now)
@@ -319,16 +293,20 @@ impl Live {
         );
         let work = move || {
             let _within = span.enter();
-            let answer = question(folding.bring(&mut memory, length as usize)?);
-            Ok::<_, Refusal>((memory, answer))
+            let asked = Stop::heeding(|| {
+                let belief = folding.bring(&mut memory, length as usize)?;
+                Ok(question(belief))
+            });
+            (memory, asked.unwrap_or(Err(ComputeError::Stopped.into())))
         };
-        let done = place.run(work).await;
-        let answer = match done {
-            Ok(Ok((memory, answer))) => {
-                state.memory = memory;
-                Ok(answer)
+        let answer = match place.run(work).await {
+            Ok((memory, answer)) => {
+                // What was folded before its asker left is kept.
+                if matches!(answer, Ok(_) | Err(Refusal::Compute(ComputeError::Stopped))) {
+                    state.memory = memory;
+                }
+                answer
             }
-            Ok(Err(refusal)) => Err(refusal),
             Err(error) => Err(error.into()),
         };
         self.count(state);
@@ -361,6 +339,7 @@ impl Live {
             sensors: Arc::clone(tools.sensors),
             options: options(&self.session),
             checkpoints: Arc::clone(tools.checkpoints),
+            asker: Asker::current(),
         }
     }
 

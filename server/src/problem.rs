@@ -223,7 +223,9 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::BeliefsFull { .. }
         | Refusal::TooSlow { .. }
         | Refusal::ModelsInUse { .. }
-        | Refusal::Compute(ComputeError::Full { .. }) => ProblemType::Overloaded,
+        | Refusal::Compute(ComputeError::Full { .. } | ComputeError::Stopped) => {
+            ProblemType::Overloaded
+        }
         Refusal::Quarantined { .. } => ProblemType::Damaged,
         Refusal::NotReady(_) | Refusal::ModelTooLarge { .. } => ProblemType::Unavailable,
         Refusal::Store(error) => store_kind(error),

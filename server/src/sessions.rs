@@ -26,6 +26,7 @@ use palpate_store::entity::Session;
 use tokio::sync::broadcast;
 use uuid::Uuid;
 
+use crate::asker;
 use crate::catalogues::{Catalogues, Model};
 use crate::checkpoints::Checkpoints;
 use crate::clock::now_ms;
@@ -61,6 +62,7 @@ pub(crate) struct Sessions {
     readings_max: usize,
     /// What sessions get that do not say how long they live.
     time_to_live: Duration,
+    answer_timeout: Duration,
 }
 
 impl Sessions {
@@ -85,6 +87,7 @@ impl Sessions {
             belief_bytes_max: config.belief_memory_bytes_max,
             readings_max: config.session_readings_max,
             time_to_live: config.session_time_to_live,
+            answer_timeout: config.answer_timeout,
         }
     }
 
@@ -101,10 +104,16 @@ impl Sessions {
         let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
         live.check(&readings)?;
         let sessions = Arc::clone(self);
-        let adding = tokio::spawn(async move {
+        let is_followed = live.is_followed();
+        let adding = async move {
             let _using = using;
             live.add(&sessions.tools(), readings, detail).await
-        });
+        };
+        // Those who follow the session wait for its belief as well.
+        let adding = match is_followed {
+            true => asker::spawn_within(self.answer_timeout, adding),
+            false => asker::spawn(adding),
+        };
         adding.await.unwrap_or(Err(Refusal::Panicked))
     }
 
@@ -134,7 +143,7 @@ impl Sessions {
     ) -> Result<Option<wire::Marginals>, Refusal> {
         let live = self.live(self.parse(id)?).await?;
         let sessions = Arc::clone(self);
-        let asking = tokio::spawn(async move {
+        let asking = asker::spawn(async move {
             let object = query.object.as_deref();
             live.marginals(&sessions.tools(), object, known_revision).await
         });
@@ -152,7 +161,7 @@ impl Sessions {
         let question = convert::next_touch::question(asked, &self.sensors)?;
         let sessions = Arc::clone(self);
         let asking =
-            tokio::spawn(
+            asker::spawn(
                 async move { live.next_touches(&sessions.tools(), question, begun).await },
             );
         asking.await.unwrap_or(Err(Refusal::Panicked))
@@ -198,7 +207,7 @@ impl Sessions {
     ) -> Result<Option<wire::Belief>, Refusal> {
         let sessions = Arc::clone(self);
         let asking =
-            tokio::spawn(
+            asker::spawn(
                 async move { live.belief(&sessions.tools(), poses, known_revision).await },
             );
         asking.await.unwrap_or(Err(Refusal::Panicked))

@@ -31,6 +31,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 /// Modules of `core` in the order in which they may use each other.
 const CORE_ORDER: &[&str] = &[
     "units",
+    "stop",
     "rng",
     "log_prob",
     "exponential",

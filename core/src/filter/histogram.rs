@@ -13,6 +13,7 @@ use super::planes::{BinShare, ObjectPlanes, center_of_angle};
 use crate::log_prob::log_sum_exp;
 use crate::occupancy::{ClassTable, ClassifiedPress, OccupancyGrid, log_likelihood};
 use crate::pose::Pose;
+use crate::stop::Stop;
 
 /// A sparse angle whose bins are fewer than this share of all is looked up bin by bin.
 const SPARSE_SHARE: f64 = 0.125;
@@ -142,6 +143,7 @@ pub struct PlanarHistogram {
     exponent: f64,
     slabs: Vec<Slab>,
     presses: Vec<ClassifiedPress>,
+    stop: Stop,
 }
 
 impl PlanarHistogram {
@@ -170,7 +172,12 @@ impl PlanarHistogram {
         let same = (bins.sides() - model.sides).length() < 1e-9 * model.sides.length();
         assert!(same && bins.n[2] == model.n_angles, "the model is prepared for other bins");
         let slabs = uniform(model.maps.len() * bins.n[2], bins.n[0] * bins.n[1]);
-        Self { model, bins, extent, exponent, slabs, presses: Vec::new() }
+        Self { model, bins, extent, exponent, slabs, presses: Vec::new(), stop: Stop::never() }
+    }
+
+    /// Ends what takes long from now on when `stop` is asked for.
+    pub fn heed(&mut self, stop: &Stop) {
+        self.stop = stop.clone();
     }
 
     /// Multiplies in a press (session frame): equation 3.14 for the bins of the extent.
@@ -242,6 +249,7 @@ impl PlanarHistogram {
         let (mut best, mut explained) = (f32::NEG_INFINITY, false);
         let mut sums = Vec::new();
         for (idx, slab) in self.slabs.iter_mut().enumerate() {
+            self.stop.check();
             if slab.logs.is_empty() {
                 continue;
             }

@@ -27,6 +27,7 @@ use crate::mosaic::tile::Tile;
 use crate::pose::Pose;
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;
+use crate::stop::Stop;
 use crate::units::{DEG, MM};
 
 /// A length (m) that stands for a turn of one rad: an object's reach from its origin.
@@ -109,6 +110,7 @@ pub(super) struct PlanarModel {
     turned_as: Option<(usize, u64)>,
     /// The turn of that angle.
     turn: [f64; 2],
+    stop: Stop,
 }
 
 /// One object: its tiles by depth, and the height of its plane, metres.
@@ -164,6 +166,7 @@ impl PlanarModel {
             turned: TurnedPress::default(),
             turned_as: None,
             turn: [1.0, 0.0],
+            stop: Stop::never(),
         })
     }
 
@@ -209,6 +212,7 @@ impl PlanarModel {
         };
         let (press, temper) = (self.options.press, self.options.temper);
         let fit_at = |pose: &[f64; 3], reading: usize| {
+            self.stop.check();
             let reading = &self.readings[reading];
             let place = Self::placement(reading.center, pose);
             let fitted = fit(&reading.press, &place, tile, &press, workspace);
@@ -273,6 +277,7 @@ impl BinLikelihood<3> for PlanarModel {
         depth: usize,
         reading: usize,
     ) -> f64 {
+        self.stop.check();
         let place = Self::placement(self.readings[reading].center, center);
         let prior = self.within_bin(&place, self.spreads[depth.min(self.spreads.len() - 1)]);
         let tiles = &self.maps[object as usize].tiles;
@@ -282,6 +287,7 @@ impl BinLikelihood<3> for PlanarModel {
     }
 
     fn screen(&mut self, object: u32, center: &[f64; 3], _depth: usize, reading: usize) -> f64 {
+        self.stop.check();
         let PlanarReading { center: at, press } = &self.readings[reading];
         let name = (reading, center[2].to_bits());
         if self.turned_as != Some(name) {
@@ -354,6 +360,11 @@ impl PlanarBelief {
         let histogram = AdaptiveHistogram::new(division, log_prior);
         let plane = Plane { session_from_plane, low, high };
         Ok(Self { plane, effort, model, histogram, n_objects: log_prior.len() })
+    }
+
+    /// Ends what takes long when `stop` is asked for.
+    pub(super) fn heed(&mut self, stop: &Stop) {
+        self.model.stop = stop.clone();
     }
 
     pub(super) fn add(

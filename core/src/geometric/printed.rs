@@ -21,6 +21,7 @@ use crate::occupancy::{InverseModel, log_likelihood};
 use crate::pose::Pose;
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;
+use crate::stop::Stop;
 use crate::units::MM;
 
 /// Cells of a plotted axis.
@@ -41,6 +42,7 @@ pub(super) struct PrintedBelief {
     filter: Filter,
     /// Counted while some belief holds them.
     _planes: Option<Arc<Planes>>,
+    stop: Stop,
 }
 
 #[derive(Clone, Debug)]
@@ -105,6 +107,7 @@ impl PrintedBelief {
             n_readings: 0,
             filter,
             _planes: planes,
+            stop: Stop::never(),
         })
     }
 
@@ -133,6 +136,14 @@ impl PrintedBelief {
         }
     }
 
+    /// Ends what takes long when `stop` is asked for.
+    pub(super) fn heed(&mut self, stop: &Stop) {
+        self.stop = stop.clone();
+        if let Filter::Histogram(filter, _) = &mut self.filter {
+            filter.heed(stop);
+        }
+    }
+
     pub(super) fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
         let frame_from_session = self.space.session_from_frame().inverse();
         let press = self.inverse.classified(&reading.moved_by(frame_from_session), sensor);
@@ -145,6 +156,7 @@ impl PrintedBelief {
                 filter.add(|object, pose| match self.log_prior[object] {
                     f64::NEG_INFINITY => f64::NEG_INFINITY,
                     prior => {
+                        self.stop.check();
                         weight * prior
                             + log_likelihood(&press, &maps[object].occupancy, table, pose)
                     }

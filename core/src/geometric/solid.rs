@@ -20,6 +20,7 @@ use crate::occupancy::{ClassifiedPress, InverseModel, log_likelihood};
 use crate::pose::Pose;
 use crate::reading::Reading;
 use crate::sensor::SensorDescription;
+use crate::stop::Stop;
 use crate::units::{DEG, MM};
 
 /// A length (m) that stands for a turn of one rad: an object's reach from its origin. Chosen for
@@ -109,6 +110,7 @@ struct SolidModel {
     /// Which blur serves a depth.
     blur_of: Vec<usize>,
     presses: Vec<ClassifiedPress>,
+    stop: Stop,
 }
 
 impl SolidModel {
@@ -121,6 +123,7 @@ impl SolidModel {
 
 impl BinLikelihood<6> for SolidModel {
     fn log_likelihood(&mut self, object: u32, at: &[f64; 6], depth: usize, reading: usize) -> f64 {
+        self.stop.check();
         let blur = self.blur_of[depth.min(self.blur_of.len() - 1)];
         let map = &self.maps[object as usize][blur];
         let press = &self.presses[reading];
@@ -204,9 +207,21 @@ impl SolidBelief {
             bins_max: 8 * first * n_alive,
         };
         let presses = Vec::new();
-        let model = SolidModel { geometry: geometry.clone(), nominal, maps, blur_of, presses };
+        let model = SolidModel {
+            geometry: geometry.clone(),
+            nominal,
+            maps,
+            blur_of,
+            presses,
+            stop: Stop::never(),
+        };
         let histogram = AdaptiveHistogram::new(division, log_prior);
         Ok(Self { model, effort, histogram, n_objects: log_prior.len(), smallest, low, high })
+    }
+
+    /// Ends what takes long when `stop` is asked for.
+    pub(super) fn heed(&mut self, stop: &Stop) {
+        self.model.stop = stop.clone();
     }
 
     pub(super) fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {

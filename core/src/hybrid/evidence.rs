@@ -11,6 +11,7 @@ use super::refine::refine;
 use super::score::Kernel;
 use super::sighting::Sighting;
 use super::turned::Turned;
+use crate::stop::Stop;
 use crate::surface::SurfaceMap;
 
 /// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
@@ -25,6 +26,8 @@ pub(super) struct Evidence<'a> {
     pub(super) touches: &'a [Sighting],
     pub(super) patterns: &'a [Pattern],
     pub(super) options: &'a HybridOptions,
+    /// What loops over objects heed.
+    pub(super) stop: &'a Stop,
 }
 
 /// An object that poses are scored of: its map, and where it was before it moved.

@@ -94,7 +94,7 @@ impl HybridBelief {
         then: impl Fn(&Evidence<'_>, &mut Hypothesis, Known<'_>) + Sync + Send,
     ) {
         let (objects, evidence) = self.parts();
-        for_each_object(objects, evidence.maps, |state, map| {
+        for_each_object(objects, evidence.maps, evidence.stop, |state, map| {
             let ObjectState { hypotheses, carried, .. } = state;
             let known = Known { map, carried };
             for hypothesis in &mut *hypotheses {

@@ -121,7 +121,7 @@ impl HybridBelief {
         let Some(widest) = partners.iter().map(|p| p.effort).max_by_key(|e| e.patches) else {
             return;
         };
-        for_each_object(objects, evidence.maps, |state, map| {
+        for_each_object(objects, evidence.maps, evidence.stop, |state, map| {
             if state.log_evidence < bar && state.standing < standing {
                 return;
             }

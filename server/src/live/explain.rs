@@ -53,13 +53,13 @@ impl Live {
         self.check_revision(tools, "?at", revision)?;
         let folding = self.folding(tools);
         let begin = move || Comparison::begin(folding, revision as usize);
-        let mut comparison = tools.pool.place()?.run(begin).await??;
+        let mut comparison = tools.pool.place()?.run_long(begin).await??;
         while !comparison.is_complete() && begun.elapsed() < TIME_MAX {
             let slice = move || {
                 comparison.go_on()?;
                 Ok::<_, Refusal>(comparison)
             };
-            comparison = tools.pool.place()?.run(slice).await??;
+            comparison = tools.pool.place()?.run_long(slice).await??;
         }
         let Comparison { readings, whole, known, .. } = comparison;
         let ids = readings.into_iter().map(|ready| (ready.number, ready.id)).collect();

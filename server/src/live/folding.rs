@@ -12,9 +12,11 @@ use palpate_store::journal::{Entry, Event, Journal};
 
 use super::memory::{Fold, Memory, Start};
 use super::order::{Chronicle, Touch, begins_with, stored_order};
+use crate::asker::Asker;
 use crate::belief::{BeliefError, SessionBelief};
 use crate::catalogues::Model;
 use crate::checkpoints::{Checkpoint, Checkpoints};
+use crate::compute::ComputeError;
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::wire::reading::from_store;
@@ -31,6 +33,7 @@ pub(crate) struct Folding {
     pub(super) sensors: Arc<Sensors>,
     pub(super) options: Options,
     pub(super) checkpoints: Arc<Checkpoints>,
+    pub(super) asker: Asker,
 }
 
 /// So many readings are folded before their belief is stored, or stored again.
@@ -74,8 +77,12 @@ impl Folding {
                 None => self.nothing()?,
             },
         };
-        self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.options.method))?;
-        memory.keep(fold);
+        let folded = self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.options.method));
+        if matches!(folded, Ok(()) | Err(Refusal::Compute(ComputeError::Stopped))) {
+            // Where it ended the next one goes on.
+            memory.keep(fold);
+        }
+        folded?;
         self.store(memory, READINGS_PER_CHECKPOINT);
         memory.newest().ok_or_else(|| self.gone())
     }
@@ -143,13 +150,14 @@ impl Folding {
 
     /// The belief before any reading.
     pub(super) fn nothing(&self) -> Result<Fold, Refusal> {
-        let belief =
+        let mut belief =
             SessionBelief::new(&self.session, &self.model).map_err(|error| match error {
                 BeliefError::Geometric(GeometricError::TablesFull { needed, in_use, max }) => {
                     Refusal::BeliefsFull { bytes: in_use.saturating_add(needed), max }
                 }
                 error => self.unusable(&error),
             })?;
+        belief.heed(self.asker.overdue());
         Ok(Fold { belief, n: 0 })
     }
 
@@ -160,6 +168,7 @@ impl Folding {
         order: &[Touch],
         mut each: impl FnMut(&Fold),
     ) -> Result<(), Refusal> {
+        fold.belief.heed(self.asker.overdue());
         while fold.n < order.len() {
             let next = &order[fold.n..order.len().min(fold.n + ENTRIES_PER_READ)];
             for ready in &self.ready(next)? {
@@ -206,6 +215,9 @@ impl Folding {
 
     /// Takes a reading into account.
     pub(super) fn add(&self, belief: &mut SessionBelief, ready: &Ready) -> Result<(), Refusal> {
+        if self.asker.is_gone() {
+            return Err(ComputeError::Stopped.into());
+        }
         let Ready { stored, reading, sensor, .. } = ready;
         belief.add(stored, reading, &sensor.description).map_err(|error| self.unusable(&error))
     }

@@ -73,7 +73,7 @@ impl Live {
                 let is_over = walk.go_on(after)?;
                 Ok::<_, Refusal>((walk, is_over))
             };
-            (walk, is_over) = tools.pool.place()?.run(slice).await??;
+            (walk, is_over) = tools.pool.place()?.run_long(slice).await??;
         }
         let reached = question.after + walk.steps.len() as u64;
         // Where time was up before `upto`, the session's own belief is often on the way to it.

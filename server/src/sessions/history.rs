@@ -9,6 +9,7 @@ use palpate_store::journal::Limit;
 use uuid::Uuid;
 
 use super::{Sessions, poses};
+use crate::asker;
 use crate::live::ReplayQuestion;
 use crate::refusal::Refusal;
 use crate::wire::{PAGE_BYTES, page_length, page_number, reading, within};
@@ -99,7 +100,7 @@ impl Sessions {
         let live = self.live(session).await?;
         let sessions = Arc::clone(self);
         let task =
-            tokio::spawn(async move { live.retract(&sessions.tools(), number, detail).await });
+            asker::spawn(async move { live.retract(&sessions.tools(), number, detail).await });
         task.await.unwrap_or(Err(Refusal::Panicked))
     }
 }

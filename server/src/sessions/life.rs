@@ -13,6 +13,7 @@ use uuid::Uuid;
 use super::fits::fits;
 use super::open::Full;
 use super::{Sessions, status};
+use crate::asker;
 use crate::catalogues::DEFAULT;
 use crate::clock::now_ms;
 use crate::live::Live;
@@ -144,7 +145,8 @@ impl Sessions {
         let live = self.live(id).await?;
         let told = convert::life::told_truth(asked, live.model())?;
         let sessions = Arc::clone(self);
-        let closing = tokio::spawn(async move {
+        // A session is closed though whoever closed it did not wait.
+        let closing = asker::spawn_within(self.answer_timeout, async move {
             if let Some(truth) = told {
                 let truth = live.judge(&sessions.tools(), truth).await?;
                 sessions.note_truth(id, truth).await?;

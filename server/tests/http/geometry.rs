@@ -59,7 +59,7 @@ pub(crate) async fn train(it: &Harness, training: &Value) -> u64 {
 }
 
 /// Presses of a letter that lies at `session_from_letter`, by the sensor that was trained.
-fn presses(symbol: char, n: usize, seed: u64, session_from_letter: Pose) -> Vec<Value> {
+pub(crate) fn presses(symbol: char, n: usize, seed: u64, session_from_letter: Pose) -> Vec<Value> {
     let rig = rig(1);
     let field = rig.field(&letter(symbol));
     let mut stream = Stream::new(seed, Purpose::ObjectPose, 7);

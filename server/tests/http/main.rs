@@ -9,6 +9,7 @@ mod bad_input;
 mod calibrated;
 mod calibration;
 mod checkpoints;
+mod compute;
 mod door;
 mod fleet;
 mod frames;

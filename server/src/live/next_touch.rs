@@ -1,0 +1,45 @@
+//! Where a session is best touched next, by its belief as it is now.
+
+use std::time::Instant;
+
+use palpate_schemas as wire;
+use palpate_schemas::Method;
+
+use super::Live;
+use crate::asker::Asker;
+use crate::belief::SessionBelief;
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::sessions::Tools;
+use crate::wire::next_touch::{Question, next_touches};
+use crate::wire::session::{name, options};
+
+impl Live {
+    /// Where to touch next. `begun` is when the question came: its deadline counts from there.
+    pub(crate) async fn next_touches(
+        &self,
+        tools: &Tools<'_>,
+        question: Question,
+        begun: Instant,
+    ) -> Result<wire::NextTouches, Refusal> {
+        let (session, method) = (self.session.id, options(&self.session).method);
+        if method != Method::Hybrid {
+            return Err(Refusal::NoNextTouches { session, method: name(method) });
+        }
+        let mut state = self.turns.take().await?;
+        let status = self.status(tools.store, now_ms())?;
+        if let Some(end) = status.end {
+            return Err(Refusal::SessionEnded { session, end });
+        }
+        let length = status.length;
+        let place = tools.pool.place()?;
+        let asker = Asker::current();
+        let ask = move |belief: &SessionBelief| {
+            let mut is_late = || begun.elapsed() >= question.deadline || asker.is_gone();
+            (belief.next_touches(&question, &mut is_late), question)
+        };
+        let (ranking, question) = self.ask(&mut state, tools, place, length, ask).await?;
+        let ranking = ranking.ok_or(Refusal::NoTouch { session })?;
+        Ok(next_touches(session, length, &ranking, &question))
+    }
+}

@@ -1,0 +1,65 @@
+//! Computations: they end when nobody waits for them, and give their threads back.
+
+use std::time::{Duration, Instant};
+
+use palpate_core::pose::Pose;
+use serde_json::{Value, json};
+
+use crate::geometry::{add_letters, presses, train};
+use crate::harness::{Harness, read};
+
+/// Long enough for any step of a test on a busy machine.
+const LONG: Duration = Duration::from_secs(60);
+
+/// How many places of the compute pool are free.
+async fn places_free(it: &Harness) -> usize {
+    let metrics = it.get("/metrics").await.text;
+    let line = metrics.lines().find(|line| line.starts_with("palpate_compute_places_free"));
+    line.unwrap().split(' ').next_back().unwrap().parse().unwrap()
+}
+
+/// A session of a slow method, and readings that take seconds.
+async fn heavy(it: &Harness) -> (String, Value) {
+    add_letters(it, &['A', 'E']).await;
+    train(it, &json!({"geometry": {"kind": "planar"}})).await;
+    let plane = json!({"kind": "planar", "plane": {"position": [0.0, 0.0, 0.0],
+        "orientation": [0.0, 0.0, 0.0, 1.0]}});
+    let request =
+        json!({"method": "geometric_particles", "particles": 100_000, "pose_prior": plane});
+    let session = it.session(request).await;
+    let readings = presses('A', 10, 5, Pose::IDENTITY);
+    let readings: Vec<&Value> = readings.iter().cycle().take(80).collect();
+    (session, json!({"readings": readings}))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn computations_end_when_their_caller_has_gone() {
+    let it = Harness::start().await;
+    let (session, body) = heavy(&it).await;
+    let all = places_free(&it).await;
+    let path = format!("/v1/sessions/{session}");
+    let posted = it
+        .client
+        .post(it.url(&format!("{path}/readings")))
+        .header("content-type", "application/json")
+        .timeout(Duration::from_millis(500))
+        .body(body.to_string());
+    let begun = Instant::now();
+    posted.send().await.expect_err("it takes longer than its caller waits");
+    while places_free(&it).await < all {
+        assert!(begun.elapsed() < LONG);
+    }
+    assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
+
+    // The readings are stored, and what was folded is kept: who asks again gets on.
+    let belief = async {
+        loop {
+            let asked = it.client.get(it.url(&format!("{path}/belief")));
+            if let Ok(belief) = asked.timeout(Duration::from_secs(2)).send().await {
+                break read(belief).await.expect(200);
+            }
+        }
+    };
+    let belief = tokio::time::timeout(LONG, belief).await.expect("each goes on where one ended");
+    assert_eq!(belief["revision"], 80);
+}
