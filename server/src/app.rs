@@ -22,6 +22,7 @@ use crate::jobs::Jobs;
 use crate::keys::Keys;
 use crate::objects::Objects;
 use crate::rate::{Rates, share};
+use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
 use crate::{problem, routes, telemetry};
@@ -102,6 +103,15 @@ impl App {
 
     pub(crate) fn audit(&self) -> &Arc<Audit> {
         &self.0.audit
+    }
+
+    /// Reads much of the store on a thread that computes: those that serve requests stay free.
+    pub(crate) async fn apart<T: Send + 'static>(
+        &self,
+        read: impl FnOnce(&Self) -> Result<T, Refusal> + Send + 'static,
+    ) -> Result<T, Refusal> {
+        let app = self.clone();
+        self.pool().place()?.run(move || read(&app)).await?
     }
 
     /// Becomes true when the server stops.

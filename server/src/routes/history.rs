@@ -24,7 +24,7 @@ pub(crate) async fn list_session_readings(
     Segment1(session): Segment1,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<SessionReadingPage>, Refusal> {
-    Ok(Json(app.sessions().readings(&session, &query)?))
+    Ok(Json(app.apart(move |app| app.sessions().readings(&session, &query)).await?))
 }
 
 /// Withdraw a reading

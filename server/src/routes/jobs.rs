@@ -17,7 +17,7 @@ pub(crate) async fn list_jobs(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<JobPage>, Refusal> {
-    Ok(Json(app.jobs().list(&query)?))
+    Ok(Json(app.apart(move |app| app.jobs().list(&query)).await?))
 }
 
 /// Get a job

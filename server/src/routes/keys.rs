@@ -24,7 +24,7 @@ pub(crate) async fn list_keys(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<ApiKeyPage>, Refusal> {
-    Ok(Json(app.keys().list(&query)?))
+    Ok(Json(app.apart(move |app| app.keys().list(&query)).await?))
 }
 
 /// Create a key

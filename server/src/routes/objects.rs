@@ -23,7 +23,7 @@ pub(crate) async fn list_objects(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<ObjectPage>, Refusal> {
-    Ok(Json(app.objects().list(&query)?))
+    Ok(Json(app.apart(move |app| app.objects().list(&query)).await?))
 }
 
 /// Add an object
@@ -127,7 +127,7 @@ pub(crate) async fn list_object_readings(
     Segment1(object): Segment1,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<StoredReadingPage>, Refusal> {
-    Ok(Json(app.objects().readings(&object, &query)?))
+    Ok(Json(app.apart(move |app| app.objects().readings(&object, &query)).await?))
 }
 
 /// Add training readings of an object

@@ -19,7 +19,7 @@ pub(crate) async fn list_sensors(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<SensorPage>, Refusal> {
-    Ok(Json(app.sensors().list(&query)?))
+    Ok(Json(app.apart(move |app| app.sensors().list(&query)).await?))
 }
 
 /// Add a sensor

@@ -24,7 +24,7 @@ pub(crate) async fn list_sessions(
     State(app): State<App>,
     Params(query): Params<SessionsQuery>,
 ) -> Result<Json<SessionPage>, Refusal> {
-    Ok(Json(app.sessions().list(&query)?))
+    Ok(Json(app.apart(move |app| app.sessions().list(&query)).await?))
 }
 
 /// Begin a session

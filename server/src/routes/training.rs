@@ -24,7 +24,7 @@ pub(crate) async fn list_catalogues(
     State(app): State<App>,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<CataloguePage>, Refusal> {
-    Ok(Json(app.catalogues().list(&query)?))
+    Ok(Json(app.apart(move |app| app.catalogues().list(&query)).await?))
 }
 
 /// Get a catalogue
@@ -84,7 +84,7 @@ pub(crate) async fn list_versions(
     Segment1(name): Segment1,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<CatalogueVersionPage>, Refusal> {
-    Ok(Json(app.catalogues().versions(&name, &query)?))
+    Ok(Json(app.apart(move |app| app.catalogues().versions(&name, &query)).await?))
 }
 
 /// Get a version

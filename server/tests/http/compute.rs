@@ -63,3 +63,27 @@ async fn computations_end_when_their_caller_has_gone() {
     let belief = tokio::time::timeout(LONG, belief).await.expect("each goes on where one ended");
     assert_eq!(belief["revision"], 80);
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn listings_are_read_by_threads_that_compute() {
+    let it = Harness::start_with(|config| {
+        config.compute_threads = 1;
+        config.compute_queue_max = 0;
+    })
+    .await;
+    let (session, body) = heavy(&it).await;
+    let path = format!("/v1/sessions/{session}/readings");
+    let posting = it.post(&path, &body);
+    let listed = async {
+        while places_free(&it).await > 0 {}
+        for path in ["/v1/objects", "/v1/sessions", "/v1/jobs", &path] {
+            let refused = it.get(path).await;
+            refused.problem(503, "overloaded", None);
+            assert_eq!(refused.headers["ratelimit-policy"], "\"compute\";q=1;qu=\"places\"");
+        }
+    };
+    tokio::select! {
+        posted = posting => panic!("it is not heavy: {posted:?}"),
+        () = listed => {}
+    }
+}
