@@ -10,6 +10,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
@@ -171,7 +172,9 @@ fn ask_peer(
     sessions: &Sessions<'_>,
     n_objects: usize,
 ) -> anyhow::Result<Option<Vec<Named>>> {
-    let folder = std::env::temp_dir().join(format!("palpate-ppf-{}", std::process::id()));
+    static RUNS: AtomicU64 = AtomicU64::new(0);
+    let run = RUNS.fetch_add(1, Ordering::Relaxed);
+    let folder = std::env::temp_dir().join(format!("palpate-ppf-{}-{run}", std::process::id()));
     std::fs::create_dir_all(&folder)
         .with_context(|| format!("cannot create folder {}", folder.display()))?;
     let asked = write_touches(config, model, sessions, n_objects, &folder)
