@@ -8,6 +8,7 @@
 
 mod bounds;
 mod connection;
+mod leftover;
 mod pace;
 
 use std::convert::Infallible;
@@ -19,7 +20,8 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::Body;
 use axum::extract::ConnectInfo;
-use axum::http::Request;
+use axum::http::header::CONNECTION;
+use axum::http::{HeaderValue, Request};
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -34,6 +36,7 @@ use tower_service::Service;
 pub(crate) use bounds::Connections;
 use bounds::Place;
 use connection::Connection;
+use leftover::Asked;
 use pace::{Pace, Paced, Served};
 
 /// Headers of a request up to this many bytes are taken. The last read may add as many again:
@@ -61,7 +64,8 @@ pub struct Patience {
     pub headers: Duration,
     /// The pause between two requests.
     pub idle: Duration,
-    /// A pause of a body while it arrives.
+    /// A pause of a body while it arrives; and how long the rest of a body that nobody wants any
+    /// more may come in.
     pub body: Duration,
     /// A pause of a reader while its answer is sent.
     pub answer: Duration,
@@ -186,9 +190,14 @@ async fn serve(connection: Connection, peer: Peer, desk: Desk) {
     let service = service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(ConnectInfo(peer));
         let request_under_way = pace.request();
-        let answering = router.clone().call(request.map(Body::new));
+        let pace = Arc::clone(&pace);
+        let body = |body| Body::new(Asked::new(body, Arc::clone(&pace)));
+        let answering = router.clone().call(request.map(body));
         async move {
-            let Ok(response) = answering.await;
+            let Ok(mut response) = answering.await;
+            if pace.is_unread() {
+                response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
+            }
             Ok::<_, Infallible>(response.map(|body| Served::new(body, request_under_way)))
         }
     });

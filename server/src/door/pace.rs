@@ -5,6 +5,7 @@
 
 use std::io;
 use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, ready};
 
@@ -14,6 +15,9 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep_until};
 
 use super::Patience;
+
+/// Bytes of an unread body that are forgotten at a time.
+const LEFTOVER_BLOCK: usize = 8 << 10;
 
 /// What a connection waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +35,8 @@ enum Phase {
 pub(super) struct Pace {
     patience: Patience,
     phase: Mutex<Phase>,
+    /// Whether a request's body was not read to its end.
+    is_unread: AtomicBool,
 }
 
 /// A request under way; dropped with the last byte of its answer's body.
@@ -40,13 +46,23 @@ pub(super) struct RequestUnderWay(Arc<Pace>);
 impl Pace {
     pub(super) fn new(patience: Patience) -> Arc<Self> {
         let phase = Phase::Headers(Instant::now() + patience.headers);
-        Arc::new(Self { patience, phase: Mutex::new(phase) })
+        Arc::new(Self { patience, phase: Mutex::new(phase), is_unread: AtomicBool::new(false) })
     }
 
     /// Notes that the headers of a request are there.
     pub(super) fn request(self: &Arc<Self>) -> RequestUnderWay {
         self.enter(Phase::Request);
         RequestUnderWay(Arc::clone(self))
+    }
+
+    /// Notes that a request was answered before its body came to its end.
+    pub(super) fn leave_unread(&self) {
+        self.is_unread.store(true, Ordering::Release);
+    }
+
+    /// Whether the connection can serve no other request: the rest of a body comes first.
+    pub(super) fn is_unread(&self) -> bool {
+        self.is_unread.load(Ordering::Acquire)
     }
 
     /// Notes that bytes came in.
@@ -100,12 +116,15 @@ pub(super) struct Paced<T> {
     /// When the reader must have taken something of what waits for it.
     stalled_until: Option<Instant>,
     stalled: Alarm,
+    /// Until when the rest of an unread body may come in, once the writing side is closed.
+    leftover_until: Option<Instant>,
+    leftover: Alarm,
 }
 
 impl<T> Paced<T> {
     pub(super) fn new(inner: T, pace: Arc<Pace>) -> Self {
-        let (headers, stalled) = (Alarm::default(), Alarm::default());
-        Self { inner, pace, headers, stalled_until: None, stalled }
+        let [headers, stalled, leftover] = std::array::from_fn(|_| Alarm::default());
+        Self { inner, pace, headers, stalled_until: None, stalled, leftover_until: None, leftover }
     }
 
     /// Ends a write that makes no progress.
@@ -154,7 +173,7 @@ impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
     }
 }
 
-impl<T: AsyncWrite + Unpin> AsyncWrite for Paced<T> {
+impl<T: AsyncRead + AsyncWrite + Unpin> AsyncWrite for Paced<T> {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -183,8 +202,31 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Paced<T> {
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        let shut = Pin::new(&mut self.inner).poll_shutdown(context);
-        self.wrote(shut, context)
+        if self.leftover_until.is_none() {
+            let shut = Pin::new(&mut self.inner).poll_shutdown(context);
+            ready!(self.wrote(shut, context))?;
+        }
+        if self.pace.is_unread() {
+            ready!(self.forget_leftover(context));
+        }
+        Poll::Ready(Ok(()))
+    }
+}
+
+impl<T: AsyncRead + Unpin> Paced<T> {
+    /// Reads and forgets what still comes in, until the other side closes or the time is over.
+    fn forget_leftover(&mut self, context: &mut Context<'_>) -> Poll<()> {
+        let patience = self.pace.patience.body;
+        let until = *self.leftover_until.get_or_insert_with(|| Instant::now() + patience);
+        let mut block = [0; LEFTOVER_BLOCK];
+        while !self.leftover.poll(until, context) {
+            let mut buffer = ReadBuf::new(&mut block);
+            let read = ready!(Pin::new(&mut self.inner).poll_read(context, &mut buffer));
+            if read.is_err() || buffer.filled().is_empty() {
+                break;
+            }
+        }
+        Poll::Ready(())
     }
 }
 

@@ -96,6 +96,29 @@ async fn headers_longer_than_the_buffer_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn an_answer_that_comes_before_the_body_has_ended_reaches_a_client_that_goes_on_sending() {
+    let it = Harness::start_with(|config| config.bodies_bytes_max = 8 << 10).await;
+    let address = it.server.local_addr();
+    for chunk in [1 << 10, 64 << 10] {
+        let said = "POST /v1/objects HTTP/1.1\r\nHost: localhost\r\n\
+                    Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\n";
+        let mut stream = connect(address, said).await;
+        let piece = format!("{chunk:x}\r\n{}\r\n", "x".repeat(chunk));
+        // All of it is sent before a byte of the answer is read, most of it after the refusal.
+        for _ in 0..64 {
+            stream.write_all(piece.as_bytes()).await.unwrap();
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+        let answer = rest(stream).await;
+        // A client's share or the whole room: it depends on how much came at once.
+        let is_refused = ["HTTP/1.1 429 ", "HTTP/1.1 503 "].iter().any(|s| answer.starts_with(s));
+        assert!(is_refused, "{answer:?}");
+        assert!(answer.to_ascii_lowercase().contains("connection: close\r\n"), "{answer}");
+        assert!(answer.ends_with('}'), "the whole answer came: {answer}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn promised_bodies_hold_no_slot_and_no_room() {
     let it = Harness::start_with(|config| {
         config.requests_max = 8;
