@@ -46,7 +46,7 @@ pub struct SolidGeometry {
 
 impl Default for SolidGeometry {
     fn default() -> Self {
-        let boxes = [[5.0, 10.0], [10.0, 17.0], [14.0, 26.0], [20.0, 40.0]];
+        let boxes = [[5.0, 10.0], [10.0, 17.0], [14.0, 26.0]];
         Self {
             meshes: None,
             seed: 1,

@@ -27,10 +27,15 @@ use crate::units::{DEG, MM};
 /// objects of a hand's size, 60 to 100 mm across; not fitted.
 const LEVER: f64 = 30.0 * MM;
 
-/// The first bins are about this wide, metres, and at most this many along an axis. Chosen: more
-/// than 4⁶ bins an object cost more than a touch may; wider boxes have wider bins.
+/// The first bins are about this wide, metres, and so many along an axis. Chosen: more than 4⁶ bins
+/// an object cost more than a touch may; from one bin an axis the search follows the wrong object.
 const FIRST_WIDTH: f64 = 7.0 * MM;
+const FIRST_MIN: usize = 2;
 const FIRST_MAX: usize = 4;
+
+/// Half the side of the largest box along each axis, metres: as many first bins as there may be, as
+/// wide as they are meant to be. Derived.
+const HALF_MAX: f64 = 0.5 * FIRST_MAX as f64 * FIRST_WIDTH;
 
 /// The exponent of a press: its taxels see one blurred contact, not as many facts. Chosen, not
 /// fitted; `palpate experiment solid-geometry` measures the answers with it.
@@ -46,21 +51,14 @@ const ANSWERED_MAX: usize = 400;
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 48;
 
-/// Half the side of the largest box along each axis, metres. Derived: six sides of a bin give
-/// each axis a spread of the side times √6/6, and the widest blur must reach that.
-fn half_max() -> f64 {
-    let widest_bin = BLURS[BLURS.len() - 1] * 6.0_f64.sqrt();
-    0.5 * FIRST_MAX as f64 * widest_bin
-}
-
-/// Refuses a box whose first bins are wider than what they can be compared by.
+/// Refuses a box whose first bins would be wider than they are meant to be.
 fn check_resolved(half_extent: DVec3, half_angle: f64) -> Result<(), GeometricError> {
     let fields = ["half_extent x", "half_extent y", "half_extent z", "half_angle"];
     let [x, y, z] = half_extent.to_array();
     for (field, (found, unit)) in
         fields.into_iter().zip([(x, 1.0), (y, 1.0), (z, 1.0), (half_angle, LEVER)])
     {
-        let high = half_max() / unit;
+        let high = HALF_MAX / unit;
         if found > high {
             return Err(GeometricError::Range { field, found, low: 0.0, high });
         }
@@ -82,7 +80,7 @@ fn first_bins(half_extent: DVec3, half_angle: f64) -> [usize; 6] {
     let half = half_sides(half_extent, half_angle);
     std::array::from_fn(|axis| {
         let width = 2.0 * half[axis] * LENGTHS[axis];
-        ((width / FIRST_WIDTH).round() as usize).clamp(1, FIRST_MAX)
+        ((width / FIRST_WIDTH).round() as usize).clamp(FIRST_MIN, FIRST_MAX)
     })
 }
 
@@ -266,14 +264,14 @@ mod tests {
 
     #[test]
     fn boxes_that_the_first_bins_cannot_resolve_are_refused_by_axis() {
-        // Four bins of 14.7 mm: 29.4 mm, and 0.98 rad at 30 mm.
-        assert_eq!(check_resolved(DVec3::splat(29.0 * MM), 0.97), Ok(()));
+        // Four bins of 7 mm: 14 mm, and 0.467 rad at 30 mm.
+        assert_eq!(check_resolved(DVec3::splat(14.0 * MM), 0.46), Ok(()));
         let error = check_resolved(DVec3::new(0.01, 0.5, 0.01), 0.3).unwrap_err();
         let GeometricError::Range { field: "half_extent y", high, .. } = error else {
             panic!("{error}");
         };
-        assert!((high - 29.4 * MM).abs() < 0.1 * MM, "{high}");
-        let error = check_resolved(DVec3::splat(0.01), 1.6).unwrap_err();
+        assert!((high - 14.0 * MM).abs() < 0.1 * MM, "{high}");
+        let error = check_resolved(DVec3::splat(0.01), 0.5).unwrap_err();
         assert!(matches!(error, GeometricError::Range { field: "half_angle", .. }), "{error}");
     }
 }
