@@ -111,7 +111,7 @@ impl App {
         read: impl FnOnce(&Self) -> Result<T, Refusal> + Send + 'static,
     ) -> Result<T, Refusal> {
         let app = self.clone();
-        self.pool().place()?.run(move || read(&app)).await?
+        self.pool().place()?.run_long(move || read(&app)).await?
     }
 
     /// Becomes true when the server stops.

@@ -86,7 +86,7 @@ impl Calibrations {
     ) -> Result<wire::SensorCalibration, Refusal> {
         let (place, fitted) = (pool.place()?, Arc::clone(sensor));
         let now = now_ms();
-        let fit = place.run(move || convert::fitted(&request, &fitted, now)).await??;
+        let fit = place.run_long(move || convert::fitted(&request, &fitted, now)).await??;
         let number = self.store.calibrations().add(&fit).await?;
         let newest = self.newest.entry(sensor.id);
         newest.and_modify(|newest| *newest = number.max(*newest)).or_insert(number);

@@ -1,14 +1,18 @@
 //! The threads that compute, behind a queue with a fixed number of places.
 //!
-//! As many threads compute as the operator allows: parts of one piece of work (`rayon` in
-//! core) are done by these threads too, never by a pool of the whole process. Each piece
-//! has a thread that waits for it, so that no more pieces are begun than threads compute.
-//! Async threads only wait for it. Whoever wants to compute takes a [`Place`] first, before
-//! anything is stored; when there is none the robot is asked to come back. Work whose asker has
-//! gone before it began is not begun (`asker`). A panic in one piece of work ends that piece only.
+//! There are two kinds, as many threads of each as the operator allows. Short work is what a robot
+//! waits for, milliseconds. Long work, such as lists, drawings, explanations and filters with a
+//! hundred thousand particles, has threads of its own with a lower priority: whatever is asked of
+//! them, a robot waits for other robots alone, and on an idle machine they are as fast.
+//! Parts of one piece of work (`rayon` in core) are done by the same threads, never by a pool of
+//! the whole process. Each thread has one that waits for it, so that no more pieces are begun than
+//! threads compute. Async threads only wait. Whoever wants to compute takes a [`Place`] first,
+//! before anything is stored; when there is none the robot is asked to come back. Work whose asker
+//! has gone before it began is not begun (`asker`). A panic in one piece ends that piece only.
 
 mod queue;
 
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread;
@@ -19,11 +23,19 @@ use thiserror::Error;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 use crate::asker::Asker;
-use queue::{Length, Queue};
+use queue::Queue;
 
-/// When work waits and no thread has taken any for this long, the server is not ready. Chosen: a
-/// piece takes milliseconds, the slowest seconds.
+/// When short work waits and no thread has taken any for this long, the server is not ready.
+/// Chosen: a piece takes milliseconds, the slowest seconds.
 const STALLED_AFTER: Duration = Duration::from_secs(30);
+/// The same for long work. Chosen: beyond the time that any answer may take.
+const LONG_STALLED_AFTER: Duration = Duration::from_secs(180);
+
+/// By how much the threads of long work are nicer, where the system lets threads differ (Linux):
+/// with 10 a thread gets a tenth of a core that another one wants as well. Chosen: long work goes
+/// on beside a server that is busy, and takes little from it.
+#[cfg(target_os = "linux")]
+const LONG_NICE: i32 = 10;
 
 /// Threads that compute, and the places in the queue before them.
 #[derive(Clone)]
@@ -33,12 +45,25 @@ pub(crate) struct Pool {
     n_places: usize,
 }
 
-/// The queue, closed when nobody can bring work any more.
-struct Open(Arc<Queue>);
+/// Whether a robot waits for a piece of work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Length {
+    /// It does.
+    Short,
+    /// It gives way to short work.
+    Long,
+}
+
+/// The queues, closed when nobody can bring work any more.
+struct Open {
+    short: Arc<Queue>,
+    long: Arc<Queue>,
+}
 
 impl Drop for Open {
     fn drop(&mut self) {
-        self.0.close();
+        self.short.close();
+        self.long.close();
     }
 }
 
@@ -70,24 +95,12 @@ impl Pool {
     ///
     /// # Errors
     /// What the operating system says when it gives no thread.
-    pub(crate) fn start(threads: usize, queue_max: usize) -> std::io::Result<Self> {
+    pub(crate) fn start(threads: usize, queue_max: usize) -> io::Result<Self> {
         let threads = threads.max(1);
-        let computing = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .thread_name(|thread| format!("compute-{thread}"))
-            .build()
-            .map_err(std::io::Error::other)?;
-        let computing = Arc::new(computing);
-        let queue = Arc::new(Queue::new());
-        let open = Arc::new(Open(Arc::clone(&queue)));
-        for thread in 0..threads {
-            let (queue, computing) = (Arc::clone(&queue), Arc::clone(&computing));
-            thread::Builder::new().name(format!("compute-wait-{thread}")).spawn(move || {
-                while let Some(work) = queue.take() {
-                    computing.install(work);
-                }
-            })?;
-        }
+        let open = Arc::new(Open {
+            short: compute(threads, Length::Short)?,
+            long: compute(threads, Length::Long)?,
+        });
         let n_places = threads + queue_max;
         Ok(Self { places: Arc::new(Semaphore::new(n_places)), open, n_places })
     }
@@ -105,6 +118,12 @@ impl Pool {
         }
     }
 
+    /// Takes a place as soon as there is one, for the next piece of an answer that has begun.
+    pub(crate) async fn place_in_time(&self) -> io::Result<Place> {
+        let permit = Arc::clone(&self.places).acquire_owned().await.map_err(io::Error::other)?;
+        Ok(Place { permit, open: Arc::clone(&self.open) })
+    }
+
     /// How many places are free.
     #[must_use]
     pub(crate) fn n_free(&self) -> usize {
@@ -113,7 +132,7 @@ impl Pool {
 
     /// Whether work waits and no thread has taken any for a while: all are at pieces without end.
     pub(crate) fn is_stalled(&self) -> bool {
-        self.open.0.stalled() >= STALLED_AFTER
+        self.open.short.stalled() >= STALLED_AFTER || self.open.long.stalled() >= LONG_STALLED_AFTER
     }
 }
 
@@ -130,7 +149,7 @@ impl Place {
         self.run_as(Length::Short, work).await
     }
 
-    /// The same for a slice of long work, which gives way to what robots wait for.
+    /// The same for long work, which gives way to what robots wait for.
     ///
     /// # Errors
     /// As [`Place::run`].
@@ -141,7 +160,11 @@ impl Place {
         self.run_as(Length::Long, work).await
     }
 
-    async fn run_as<T: Send + 'static>(
+    /// The same for work of either length.
+    ///
+    /// # Errors
+    /// As [`Place::run`].
+    pub(crate) async fn run_as<T: Send + 'static>(
         self,
         length: Length,
         work: impl FnOnce() -> T + Send + 'static,
@@ -159,10 +182,52 @@ impl Place {
             // A robot that has gone away does not read the answer.
             let _ = answer.send(outcome);
         });
-        open.0.push(client, length, work);
+        match length {
+            Length::Short => open.short.push(client, work),
+            Length::Long => open.long.push(client, work),
+        }
         drop(open);
         answered.await.unwrap_or(Err(ComputeError::Panicked))
     }
+}
+
+/// Starts threads that compute what comes into the queue.
+fn compute(threads: usize, length: Length) -> io::Result<Arc<Queue>> {
+    let name = match length {
+        Length::Short => "compute",
+        Length::Long => "compute-long",
+    };
+    let computing = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(move |thread| format!("{name}-{thread}"))
+        .start_handler(move |_| give_way(length))
+        .build()
+        .map_err(io::Error::other)?;
+    let (queue, computing) = (Arc::new(Queue::new()), Arc::new(computing));
+    for thread in 0..threads {
+        let (queue, computing) = (Arc::clone(&queue), Arc::clone(&computing));
+        thread::Builder::new().name(format!("{name}-wait-{thread}")).spawn(move || {
+            while let Some(work) = queue.take() {
+                computing.install(work);
+            }
+        })?;
+    }
+    Ok(queue)
+}
+
+/// Gives this thread the priority of its work.
+fn give_way(length: Length) {
+    // Elsewhere a priority is that of the whole process.
+    #[cfg(target_os = "linux")]
+    if length == Length::Long {
+        use rustix::process::{getpriority_process, setpriority_process};
+        let nicer = getpriority_process(None).map(|nice| (nice + LONG_NICE).min(19));
+        if let Err(error) = nicer.and_then(|nicer| setpriority_process(None, nicer)) {
+            tracing::warn!(%error, "Long work cannot give way to short: {error}");
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = length;
 }
 
 fn outcome<T>(work: impl FnOnce() -> T) -> Result<T, ComputeError> {
@@ -242,6 +307,24 @@ mod tests {
         join_all(all).await;
         let turn = done.lock().unwrap().iter().position(|host| *host == 2).unwrap();
         assert!(turn <= 2, "{turn}");
+    }
+
+    #[tokio::test]
+    async fn a_robot_does_not_wait_for_long_work() {
+        let pool = Pool::start(1, 4).unwrap();
+        let (release, released) = std::sync::mpsc::channel::<()>();
+        let waiting = tokio::spawn(pool.place().unwrap().run_long(move || released.recv()));
+        let short = tokio::time::timeout(Duration::from_secs(10), pool.place().unwrap().run(|| 7));
+        assert_eq!(short.await.expect("every thread of short work is free"), Ok(7));
+        release.send(()).unwrap();
+        assert_eq!(waiting.await.unwrap(), Ok(Ok(())));
+        #[cfg(target_os = "linux")]
+        {
+            let nice = || rustix::process::getpriority_process(None).unwrap();
+            let short = pool.place().unwrap().run(nice).await.unwrap();
+            let long = pool.place().unwrap().run_long(nice).await.unwrap();
+            assert_eq!(long, (short + LONG_NICE).min(19));
+        }
     }
 
     #[tokio::test]

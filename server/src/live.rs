@@ -37,14 +37,14 @@ use crate::asker::Asker;
 use crate::belief::{SessionBelief, check};
 use crate::catalogues::Model;
 use crate::clock::now_ms;
-use crate::compute::{ComputeError, Place};
+use crate::compute::{ComputeError, Length, Place};
 use crate::refusal::Refusal;
 use crate::repeats::new_readings;
 use crate::sessions::{POSES, Tools, status};
 use crate::wire::belief::{belief, top};
 use crate::wire::life::Status;
 use crate::wire::reading::{Incoming, warnings};
-use crate::wire::session::options;
+use crate::wire::session::{is_geometric, options};
 use crate::wire::{count, geometry};
 use account::Account;
 pub(crate) use account::Total;
@@ -52,6 +52,10 @@ use folding::Folding;
 pub(crate) use replay::ReplayQuestion;
 use state::State;
 use turns::Turns;
+
+/// Folding more readings than this gives way to what other robots wait for. Chosen: a batch of an
+/// arm's ten touches never does; a session that is folded anew from its journal may.
+const SHORT_READINGS_MAX: usize = 32;
 
 /// How many events a slow follower may lag behind before it misses some.
 const EVENTS_MAX: usize = 16;
@@ -287,6 +291,8 @@ impl Live {
     ) -> Result<T, Refusal> {
         let folding = self.folding(tools);
         let mut memory = std::mem::take(&mut state.memory);
+        let missing = (length as usize).saturating_sub(memory.chronicle.len());
+        let work_length = self.length_of(missing, &folding);
         let span = tracing::info_span!(
             "fold", session.id = %self.session.id, revision = length,
             catalogue.version = self.session.version
@@ -299,7 +305,7 @@ impl Live {
             });
             (memory, asked.unwrap_or(Err(ComputeError::Stopped.into())))
         };
-        let answer = match place.run(work).await {
+        let answer = match place.run_as(work_length, work).await {
             Ok((memory, answer)) => {
                 // What was folded before its asker left is kept.
                 if matches!(answer, Ok(_) | Err(Refusal::Compute(ComputeError::Stopped))) {
@@ -329,6 +335,12 @@ impl Live {
             Refusal::field("?object", detail)
         })?;
         Ok(ObjectIdx(found as u32))
+    }
+
+    /// Whether folding so many entries gives way to what other robots wait for.
+    fn length_of(&self, missing: usize, folding: &Folding) -> Length {
+        let is_long = missing > SHORT_READINGS_MAX || is_geometric(folding.options.method);
+        if is_long { Length::Long } else { Length::Short }
     }
 
     fn folding(&self, tools: &Tools<'_>) -> Folding {

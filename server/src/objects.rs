@@ -130,7 +130,7 @@ impl Objects {
         let unit = stored_unit(query.unit);
         let bytes = file.clone();
         let read = move || Mesh::from_bytes(format, &bytes, unit_metres(unit));
-        let mesh = self.pool.place()?.run(read).await?;
+        let mesh = self.pool.place()?.run_long(read).await?;
         let mesh = mesh.map_err(|error| Refusal::field("", error))?;
         let format = stored_format(format);
         let info = MeshInfo::new(Uuid::now_v7(), format, unit, &file, now_ms());
@@ -144,7 +144,7 @@ impl Objects {
     pub(crate) async fn mesh(&self, reference: &str) -> Result<(MeshFormat, MeshReader), Refusal> {
         let object = self.find(reference)?;
         let meshes = self.store.meshes();
-        let found = self.pool.place()?.run(move || meshes.open(object.id)).await??;
+        let found = self.pool.place()?.run_long(move || meshes.open(object.id)).await??;
         let reader = found.ok_or_else(|| Refusal::NotFound {
             what: "mesh of object",
             reference: object.name.clone(),

@@ -54,7 +54,7 @@ impl Mapped {
         let cell_pixels = (PNG_PIXELS / x.max(y)).clamp(1, CELL_PIXELS_MAX);
         let map = Arc::clone(&self.map);
         let draw = move || layer_png(&map.occupancy, slice, cell_pixels);
-        let png = pool.place()?.run(draw).await?;
+        let png = pool.place()?.run_long(draw).await?;
         png.ok_or_else(|| Refusal::NotFound { what: "slice", reference: slice.to_string() })
     }
 
@@ -65,7 +65,7 @@ impl Mapped {
             PlyForm::Points => Some(cloud_ply(&map.occupancy, OCCUPIED)),
             PlyForm::Mesh => surface_ply(&map.occupancy, OCCUPIED),
         };
-        let ply = pool.place()?.run(write).await?;
+        let ply = pool.place()?.run_long(write).await?;
         ply.ok_or_else(|| {
             let detail = "came `mesh`, but the map is planar or has no occupied cell: it has no \
                           surface, ask for `points`";
@@ -113,7 +113,7 @@ impl Catalogues {
             let ids: Vec<Uuid> = ours.objects.iter().map(|object| object.id).collect();
             Ok::<_, Refusal>((model_to_blocks(&core, &ids), core))
         };
-        let (blocks, core) = self.pool.place()?.run(merging).await??;
+        let (blocks, core) = self.pool.place()?.run_long(merging).await??;
         let maps = core.geometry.iter().flat_map(|geometry| &geometry.maps);
         for (object, map) in parameters.report.objects.iter_mut().zip(maps) {
             object.geometry = Some(geometry::report(map));

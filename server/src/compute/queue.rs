@@ -1,8 +1,6 @@
-//! The order in which work is computed: clients take turns, and short work goes before long.
+//! The order in which work is computed: clients take turns.
 //!
-//! The work of one client is done in the order in which it came. Long work, such as a slice of an
-//! explanation, gives way to short work such as a reading, but not without end: when both wait
-//! every fourth piece is a long one.
+//! The work of one client is done in the order in which it came.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -13,19 +11,6 @@ use crate::client::Client;
 /// A piece of work.
 pub(super) type Work = Box<dyn FnOnce() + Send>;
 
-/// When both wait, one piece of this many is a long one. Chosen: an explanation alone with many
-/// robots still ends, and readings lose a quarter of the threads at most.
-const LONG_EVERY: u32 = 4;
-
-/// Whether work gives way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Length {
-    /// A robot waits for it.
-    Short,
-    /// It gives way to short work.
-    Long,
-}
-
 /// Work that waits for a thread.
 pub(super) struct Queue {
     state: Mutex<State>,
@@ -34,25 +19,17 @@ pub(super) struct Queue {
 
 #[derive(Default)]
 struct State {
-    short: Lane,
-    long: Lane,
-    /// Pieces of short work since the last long one that was waiting.
-    short_in_a_row: u32,
+    /// The clients with work, the next one first.
+    turns: VecDeque<Option<Client>>,
+    work: HashMap<Option<Client>, VecDeque<Work>>,
     /// When the last piece began while others waited, or the first of these came.
     waiting_since: Option<Instant>,
     is_closed: bool,
 }
 
-/// Work of one length.
-#[derive(Default)]
-struct Lane {
-    /// The clients with work, the next one first.
-    turns: VecDeque<Option<Client>>,
-    work: HashMap<Option<Client>, VecDeque<Work>>,
-}
-
-impl Lane {
+impl State {
     fn push(&mut self, client: Option<Client>, work: Work) {
+        self.waiting_since.get_or_insert_with(Instant::now);
         let own = self.work.entry(client).or_default();
         if own.is_empty() {
             self.turns.push_back(client);
@@ -69,29 +46,7 @@ impl Lane {
         } else {
             self.turns.push_back(client);
         }
-        next
-    }
-
-    fn is_empty(&self) -> bool {
-        self.turns.is_empty()
-    }
-}
-
-impl State {
-    fn is_empty(&self) -> bool {
-        self.short.is_empty() && self.long.is_empty()
-    }
-
-    fn pop(&mut self) -> Option<Work> {
-        let long_is_due = self.short_in_a_row + 1 >= LONG_EVERY || self.short.is_empty();
-        let next = if !self.long.is_empty() && long_is_due {
-            self.short_in_a_row = 0;
-            self.long.pop()
-        } else {
-            self.short_in_a_row += u32::from(!self.long.is_empty());
-            self.short.pop()
-        };
-        self.waiting_since = (!self.is_empty()).then(Instant::now);
+        self.waiting_since = (!self.turns.is_empty()).then(Instant::now);
         next
     }
 }
@@ -105,13 +60,8 @@ impl Queue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn push(&self, client: Option<Client>, length: Length, work: Work) {
-        let mut state = self.lock();
-        state.waiting_since.get_or_insert_with(Instant::now);
-        match length {
-            Length::Short => state.short.push(client, work),
-            Length::Long => state.long.push(client, work),
-        }
+    pub(super) fn push(&self, client: Option<Client>, work: Work) {
+        self.lock().push(client, work);
         self.came.notify_one();
     }
 
@@ -147,42 +97,26 @@ mod tests {
 
     use super::*;
 
-    /// The names of pieces in the order in which they are computed.
-    fn order(pieces: &[(u8, Length, &'static str)]) -> Vec<&'static str> {
+    #[test]
+    fn clients_take_turns() {
         let (queue, done) = (Queue::new(), Arc::new(Mutex::new(Vec::new())));
-        for (client, length, name) in pieces {
-            let (done, name) = (Arc::clone(&done), *name);
-            let client = Some(Client::at([10, 0, 0, *client].into()));
-            queue.push(client, *length, Box::new(move || done.lock().unwrap().push(name)));
+        for (client, name) in [(1, "a1"), (1, "a2"), (1, "a3"), (2, "b1")] {
+            let done = Arc::clone(&done);
+            let client = Some(Client::at([10, 0, 0, client].into()));
+            queue.push(client, Box::new(move || done.lock().unwrap().push(name)));
         }
         queue.close();
         while let Some(work) = queue.take() {
             work();
         }
-        drop(queue);
-        Arc::into_inner(done).unwrap().into_inner().unwrap()
-    }
-
-    #[test]
-    fn clients_take_turns() {
-        use Length::Short;
-        let pieces = [(1, Short, "a1"), (1, Short, "a2"), (1, Short, "a3"), (2, Short, "b1")];
-        assert_eq!(order(&pieces), ["a1", "b1", "a2", "a3"]);
-    }
-
-    #[test]
-    fn long_work_gives_way_and_is_done_all_the_same() {
-        use Length::{Long, Short};
-        let mut pieces = vec![(1, Long, "l1"), (1, Long, "l2")];
-        pieces.extend([(2, Short, "s"); 7]);
-        assert_eq!(order(&pieces), ["s", "s", "s", "l1", "s", "s", "s", "l2", "s"]);
+        assert_eq!(*done.lock().unwrap(), ["a1", "b1", "a2", "a3"]);
     }
 
     #[test]
     fn work_that_no_thread_takes_is_noticed() {
         let queue = Queue::new();
         assert_eq!(queue.stalled(), Duration::ZERO);
-        queue.push(None, Length::Short, Box::new(|| ()));
+        queue.push(None, Box::new(|| ()));
         std::thread::sleep(Duration::from_millis(20));
         assert!(queue.stalled() >= Duration::from_millis(20));
         assert!(queue.take().is_some());

@@ -60,7 +60,7 @@ impl Live {
         let work = move || -> Result<Answer, Refusal> {
             Ok(folding.past(revision as usize, start)?.answer(poses))
         };
-        let answer = place.run(work).await??;
+        let answer = place.run_long(work).await??;
         Ok(self.shown(revision, &answer))
     }
 }

@@ -22,5 +22,5 @@ pub(crate) async fn analyse_coverings(
 ) -> Result<Json<CoveringAnalysis>, Refusal> {
     let question = wire::analysis::question(&request)?;
     let place = app.pool().place()?;
-    Ok(Json(place.run(move || wire::analysis::analysis(&question)).await?))
+    Ok(Json(place.run_long(move || wire::analysis::analysis(&question)).await?))
 }

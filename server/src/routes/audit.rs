@@ -25,5 +25,5 @@ pub(crate) async fn list_audit(
 ) -> Result<Json<AuditPage>, Refusal> {
     check_operation(&query)?;
     let audit = Arc::clone(app.audit());
-    Ok(Json(app.pool().place()?.run(move || audit.list(&query)).await??))
+    Ok(Json(app.pool().place()?.run_long(move || audit.list(&query)).await??))
 }

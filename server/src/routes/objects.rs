@@ -93,7 +93,7 @@ pub(crate) async fn get_mesh(
     Segment1(object): Segment1,
 ) -> Result<Response, Refusal> {
     let (format, file) = app.objects().mesh(&object).await?;
-    Ok(blocks::answer(format.media_type(), file))
+    Ok(blocks::answer(format.media_type(), file, app.pool()))
 }
 
 /// Upload an object's mesh

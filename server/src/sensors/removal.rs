@@ -59,7 +59,7 @@ impl Sensors {
     async fn expect_unused(&self, sensor: &Sensor, pool: &Pool) -> Result<(), Refusal> {
         let (store, id, created) = (self.store.clone(), sensor.id, sensor.created_at_ms);
         let needs = move || needs(&store, id, created);
-        match pool.place()?.run(needs).await?? {
+        match pool.place()?.run_long(needs).await?? {
             None => Ok(()),
             Some(by) => Err(Refusal::Needed { what: format!("sensor {:?}", sensor.name), by }),
         }

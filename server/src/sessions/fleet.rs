@@ -34,7 +34,7 @@ impl Sessions {
         let asked = query.limit.map_or(SESSIONS_MAX, u64::from);
         let limit = within("?limit", asked, 1, SESSIONS_MAX)? as usize;
         let sessions = Arc::clone(self);
-        self.pool.place()?.run(move || sessions.fleet_now(limit)).await?
+        self.pool.place()?.run_long(move || sessions.fleet_now(limit)).await?
     }
 
     fn fleet_now(&self, limit: usize) -> Result<wire::Fleet, Refusal> {

@@ -80,7 +80,7 @@ async fn every_method_folds_late_readings_as_if_they_had_come_in_time() {
     readings.iter_mut().for_each(|reading| reading["object_moved"] = Value::Null);
     let pose = json!({"position": [0.02, -0.03, 0.05], "orientation": [0.0, 0.0, 0.0, 1.0]});
     let prior = json!({"kind": "bounded", "pose": pose, "half_extents": [0.01, 0.01, 0.01],
-        "half_angle": 0.5});
+        "half_angle": 0.4});
     for begin in [
         json!({"method": "hybrid"}),
         json!({"method": "sva"}),

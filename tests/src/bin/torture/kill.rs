@@ -140,7 +140,7 @@ pub(crate) async fn set_up(
 }
 
 /// Waits for a job's end and gives its state.
-async fn ended(http: &Client, url: &str, job: &str) -> String {
+pub(crate) async fn ended(http: &Client, url: &str, job: &str) -> String {
     let begun = Instant::now();
     loop {
         let shown = send(http, Method::GET, format!("{url}/v1/jobs/{job}"), None).await.done();

@@ -1,13 +1,14 @@
 //! `torture`: kills and damages a real server again and again, and counts what it got wrong.
 //!
 //! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change;
-//! `order`: one set of readings is sent in many ways.
+//! `order`: one set of readings is sent in many ways; `hostile`: callers who mean harm.
 //! The last line of the standard output is one JSON object; every count of faults in it must
 //! be 0, and the exit code is 1 if one is not. Progress goes to the standard error.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
 
 mod check;
 mod corrupt;
+mod hostile;
 mod http;
 mod keys;
 mod kill;
@@ -42,6 +43,9 @@ struct Args {
     /// is taught with a trainer's, and keys are made and revoked under fire too.
     #[arg(long, value_enum, default_value = "open")]
     access: Access,
+    /// With `hostile`: how long each attack lasts, seconds.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=600))]
+    seconds: u32,
     /// The command to torture; built by cargo when not given.
     #[arg(long, value_name = "FILE")]
     palpate: Option<PathBuf>,
@@ -80,7 +84,9 @@ enum Mode {
     Corrupt,
     /// Readings in other orders, in batches, twice, and withdrawn; eight ways a round.
     Order,
-    /// Everything.
+    /// Attackers beside honest robots, one attack after the other.
+    Hostile,
+    /// Everything but `hostile`.
     All,
 }
 
@@ -130,9 +136,9 @@ async fn main() -> ExitCode {
     // Reqwest wants a provider although nothing here speaks TLS.
     let _ = rustls::crypto::ring::default_provider().install_default();
     match run(&args).await {
-        Ok(counts) => {
-            println!("{}", serde_json::to_string(&counts).expect("counts are numbers"));
-            if counts.faults() == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+        Ok((report, faults)) => {
+            println!("{report}");
+            if faults == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
         }
         Err(error) => {
             eprintln!("error: {error:#}");
@@ -141,7 +147,8 @@ async fn main() -> ExitCode {
     }
 }
 
-async fn run(args: &Args) -> anyhow::Result<Counts> {
+/// What was found, and how many faults there are in it.
+async fn run(args: &Args) -> anyhow::Result<(String, u64)> {
     let begun = Instant::now();
     let command = match &args.palpate {
         Some(path) => path.clone(),
@@ -153,6 +160,10 @@ async fn run(args: &Args) -> anyhow::Result<Counts> {
             eprintln!("{line}");
         }
     };
+    if args.mode == Mode::Hostile {
+        let report = hostile::run(&command, args, &say).await?;
+        return Ok((serde_json::to_string(&report)?, report.faults()));
+    }
     if matches!(args.mode, Mode::Kill | Mode::All) {
         kill::run(&command, args, &mut counts, &say).await?;
     }
@@ -163,5 +174,5 @@ async fn run(args: &Args) -> anyhow::Result<Counts> {
         order::run(&command, args, &mut counts, &say).await?;
     }
     counts.seconds = begun.elapsed().as_secs_f64();
-    Ok(counts)
+    Ok((serde_json::to_string(&counts)?, counts.faults()))
 }

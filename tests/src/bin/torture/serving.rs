@@ -4,6 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
@@ -16,7 +17,8 @@ const START_PATIENCE: Duration = Duration::from_secs(60);
 
 /// A server in a process of its own. Dropped, it is killed.
 pub(crate) struct Serving {
-    child: Child,
+    child: Ending,
+    said: JoinHandle<String>,
     /// Where it listens, such as `http://127.0.0.1:40123`.
     pub(crate) url: String,
     /// The key of the first admin, if it made one at this start.
@@ -59,17 +61,42 @@ impl Serving {
         data: &Path,
         access: Access,
     ) -> anyhow::Result<Result<Self, Refused>> {
-        let mut child = Command::new(command)
+        Self::start_as(Command::new(command), data, access, &[])
+    }
+
+    /// The same for a process that gets no more memory than this, with further arguments.
+    pub(crate) fn start_within(
+        command: &Path,
+        data: &Path,
+        access: Access,
+        memory_kib: u64,
+        arguments: &[&str],
+    ) -> anyhow::Result<Result<Self, Refused>> {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "ulimit -v \"$0\" && exec \"$@\""]);
+        shell.arg(memory_kib.to_string()).arg(command);
+        Self::start_as(shell, data, access, arguments)
+    }
+
+    fn start_as(
+        mut command: Command,
+        data: &Path,
+        access: Access,
+        arguments: &[&str],
+    ) -> anyhow::Result<Result<Self, Refused>> {
+        let program = command.get_program().to_owned();
+        let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--json", "--access"])
             .arg(access.name())
             .arg("--data")
             .arg(data)
-            .env("RUST_LOG", "error")
+            .args(arguments)
+            .env("RUST_LOG", "info")
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .with_context(|| format!("cannot start {}", command.display()))?;
+            .with_context(|| format!("cannot start {}", program.display()))?;
         let stdout = child.stdout.take().context("the child has no standard output")?;
         let mut stderr = child.stderr.take().context("the child has no standard error")?;
         let said = std::thread::spawn(move || {
@@ -90,24 +117,37 @@ impl Serving {
         if let Some(url) = answer.as_ref().and_then(|answer| answer["server"].as_str()) {
             let admin_key = answer.as_ref().and_then(|answer| answer["admin_key"].as_str());
             let admin_key = admin_key.map(str::to_owned);
-            return Ok(Ok(Self { url: url.to_owned(), admin_key, child }));
+            return Ok(Ok(Self { url: url.to_owned(), admin_key, child: Ending(child), said }));
         }
         let _ = child.kill();
         child.wait().context("cannot wait for the child")?;
         Ok(Err(Refused(said.join().unwrap_or_default())))
     }
 
+    /// The number of its process.
+    pub(crate) fn process(&self) -> u32 {
+        self.child.0.id()
+    }
+
     /// Ends it as a loss of power does, in the middle of whatever it does.
-    pub(crate) fn kill(mut self) -> anyhow::Result<()> {
-        self.child.kill().context("cannot kill the server")?;
-        self.child.wait().context("cannot wait for the server")?;
-        Ok(())
+    pub(crate) fn kill(self) -> anyhow::Result<()> {
+        self.end().map(|_| ())
+    }
+
+    /// The same; what it said on its standard error.
+    pub(crate) fn end(mut self) -> anyhow::Result<String> {
+        self.child.0.kill().context("cannot kill the server")?;
+        self.child.0.wait().context("cannot wait for the server")?;
+        Ok(self.said.join().unwrap_or_default())
     }
 }
 
-impl Drop for Serving {
+/// A process that does not outlive what it is for.
+struct Ending(Child);
+
+impl Drop for Ending {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }

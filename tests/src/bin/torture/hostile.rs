@@ -1,0 +1,347 @@
+//! `hostile`: four attackers with stolen keys and addresses of their own beside sixteen honest
+//! robots, on a server of its own with two gigabytes. Each attack is one that a review once found
+//! to work, bounded in count and time. What is asked: do the honest robots notice, is anything
+//! taken that should be refused, and is all that the attackers held given back?
+
+mod attacks;
+mod foe;
+mod honest;
+mod verdicts;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use palpate_core::rng::{Purpose, Stream};
+use reqwest::{Client, Method};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::http::{Outcome, answer, client, client_with, send};
+use crate::kill;
+use crate::material::{Material, off_box};
+use crate::robot::Robot;
+use crate::serving::Serving;
+use crate::{Access, Args};
+use attacks::{Attack, Prey, attack};
+use foe::{Foe, Stolen};
+use honest::{Honest, Log, Seen};
+
+/// What the server's process gets, KiB of virtual memory.
+const MEMORY_KIB: u64 = 2 << 20;
+const HONEST: usize = 16;
+const FOES: u8 = 4;
+/// Quiet time beforehand, as a multiple of an attack's.
+const BASELINE: u32 = 2;
+/// After so long everything that attackers held must be free.
+const GIVEN_BACK: Duration = Duration::from_secs(60);
+/// Lines that make the large mesh, of 30 bytes.
+const MESH_LINES: usize = 1_000_000;
+/// Readings of the long session.
+const LONG_SESSION: usize = 190;
+/// Training readings of the large object.
+const LARGE_OBJECT: usize = 1000;
+
+/// How many faults of a kind are told in words.
+const SAID: usize = 3;
+
+/// What was found.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    honest_p99_ratio: f64,
+    honest_refused: u64,
+    peak_mb: f64,
+    held_after_60_s: u64,
+    attacks_that_worked: u64,
+    honest_p99_ms_before: f64,
+    honest_p99_ms_during: f64,
+    honest_requests: usize,
+    idle_cores_after: f64,
+    attacks: Vec<Told>,
+    seconds_per_attack: u32,
+    seed: u64,
+    seconds: f64,
+}
+
+/// One attack.
+#[derive(Debug, Serialize)]
+struct Told {
+    attack: &'static str,
+    finding: u8,
+    attempts: u64,
+    honest_p99_ratio: f64,
+    honest_refused: u64,
+    worked: u64,
+}
+
+impl Report {
+    /// Faults: every one of them is a caller who was hurt, or could hurt.
+    pub(crate) fn faults(&self) -> u64 {
+        self.honest_refused + self.held_after_60_s + self.attacks_that_worked
+    }
+}
+
+/// Everybody who takes part.
+struct Scene {
+    serving: Serving,
+    admin: Client,
+    honest: Vec<Honest>,
+    foes: Vec<Foe>,
+    prey: Prey,
+}
+
+/// Attacks a server of its own, one attack after the other.
+pub(crate) async fn run(
+    command: &Path,
+    args: &Args,
+    say: &dyn Fn(String),
+) -> anyhow::Result<Report> {
+    let begun = Instant::now();
+    let material = Arc::new(Material::new()?);
+    let folder = tempfile::tempdir().context("cannot make a folder")?;
+    let data = folder.path().join("data");
+    let scene = set_the_scene(command, &data, args, &material).await?;
+    let Scene { serving, admin, honest, mut foes, prey } = scene;
+    let url = serving.url.clone();
+    let log = Arc::new(Log::default());
+    let before = log.next_window();
+    let robots: Vec<_> = honest
+        .into_iter()
+        .map(|robot| tokio::spawn(robot.work(url.clone(), Arc::clone(&material), Arc::clone(&log))))
+        .collect();
+    tokio::time::sleep(Duration::from_secs(u64::from(args.seconds * BASELINE))).await;
+
+    let mut told = Vec::new();
+    let mut windows = Vec::new();
+    let mut faults = Vec::new();
+    for what in Attack::ALL {
+        windows.push(log.next_window());
+        let (name, finding) = what.name();
+        for foe in &mut foes {
+            foe.until = Instant::now() + Duration::from_secs(u64::from(args.seconds));
+            foe.attempts = 0.into();
+        }
+        let attacking = foes.iter().map(|foe| attack(what, foe, &prey));
+        let worked: Vec<String> = futures::future::join_all(attacking).await.concat();
+        let attempts = foes.iter_mut().map(|foe| *foe.attempts.get_mut()).sum();
+        say(format!("{name}: {attempts} attempts, {} worked", worked.len()));
+        worked.iter().take(SAID).for_each(|fault| say(shortened(fault)));
+        told.push(Told {
+            attack: name,
+            finding,
+            attempts,
+            honest_p99_ratio: 0.0,
+            honest_refused: 0,
+            worked: worked.len() as u64,
+        });
+        faults.extend(worked);
+        if what == Attack::Downloads {
+            let found = verdicts::downloads(&admin, &url, &mut foes).await;
+            found.iter().for_each(|fault| say(shortened(fault)));
+            faults.extend(found);
+        }
+    }
+    log.end();
+    for robot in robots {
+        robot.await.context("a robot panicked")?;
+    }
+    let forgotten = verdicts::audit(&admin, &url, &foes).await;
+    forgotten.iter().for_each(|fault| say(shortened(fault)));
+    faults.extend(forgotten);
+    let held_after_60_s = given_back(&admin, &url).await?;
+    let idle_cores_after = cores_used(serving.process()).await?;
+    let peak_mb = peak_mb(serving.process())?;
+    let said = serving.end()?;
+    if foes.iter().any(|foe| said.contains(&foe.viewer_key)) {
+        say("a key is in the server's log".to_owned());
+        faults.push("a key is in the server's log".to_owned());
+    }
+    let refusals = log.refusals.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
+    for refusal in refusals.iter().take(SAID) {
+        say(shortened(&format!("an honest robot was refused: {refusal}")));
+    }
+
+    let before = log.window(before);
+    let mut during = Seen::default();
+    for (told, window) in told.iter_mut().zip(windows) {
+        let seen = log.window(window);
+        told.honest_p99_ratio = seen.p99() / before.p99();
+        told.honest_refused = seen.refused;
+        during.add(&seen);
+    }
+    Ok(Report {
+        honest_p99_ratio: during.p99() / before.p99(),
+        honest_refused: before.refused + during.refused,
+        peak_mb,
+        held_after_60_s,
+        attacks_that_worked: faults.len() as u64,
+        honest_p99_ms_before: 1e3 * before.p99(),
+        honest_p99_ms_during: 1e3 * during.p99(),
+        honest_requests: before.requests() + during.requests(),
+        idle_cores_after,
+        attacks: told,
+        seconds_per_attack: args.seconds,
+        seed: args.seed,
+        seconds: begun.elapsed().as_secs_f64(),
+    })
+}
+
+/// The beginning of what may be long.
+fn shortened(text: &str) -> String {
+    text.chars().take(400).collect()
+}
+
+/// A server with something of everything, honest robots, and what attackers stole.
+async fn set_the_scene(
+    command: &Path,
+    data: &Path,
+    args: &Args,
+    material: &Material,
+) -> anyhow::Result<Scene> {
+    let http = client()?;
+    let mut robots: Vec<Robot> = (0..HONEST)
+        .map(|n| {
+            let stream = Stream::new(args.seed, Purpose::ReadingChoice, n as u64);
+            Robot::new(format!("robot-{n}"), http.clone(), stream)
+        })
+        .collect();
+    kill::set_up(command, data, &mut robots, &http, Access::Keys).await?;
+    let more = ["--session-ttl-s", "30"];
+    let serving = match Serving::start_within(command, data, Access::Keys, MEMORY_KIB, &more)? {
+        Ok(serving) => serving,
+        Err(refused) => bail!("the server does not start: {}", refused.0),
+    };
+    let url = serving.url.clone();
+    let first = robots.first().context("no robots")?;
+    let (teacher, toucher) = (first.teacher.clone(), first.client.clone());
+    let admin = first.keeper.clone().context("no keeper of keys")?;
+    let leaver = key(&admin, &url, "leaver", "admin").await?;
+    let mut foes = Vec::new();
+    for number in 0..FOES {
+        let stolen = Stolen {
+            robot: key(&admin, &url, &format!("hand-{number}"), "robot").await?,
+            viewer: key(&admin, &url, &format!("looker-{number}"), "viewer").await?,
+            admin: leaver.clone(),
+        };
+        foes.push(Foe::new(number, &url, stolen)?);
+    }
+    let long_session = teach(&teacher, &toucher, &url, material).await?;
+    let refused = client_with(&foes[0].viewer_key)?;
+    send(&refused, Method::DELETE, format!("{url}/v1/objects/{}", verdicts::EVIDENCE), None).await;
+    let honest: Vec<Honest> = robots
+        .into_iter()
+        .map(|robot| Honest { name: robot.name, client: robot.client, now: Arc::default() })
+        .collect();
+    let known = honest.iter().map(|robot| (robot.name.clone(), Arc::clone(&robot.now))).collect();
+    let prey = Prey { robots: known, long_session, touch: material.touches[0][0].clone() };
+    Ok(Scene { serving, admin, honest, foes, prey })
+}
+
+/// Teaches what attackers ask for; the session with many readings.
+async fn teach(
+    teacher: &Client,
+    toucher: &Client,
+    url: &str,
+    material: &Material,
+) -> anyhow::Result<String> {
+    let wanted = |outcome: Outcome| match outcome {
+        Outcome::Done(body) => Ok(body),
+        other => bail!("cannot set up: {other:?}"),
+    };
+    let post = |client: Client, path: String, body: Value| async move {
+        wanted(send(&client, Method::POST, format!("{url}{path}"), Some(&body)).await)
+    };
+    for name in ["large", verdicts::EVIDENCE] {
+        post(teacher.clone(), "/v1/objects".to_owned(), json!({ "name": name })).await?;
+    }
+    let mesh = teacher.put(format!("{url}/v1/objects/large/mesh?unit=mm"));
+    let mesh = mesh.header("content-type", "model/off").body(off_box([30.0; 3], MESH_LINES));
+    wanted(answer(mesh).await)?;
+    let touch = |n: usize| material.touches[0][n % material.touches[0].len()].clone();
+    let readings: Vec<Value> = (0..LARGE_OBJECT).map(touch).collect();
+    for readings in readings.chunks(200) {
+        let body = json!({ "readings": readings });
+        post(teacher.clone(), "/v1/objects/large/readings".to_owned(), body).await?;
+    }
+    let training = json!({"objects": ["cube", "bar"], "readings_per_object": 60, "n_classes": 8,
+        "seed": 3, "geometry": {"kind": "solid", "cell": 0.004}});
+    let job = post(teacher.clone(), "/v1/catalogues/solid/trainings".to_owned(), training).await?;
+    let state = kill::ended(teacher, url, job["id"].as_str().unwrap_or_default()).await;
+    if state != "succeeded" {
+        bail!("the training of solid maps is {state}");
+    }
+    let session = json!({"catalogue": "default", "ttl_s": 86_400});
+    let session = post(toucher.clone(), "/v1/sessions".to_owned(), session).await?;
+    let session = session["id"].as_str().unwrap_or_default().to_owned();
+    let readings: Vec<Value> = (0..LONG_SESSION).map(touch).collect();
+    for readings in readings.chunks(50) {
+        let path = format!("/v1/sessions/{session}/readings");
+        post(toucher.clone(), path, json!({ "readings": readings })).await?;
+    }
+    Ok(session)
+}
+
+async fn key(admin: &Client, url: &str, name: &str, role: &str) -> anyhow::Result<String> {
+    let body = json!({"name": name, "role": role});
+    let made = send(admin, Method::POST, format!("{url}/v1/keys"), Some(&body)).await.done();
+    let secret = made.as_ref().and_then(|made| made["secret"].as_str());
+    secret.map(str::to_owned).with_context(|| format!("cannot make the key {name}"))
+}
+
+/// How much is still occupied when everything should be free: asked again until nothing is, or
+/// the time is over.
+async fn given_back(admin: &Client, url: &str) -> anyhow::Result<u64> {
+    let begun = Instant::now();
+    loop {
+        let metrics = admin.get(format!("{url}/metrics")).send().await?.text().await?;
+        let held = held(&metrics);
+        if held == 0 || begun.elapsed() >= GIVEN_BACK {
+            return Ok(held);
+        }
+        tokio::time::sleep(Duration::from_secs(1)).await;
+    }
+}
+
+/// What the figures say is occupied, without the connection and the session that are ours.
+fn held(metrics: &str) -> u64 {
+    let figure = |line: &str| line.rsplit_once(' ').and_then(|(_, n)| n.parse::<f64>().ok());
+    let of = |name: &str| -> u64 {
+        let found = metrics.lines().filter(|line| line.starts_with(name)).filter_map(figure);
+        found.sum::<f64>() as u64
+    };
+    // Connections of honest clients idle in their pools; all come from one address.
+    let connections = of("palpate_occupied{resource=\"connections\"}");
+    let others = ["requests", "streams", "bodies", "answers"]
+        .map(|resource| of(&format!("palpate_occupied{{resource=\"{resource}\"}}")));
+    let sessions = of("palpate_sessions_open").saturating_sub(1);
+    others.iter().sum::<u64>() + sessions + connections.saturating_sub(OWN_CONNECTIONS)
+}
+
+/// Connections that honest clients keep open for their next request: a robot has one, those who
+/// set up and measure have a few.
+const OWN_CONNECTIONS: u64 = HONEST as u64 + 8;
+
+/// How many cores a process keeps busy.
+async fn cores_used(process: u32) -> anyhow::Result<f64> {
+    let watched = Duration::from_secs(2);
+    let before = cpu_seconds(process)?;
+    tokio::time::sleep(watched).await;
+    Ok((cpu_seconds(process)? - before) / watched.as_secs_f64())
+}
+
+/// Processor time of a process: fields 14 and 15 of its `stat`, in hundredths of a second.
+fn cpu_seconds(process: u32) -> anyhow::Result<f64> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).context("no /proc")?;
+    let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest);
+    let ticks = fields.split_whitespace().skip(11).take(2).filter_map(|n| n.parse::<f64>().ok());
+    Ok(ticks.sum::<f64>() / 100.0)
+}
+
+/// The most memory that a process ever had, MB.
+fn peak_mb(process: u32) -> anyhow::Result<f64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).context("no /proc")?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
+    Ok(kib.context("no VmHWM")? * 1024.0 / 1e6)
+}

@@ -1,0 +1,270 @@
+//! The attacks, each by what a review of the server once found to work.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use reqwest::Method;
+use serde_json::{Value, json};
+
+use super::foe::Foe;
+
+/// Connections that an attacker opens in one attack.
+const CONNECTIONS: usize = 400;
+/// Connections that an attacker holds by long answers or long bodies.
+const LONG: usize = 40;
+/// Sessions and streams that an attacker tries to take.
+const SESSIONS: usize = 3000;
+/// Names that are not to reach a terminal as they are.
+const ESCAPE: &str = "\u{1b}[2J\u{1b}]0;owned\u{7}";
+
+/// An attack. The number is that of the finding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Attack {
+    /// 1: computations that seem to have no end, and callers who hang up.
+    Computation,
+    /// 2: long answers that are never read.
+    UnreadAnswers,
+    /// 3: headers that never end.
+    HalfOpen,
+    /// 6: changes that fail, to wash the audit log.
+    WashedAudit,
+    /// 7: bodies that are promised and never sent.
+    PromisedBodies,
+    /// 8: answers that take long to make, and listings.
+    LongAnswers,
+    /// 9: readings in another robot's name.
+    Posing,
+    /// 10: strangers without a key.
+    Strangers,
+    /// 11: text that speaks to the operator's terminal.
+    Escapes,
+    /// 13: downloads that stall.
+    Downloads,
+    /// 14: every session and every stream there is.
+    SessionsAndStreams,
+    /// 17: a key where a path should be.
+    KeyInPath,
+}
+
+impl Attack {
+    pub(super) const ALL: [Self; 12] = [
+        Self::Computation,
+        Self::UnreadAnswers,
+        Self::HalfOpen,
+        Self::WashedAudit,
+        Self::PromisedBodies,
+        Self::LongAnswers,
+        Self::Posing,
+        Self::Strangers,
+        Self::Escapes,
+        Self::Downloads,
+        Self::SessionsAndStreams,
+        Self::KeyInPath,
+    ];
+
+    /// Its name in the report, and the number of the finding.
+    pub(super) fn name(self) -> (&'static str, u8) {
+        match self {
+            Self::Computation => ("endless_computation", 1),
+            Self::UnreadAnswers => ("unread_answers", 2),
+            Self::HalfOpen => ("half_open_connections", 3),
+            Self::WashedAudit => ("washed_audit_log", 6),
+            Self::PromisedBodies => ("promised_bodies", 7),
+            Self::LongAnswers => ("long_answers", 8),
+            Self::Posing => ("posing_as_a_robot", 9),
+            Self::Strangers => ("strangers_without_a_key", 10),
+            Self::Escapes => ("terminal_escapes", 11),
+            Self::Downloads => ("stalled_downloads", 13),
+            Self::SessionsAndStreams => ("every_session_and_stream", 14),
+            Self::KeyInPath => ("key_in_a_path", 17),
+        }
+    }
+}
+
+/// What attackers know of the honest side.
+pub(super) struct Prey {
+    /// Robots with the session each is at, and the number of its next reading.
+    pub(super) robots: Vec<(String, Arc<Mutex<(String, u64)>>)>,
+    /// A session with many readings.
+    pub(super) long_session: String,
+    /// A touch that sessions take.
+    pub(super) touch: Value,
+}
+
+/// Attacks until the time is over. Gives what should have been refused and was not.
+pub(super) async fn attack(what: Attack, foe: &Foe, prey: &Prey) -> Vec<String> {
+    match what {
+        Attack::Computation => computation(foe, prey).await,
+        Attack::UnreadAnswers => unread_answers(foe, prey).await,
+        Attack::HalfOpen => {
+            let said = "GET /v1/sessions HTTP/1.1\r\nHost: localhost\r\nX-Never: ";
+            many(foe, CONNECTIONS, said).await
+        }
+        Attack::WashedAudit => {
+            let nobody = "/v1/sessions/00000000-0000-7000-8000-000000000000";
+            again(foe, |foe| foe.ask(&foe.robot, Method::DELETE, nobody, None)).await
+        }
+        Attack::PromisedBodies => {
+            let said = format!(
+                "POST /v1/sessions HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {}\r\n\
+                 Content-Type: application/json\r\nContent-Length: 3000000\r\n\r\n{{\"catalog",
+                foe.robot_key
+            );
+            many(foe, CONNECTIONS, &said).await
+        }
+        Attack::LongAnswers => long_answers(foe, prey).await,
+        Attack::Posing => posing(foe, prey).await,
+        Attack::Strangers => {
+            again(foe, |foe| foe.ask(&foe.stranger, Method::POST, "/v1/keys", None)).await
+        }
+        Attack::Escapes => escapes(foe, prey).await,
+        Attack::Downloads => {
+            let said = format!(
+                "POST /v1/snapshots HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {}\r\n\
+                 Content-Length: 0\r\n\r\n",
+                foe.admin_key
+            );
+            many(foe, 4, &said).await
+        }
+        Attack::SessionsAndStreams => sessions_and_streams(foe).await,
+        Attack::KeyInPath => {
+            let path = format!("/v1/sessions/{}/belief", foe.viewer_key);
+            again(foe, |foe| foe.ask(&foe.robot, Method::GET, &path, None)).await
+        }
+    }
+}
+
+/// Asks the same again and again.
+async fn again<'a, F>(foe: &'a Foe, ask: impl Fn(&'a Foe) -> F) -> Vec<String>
+where
+    F: Future<Output = Option<(u16, Value)>>,
+{
+    let mut worked = Vec::new();
+    while foe.goes_on() {
+        if let Some((status, body)) = ask(foe).await
+            && (200..300).contains(&status)
+        {
+            worked.push(format!("was let in: {status} {body}"));
+        }
+    }
+    worked
+}
+
+/// Opens connections that say the same.
+async fn many(foe: &Foe, n: usize, said: &str) -> Vec<String> {
+    for _ in 0..n {
+        if !foe.goes_on() {
+            break;
+        }
+        foe.open(said).await;
+    }
+    rest(foe).await
+}
+
+/// Waits for the end of the attack.
+async fn rest(foe: &Foe) -> Vec<String> {
+    tokio::time::sleep_until(foe.until.into()).await;
+    Vec::new()
+}
+
+async fn computation(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let at = json!({"position": [0.2, 0.1, 0.3], "orientation": [0.0, 0.0, 0.0, 1.0]});
+    let session = json!({"catalogue": "solid", "method": "geometric_particles",
+        "particles": 100_000, "seed": foe.number, "pose_prior": {"kind": "bounded", "pose": at,
+        "half_extents": [0.01, 0.01, 0.01], "half_angle": 0.001}});
+    while foe.goes_on() {
+        let made = foe.ask(&foe.robot, Method::POST, "/v1/sessions", Some(&session)).await;
+        let Some((201, made)) = made else { continue };
+        let path = format!("/v1/sessions/{}", made["id"].as_str().unwrap_or_default());
+        let readings = json!({"readings": vec![prey.touch.clone(); 8]});
+        let readings_path = format!("{path}/readings");
+        foe.ask(&foe.robot, Method::POST, &readings_path, Some(&readings)).await;
+        foe.ask(&foe.robot, Method::DELETE, &path, None).await;
+    }
+    Vec::new()
+}
+
+async fn unread_answers(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let paths = [
+        "/v1/objects/large/mesh",
+        &format!("/v1/sessions/{}/readings?limit=1000", prey.long_session),
+    ];
+    for n in 0..LONG {
+        if !foe.goes_on() {
+            break;
+        }
+        let said = format!(
+            "GET {} HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {}\r\n\r\n",
+            paths[n % paths.len()],
+            foe.viewer_key
+        );
+        foe.open(&said).await;
+    }
+    rest(foe).await
+}
+
+async fn long_answers(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let session = format!("/v1/sessions/{}", prey.long_session);
+    let [explain, replay] = [format!("{session}/explain"), format!("{session}/replay?poses=100")];
+    let lists = ["/v1/sessions?limit=1000", "/v1/objects/large/readings?limit=1000"];
+    let ask = |path: &str| {
+        let path = path.to_owned();
+        async move {
+            while foe.goes_on() {
+                foe.ask(&foe.viewer, Method::GET, &path, None).await;
+            }
+        }
+    };
+    futures::join!(ask(&explain), ask(&replay), ask(lists[0]), ask(lists[1]));
+    Vec::new()
+}
+
+async fn posing(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let mut worked = Vec::new();
+    let mut turn = usize::from(foe.number);
+    while foe.goes_on() {
+        turn += 1;
+        let (name, now) = &prey.robots[turn % prey.robots.len()];
+        let (session, seq) = now.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut reading = prey.touch.clone();
+        (reading["robot"], reading["seq"]) = (json!(name), json!(seq + 1));
+        let body = json!({ "readings": [reading] });
+        let path = format!("/v1/sessions/{session}/readings");
+        let answer = foe.ask(&foe.robot, Method::POST, &path, Some(&body)).await;
+        if let Some((200, body)) = answer {
+            worked.push(format!("wrote as {name} into {session}: {body}"));
+        }
+    }
+    worked
+}
+
+async fn escapes(foe: &Foe, prey: &Prey) -> Vec<String> {
+    let mut reading = prey.touch.clone();
+    reading["robot"] = json!(ESCAPE);
+    let body = json!({ "readings": [reading] });
+    let path = format!("/v1/sessions/{}/readings", prey.long_session);
+    let session = json!({"catalogue": "default", "frame_id": ESCAPE});
+    let mut worked = again(foe, |foe| foe.ask(&foe.robot, Method::POST, &path, Some(&body))).await;
+    let answer = foe.ask(&foe.robot, Method::POST, "/v1/sessions", Some(&session)).await;
+    if let Some((201, made)) = answer {
+        worked.push(format!("a frame of escapes was taken: {made}"));
+    }
+    worked
+}
+
+async fn sessions_and_streams(foe: &Foe) -> Vec<String> {
+    let mut streams = Vec::new();
+    for _ in 0..SESSIONS {
+        if !foe.goes_on() {
+            break;
+        }
+        let session = json!({ "catalogue": "default" });
+        foe.ask(&foe.robot, Method::POST, "/v1/sessions", Some(&session)).await;
+        let stream = foe.viewer.get(format!("{}/v1/events", foe.url)).send();
+        if let Ok(stream) = stream.await
+            && stream.status().is_success()
+        {
+            streams.push(stream);
+        }
+    }
+    rest(foe).await
+}

@@ -1,0 +1,120 @@
+//! An attacker: an address of its own, the keys that it got hold of, and connections that it
+//! never closes.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
+use reqwest::{Client, Method};
+use serde_json::Value;
+use tokio::io::AsyncWriteExt;
+use tokio::net::{TcpSocket, TcpStream};
+
+/// How long an attacker waits for an answer before it goes away.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// An attacker asks no more often: the machine that attacks also measures.
+const PACE: Duration = Duration::from_millis(5);
+
+/// One attacker.
+pub(super) struct Foe {
+    pub(super) number: u8,
+    pub(super) url: String,
+    pub(super) server: SocketAddr,
+    pub(super) robot_key: String,
+    pub(super) viewer_key: String,
+    pub(super) admin_key: String,
+    pub(super) robot: Client,
+    pub(super) viewer: Client,
+    pub(super) stranger: Client,
+    /// When the attack of now is over.
+    pub(super) until: Instant,
+    /// Connections that stay open for as long as the server lets them.
+    pub(super) held: Mutex<Vec<TcpStream>>,
+    /// How many requests were sent, or connections opened.
+    pub(super) attempts: std::sync::atomic::AtomicU64,
+}
+
+/// Keys that an attacker has.
+pub(super) struct Stolen {
+    pub(super) robot: String,
+    pub(super) viewer: String,
+    pub(super) admin: String,
+}
+
+/// The address of an attacker: none that an honest robot has.
+fn address(number: u8) -> IpAddr {
+    Ipv4Addr::new(127, 0, 0, 10 + number).into()
+}
+
+impl Foe {
+    pub(super) fn new(number: u8, url: &str, keys: Stolen) -> anyhow::Result<Self> {
+        let server = url.trim_start_matches("http://").parse().context("no address")?;
+        let client = |key: Option<&str>| -> anyhow::Result<Client> {
+            let mut headers = HeaderMap::new();
+            if let Some(key) = key {
+                headers.insert(AUTHORIZATION, HeaderValue::from_str(&format!("Bearer {key}"))?);
+            }
+            let builder = Client::builder().local_address(address(number)).timeout(PATIENCE);
+            Ok(builder.default_headers(headers).build()?)
+        };
+        Ok(Self {
+            number,
+            url: url.to_owned(),
+            server,
+            robot: client(Some(&keys.robot))?,
+            viewer: client(Some(&keys.viewer))?,
+            stranger: client(None)?,
+            robot_key: keys.robot,
+            viewer_key: keys.viewer,
+            admin_key: keys.admin,
+            until: Instant::now(),
+            held: Mutex::default(),
+            attempts: std::sync::atomic::AtomicU64::new(0),
+        })
+    }
+
+    /// Whether the attack goes on.
+    pub(super) fn goes_on(&self) -> bool {
+        Instant::now() < self.until
+    }
+
+    fn count(&self) {
+        self.attempts.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    }
+
+    /// Sends a request and gives its status and body; nothing when there was no answer.
+    pub(super) async fn ask(
+        &self,
+        client: &Client,
+        method: Method,
+        path: &str,
+        body: Option<&Value>,
+    ) -> Option<(u16, Value)> {
+        self.count();
+        tokio::time::sleep(PACE).await;
+        let mut request = client.request(method, format!("{}{path}", self.url));
+        if let Some(body) = body {
+            request = request.json(body);
+        }
+        let answer = request.send().await.ok()?;
+        let status = answer.status().as_u16();
+        let bytes = answer.bytes().await.ok()?;
+        Some((status, serde_json::from_slice(&bytes).unwrap_or_default()))
+    }
+
+    /// Opens a connection and says something, without reading a word.
+    pub(super) async fn open(&self, said: &str) -> bool {
+        self.count();
+        let Ok(socket) = TcpSocket::new_v4() else { return false };
+        if socket.bind(SocketAddr::new(address(self.number), 0)).is_err() {
+            return false;
+        }
+        let connecting = tokio::time::timeout(PATIENCE, socket.connect(self.server)).await;
+        let Ok(Ok(mut stream)) = connecting else { return false };
+        let is_sent = stream.write_all(said.as_bytes()).await.is_ok();
+        self.held.lock().unwrap_or_else(PoisonError::into_inner).push(stream);
+        is_sent
+    }
+}
