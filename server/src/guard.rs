@@ -32,6 +32,24 @@ pub(crate) struct Caller {
 }
 
 impl Caller {
+    /// Resolves when what is sent to the caller must end: with its key, or with the server.
+    pub(crate) fn until_ended(self, app: &App) -> impl Future<Output = ()> + Send + 'static {
+        let (app, mut stopping) = (app.clone(), app.stopping());
+        async move {
+            let refused = async {
+                match self.key {
+                    Some(key) => app.keys().until_refused(key).await,
+                    None => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                // Without a sender the server is gone, which is a stop as well.
+                _ = stopping.wait_for(|stopping| *stopping) => {}
+                () = refused => {}
+            }
+        }
+    }
+
     /// What the caller may do as: everything, when nobody is asked for a key.
     pub(crate) fn role(&self) -> Role {
         self.key.as_ref().map_or(Role::Admin, |key| wire::access::role(key.role))

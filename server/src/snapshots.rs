@@ -1,5 +1,5 @@
 //! Snapshots of the running service: a stream of bytes, read from one moment of the database
-//! while readings go on. One at a time; a receiver that stalls is given up.
+//! while readings go on. A receiver that stalls is given up, and one whose key ends gets no more.
 
 use std::time::Duration;
 
@@ -24,10 +24,11 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// A chunk, or why there is no more.
 pub(crate) type Chunk = Result<Bytes, std::io::Error>;
 
-/// Begins a snapshot of everything that is acknowledged by now.
+/// Begins a snapshot of everything that is acknowledged by now. When `ended` resolves it breaks
+/// off, whatever its receiver does.
 pub(crate) async fn take(
     store: &Database,
-    stopping: watch::Receiver<bool>,
+    ended: impl Future<Output = ()> + Send + 'static,
 ) -> Result<mpsc::Receiver<Chunk>, Refusal> {
     let store = store.clone();
     let begun = tokio::task::spawn_blocking(move || store.cut());
@@ -39,36 +40,45 @@ pub(crate) async fn take(
     };
     let (sender, receiver) = mpsc::channel(CHUNKS_MAX);
     let writer = SnapshotWriter::new(cut, &header);
-    tokio::task::spawn_blocking(move || send(writer, &sender, &stopping));
+    let (end, has_ended) = watch::channel(false);
+    tokio::spawn(async move {
+        tokio::select! {
+            () = ended => { end.send_replace(true); }
+            () = end.closed() => {}
+        }
+    });
+    tokio::task::spawn_blocking(move || send(writer, &sender, has_ended));
     Ok(receiver)
 }
 
 fn send(
     mut writer: SnapshotWriter,
     sender: &mpsc::Sender<Chunk>,
-    stopping: &watch::Receiver<bool>,
+    mut has_ended: watch::Receiver<bool>,
 ) {
     let runtime = Handle::current();
-    let put = |chunk| {
-        let sent = runtime.block_on(timeout(PATIENCE, sender.send(chunk)));
-        matches!(sent, Ok(Ok(())))
+    let mut put = |chunk| {
+        runtime.block_on(async {
+            tokio::select! {
+                sent = timeout(PATIENCE, sender.send(chunk)) => matches!(sent, Ok(Ok(()))),
+                _ = has_ended.wait_for(|has_ended| *has_ended) => false,
+            }
+        })
     };
     loop {
-        let chunk = match writer.next_chunk() {
-            _ if *stopping.borrow() => Err("the server stops".to_owned()),
-            Ok(Some(chunk)) => Ok(chunk),
-            Ok(None) => return tracing::info!("Sent a snapshot"),
-            Err(error) => Err(error.to_string()),
-        };
-        match chunk {
-            Ok(chunk) => {
+        match writer.next_chunk() {
+            Ok(Some(chunk)) => {
                 if !put(Ok(chunk.into())) {
+                    // Who still reads shall see that this is not the end.
+                    let broken = std::io::Error::other("the key or the server has ended");
+                    let _ = sender.try_send(Err(broken));
                     return tracing::warn!("A snapshot was not received to its end");
                 }
             }
-            Err(reason) => {
-                tracing::error!("A snapshot was not sent to its end: {reason}");
-                put(Err(std::io::Error::other(reason)));
+            Ok(None) => return tracing::info!("Sent a snapshot"),
+            Err(error) => {
+                tracing::error!(%error, "A snapshot was not sent to its end: {error}");
+                put(Err(std::io::Error::other(error)));
                 return;
             }
         }

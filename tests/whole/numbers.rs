@@ -1,5 +1,6 @@
 //! Every number that a client may send, at its smallest and its largest: the server answers
-//! within ten seconds, within a gigabyte, and lives on.
+//! within ten seconds, within a gigabyte, and lives on. What takes it long it gives up within a
+//! second when its caller hangs up.
 //!
 //! The fields come from `schemas/openapi.json`, the requests around them from a table here: an
 //! operation with a number that no request has fails the test. Not here: what is answered.
@@ -27,6 +28,16 @@ const AT_ONCE: usize = 2;
 /// How long a training works at most before it is cancelled.
 const TRAINING: Duration = Duration::from_secs(2);
 
+/// What takes longer than this is asked for once more by a caller who hangs up.
+const SLOW: Duration = Duration::from_millis(400);
+/// When such a caller hangs up.
+const HUNG_UP: Duration = Duration::from_millis(150);
+/// How long the server may work on for a caller who has gone.
+const WORKED_ON: Duration = Duration::from_secs(1);
+/// How long it is watched then, and how much of one core it may use: its own housekeeping.
+const WATCHED: Duration = Duration::from_millis(500);
+const HOUSEKEEPING: f64 = 0.3;
+
 /// A server and who talks to it.
 pub(crate) struct Asked {
     client: Client,
@@ -43,9 +54,14 @@ struct Case {
 
 impl Asked {
     fn new(url: &str) -> Self {
+        Self::within(url, PATIENCE)
+    }
+
+    /// One who waits no longer than this for an answer, then hangs up.
+    fn within(url: &str, patience: Duration) -> Self {
         // Another test of this binary may have been quicker.
         let _ = rustls::crypto::ring::default_provider().install_default();
-        let client = Client::builder().timeout(PATIENCE).build().unwrap();
+        let client = Client::builder().timeout(patience).build().unwrap();
         Self { client, url: url.to_owned() }
     }
 
@@ -141,6 +157,33 @@ impl Asked {
     }
 }
 
+/// Plays the slow cases with a caller who hangs up, and names those that keep the server busy.
+async fn hang_up(url: &str, process: u32, slow: &[&Case]) -> Vec<String> {
+    let hasty = Asked::within(url, HUNG_UP);
+    let mut faults = Vec::new();
+    for case in slow {
+        // What it answers was looked at before.
+        let _ = hasty.play(case).await;
+        tokio::time::sleep(WORKED_ON).await;
+        let before = processor_seconds(process);
+        tokio::time::sleep(WATCHED).await;
+        let cores = (processor_seconds(process) - before) / WATCHED.as_secs_f64();
+        if cores > HOUSEKEEPING {
+            let after = WORKED_ON.as_secs_f64();
+            faults.push(format!("{}: {cores:.1} cores {after} s after its caller left", case.name));
+        }
+    }
+    faults
+}
+
+/// The processor time of a process, seconds: fields 14 and 15 of its `stat`, in hundredths.
+fn processor_seconds(process: u32) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
+    let fields = stat.rsplit_once(')').unwrap().1;
+    let ticks = fields.split_whitespace().skip(11).take(2).map(|n| n.parse::<f64>().unwrap());
+    ticks.sum::<f64>() / 100.0
+}
+
 /// A refusal is fine, and so is a bound that is told of; a fault of the server is not.
 fn is_fine(name: &str, status: StatusCode, answer: &Value) -> Result<(), String> {
     let overloaded = "urn:palpate:problem:overloaded";
@@ -234,8 +277,16 @@ async fn no_number_of_a_client_takes_the_server_or_its_time() {
     // Trainings are worked on one at a time: they come last, one after the other.
     let (trainings, quick): (Vec<Case>, Vec<Case>) =
         cases.into_iter().partition(|case| has_training(&case.path));
-    let playing = stream::iter(&quick).map(|case| asked.play(case)).buffer_unordered(AT_ONCE);
-    let mut faults: Vec<String> = playing.filter_map(|done| async { done.err() }).collect().await;
+    let play = async |case| {
+        let begun = std::time::Instant::now();
+        (case, asked.play(case).await.err(), begun.elapsed())
+    };
+    let playing = stream::iter(&quick).map(play).buffer_unordered(AT_ONCE);
+    let played: Vec<(&Case, Option<String>, Duration)> = playing.collect().await;
+    let slow: Vec<&Case> =
+        played.iter().filter(|(_, _, took)| *took > SLOW).map(|(case, ..)| *case).collect();
+    let mut faults = hang_up(&serving.url, serving.process(), &slow).await;
+    faults.extend(played.into_iter().filter_map(|(_, fault, _)| fault));
     for case in &trainings {
         faults.extend(asked.play(case).await.err());
     }

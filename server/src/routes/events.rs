@@ -135,21 +135,7 @@ fn sse(
     events: BoxStream<'static, Event>,
 ) -> Result<Response, Refusal> {
     let permit = app.admission().stream(client)?;
-    let mut stopping = app.stopping();
-    let app = app.clone();
-    let ended = async move {
-        let refused = async {
-            match caller.key {
-                Some(key) => app.keys().until_refused(key).await,
-                None => std::future::pending().await,
-            }
-        };
-        tokio::select! {
-            // Without a sender the server is gone, which is a stop as well.
-            _ = stopping.wait_for(|stopping| *stopping) => {}
-            () = refused => {}
-        }
-    };
+    let ended = caller.until_ended(app);
     let events = events.take_until(Box::pin(ended)).map(move |event| {
         let _held_while_open = &permit;
         Ok::<Event, Infallible>(event)

@@ -9,6 +9,7 @@ use tokio_stream::wrappers::ReceiverStream;
 
 use crate::admission::InMemory;
 use crate::app::App;
+use crate::guard::Caller;
 use crate::openapi::SnapshotFile;
 use crate::refusal::Refusal;
 use crate::snapshots::{IN_MEMORY, take};
@@ -21,8 +22,11 @@ use crate::snapshots::{IN_MEMORY, take};
 #[utoipa::path(post, path = "/v1/snapshots", operation_id = "take_snapshot", tag = "admin",
     responses((status = 200, description = "The snapshot", body = SnapshotFile,
         content_type = "application/octet-stream")))]
-pub(crate) async fn take_snapshot(State(app): State<App>) -> Result<Response, Refusal> {
-    let chunks = take(app.store(), app.stopping()).await?;
+pub(crate) async fn take_snapshot(
+    State(app): State<App>,
+    Extension(caller): Extension<Caller>,
+) -> Result<Response, Refusal> {
+    let chunks = take(app.store(), caller.until_ended(&app)).await?;
     let content_type = [(header::CONTENT_TYPE, "application/octet-stream")];
     let body = Body::from_stream(ReceiverStream::new(chunks));
     Ok((content_type, Extension(InMemory(IN_MEMORY)), body).into_response())
