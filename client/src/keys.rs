@@ -1,7 +1,8 @@
 //! Calls about keys: who is let in, and who changed what.
 
 use palpate_schemas::{
-    ApiKey, ApiKeyPage, AuditPage, AuditQuery, CreateKey, NewApiKey, PageQuery, RotateKey, Whoami,
+    ApiKey, ApiKeyPage, AuditPage, AuditQuery, AuditRing, CreateKey, NewApiKey, PageQuery,
+    RotateKey, Whoami,
 };
 
 use crate::client::Client;
@@ -67,8 +68,17 @@ impl Client {
             .query("until", query.until.as_ref())
             .query("key", query.key.as_ref())
             .query("operation", query.operation.as_ref())
+            .query("ring", query.ring.map(ring))
             .query("limit", query.limit)
             .query("cursor", query.cursor.as_ref());
         self.send(request).await
+    }
+}
+
+fn ring(ring: AuditRing) -> &'static str {
+    match ring {
+        AuditRing::Changes => "changes",
+        AuditRing::Refused => "refused",
+        AuditRing::Strangers => "strangers",
     }
 }

@@ -6,6 +6,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use palpate_store::audit::RingSizes;
 use palpate_store::sled::{FreeSpace, RESERVE_BYTES};
 
 use crate::door::Patience;
@@ -51,8 +52,10 @@ pub struct Config {
     pub tls: Option<TlsFiles>,
     /// Origins whose pages may use the API from a browser, such as `https://lab.example`.
     pub cors_origins: Vec<String>,
-    /// How many entries the audit log keeps.
-    pub audit_entries_max: u64,
+    /// How many entries the audit log keeps, of each ring.
+    pub audit_entries_max: RingSizes,
+    /// How many changes of one key may fail within a minute; then it has to wait.
+    pub failed_changes_per_minute: NonZeroU32,
     /// The folder of the database; made if it does not exist.
     pub data: PathBuf,
     /// Bring a database of an older layout to today's; otherwise it is refused.
@@ -117,6 +120,9 @@ pub struct Config {
 /// and more of them would only wait longer.
 const REQUESTS_PER_CORE: usize = 128;
 
+/// Chosen: five a second are more than a robot or a person brings about by mistake.
+const FAILED_CHANGES_PER_MINUTE: NonZeroU32 = NonZeroU32::new(300).expect("300 is not 0");
+
 impl Config {
     /// The defaults, with the database in `data`, listening at 127.0.0.1:7411.
     #[must_use]
@@ -130,7 +136,8 @@ impl Config {
             open_metrics: false,
             tls: None,
             cors_origins: Vec::new(),
-            audit_entries_max: 100_000,
+            audit_entries_max: RingSizes { changes: 100_000, refused: 20_000, strangers: 10_000 },
+            failed_changes_per_minute: FAILED_CHANGES_PER_MINUTE,
             data: data.into(),
             migrate: false,
             store_cache_bytes: 64 << 20,

@@ -16,6 +16,7 @@ use palpate_store::access::AccessKey;
 
 use crate::app::App;
 use crate::audit::Attempt;
+use crate::client::Client;
 use crate::dashboard;
 use crate::door::Peer;
 use crate::keys::KeyFault;
@@ -146,10 +147,12 @@ fn is_loopback(host: &str) -> bool {
 fn attempt(request: &Request, operation: &'static str, key: Option<&AccessKey>) -> Attempt {
     let peer = request.extensions().get::<ConnectInfo<Peer>>();
     let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok());
+    let address = peer.map(|ConnectInfo(peer)| peer.address.ip());
     Attempt {
         operation,
+        client: key.map(|key| Client::Key(key.id)).or(address.map(Client::at)),
         key: key.map(|key| (key.id, key.name.clone(), key.role)),
-        address: peer.map_or_else(String::new, |ConnectInfo(peer)| peer.address.ip().to_string()),
+        address: address.map_or_else(String::new, |address| address.to_string()),
         path: request.uri().path().to_owned(),
         request_id: id.unwrap_or_default().to_owned(),
     }

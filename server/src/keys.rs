@@ -10,6 +10,7 @@ mod secret;
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock};
 
+use axum::http::{HeaderMap, HeaderValue, header};
 use palpate_schemas as wire;
 use palpate_store::access::{AccessKey, PreviousSecret, Role};
 use palpate_store::database::Database;
@@ -113,6 +114,12 @@ impl Keys {
     /// Whether requests without a key are refused.
     pub(crate) fn required(&self) -> bool {
         self.required
+    }
+
+    /// Whether a request's sender has a key, or nobody is asked for one.
+    pub(crate) fn admits(&self, headers: &HeaderMap) -> bool {
+        let header = headers.get(header::AUTHORIZATION).map(HeaderValue::as_bytes);
+        !self.required() || self.verify(header).is_ok()
     }
 
     /// The key of an `Authorization` header.

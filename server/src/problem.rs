@@ -59,7 +59,9 @@ fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
     match (refusal, kind) {
         // No waiting makes a model smaller.
         (Refusal::ModelTooLarge { .. }, _) => None,
-        (Refusal::RateExceeded { wait, .. }, _) => Some(*wait),
+        (Refusal::RateExceeded { wait, .. } | Refusal::FailuresExceeded { wait, .. }, _) => {
+            Some(*wait)
+        }
         // Sessions are closed all the time: it is worth to look sooner.
         (Refusal::SessionsFull { wait, .. }, _) => {
             Some(wait.unwrap_or(SESSION_WAIT).min(SESSION_WAIT))
@@ -74,7 +76,7 @@ fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
 /// The bound that was met, where there is one.
 fn bound(refusal: &Refusal) -> Option<Bound> {
     Some(match refusal {
-        Refusal::RateExceeded { bound, .. } => *bound,
+        Refusal::RateExceeded { bound, .. } | Refusal::FailuresExceeded { bound, .. } => *bound,
         Refusal::SessionsFull { max, .. } => Bound::used_up("sessions", "sessions", *max),
         Refusal::SessionBusy { waiting } => {
             Bound::used_up("session", "concurrent-requests", *waiting)
@@ -193,6 +195,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::ReadingConflict { .. } | Refusal::OtherTruth { .. } => ProblemType::Conflict,
         Refusal::SessionEnded { .. } => ProblemType::SessionEnded,
         Refusal::RateExceeded { .. }
+        | Refusal::FailuresExceeded { .. }
         | Refusal::ShareFull { .. }
         | Refusal::SessionsFull { .. }
         | Refusal::SessionBusy { .. } => ProblemType::TooManyRequests,

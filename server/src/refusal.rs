@@ -154,6 +154,11 @@ pub(crate) enum Refusal {
         wait.as_secs_f64()
     )]
     RateExceeded { bound: Bound, wait: Duration },
+    #[error(
+        "{} changes of one key may fail within a minute, and as many did: find out why, and ask \
+         again in {:.1} s", bound.limit, wait.as_secs_f64()
+    )]
+    FailuresExceeded { bound: Bound, wait: Duration },
     #[error("bodies that are under way have {used} of {max} bytes: this one has no room")]
     BodiesFull { used: usize, max: usize },
     #[error(

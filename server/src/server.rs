@@ -46,6 +46,7 @@ pub struct Server {
     serving: JoinHandle<()>,
     working: JoinHandle<()>,
     sessions: Arc<Sessions>,
+    audit: Arc<Audit>,
     engine: Arc<SledEngine>,
     scheme: &'static str,
     admin_key: Option<String>,
@@ -175,6 +176,8 @@ impl Server {
         tokio::spawn(telemetry::tidy(stopping.clone()));
         let working = tokio::spawn(jobs.work(stopping.clone()));
         tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
+        let audit = Arc::clone(app.audit());
+        tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
         if let Some(keep) = session_kept {
             tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
         }
@@ -190,7 +193,7 @@ impl Server {
         }
         let serving = tokio::spawn(door.serve(router(app), stopping));
         tracing::info!("Listening at {scheme}://{local_addr}");
-        Ok(Self { local_addr, stop, serving, working, sessions, engine, scheme, admin_key })
+        Ok(Self { local_addr, stop, serving, working, sessions, audit, engine, scheme, admin_key })
     }
 
     /// The server's address as clients write it, such as `http://127.0.0.1:7411`.
@@ -223,6 +226,8 @@ impl Server {
         if (&mut self.working).await.is_err() {
             tracing::error!("The worker of training jobs panicked");
         }
+        self.audit.store().await;
+        drop(self.audit);
         let sessions = self.sessions;
         if tokio::task::spawn_blocking(move || sessions.store_beliefs()).await.is_err() {
             tracing::error!("Storing checkpoints of beliefs panicked");
@@ -307,9 +312,10 @@ async fn assemble(
     counted
         .map_err(std::io::Error::other)?
         .map_err(|refusal| StartError::Sessions { reason: refusal.to_string() })?;
-    let (log, entries_max) = (store.clone(), config.audit_entries_max);
-    let log = tokio::task::spawn_blocking(move || log.audit(entries_max)).await;
-    let audit = Arc::new(Audit::new(log.map_err(std::io::Error::other)??));
+    let (log, sizes) = (store.clone(), config.audit_entries_max);
+    let log = tokio::task::spawn_blocking(move || log.audit(sizes)).await;
+    let log = log.map_err(std::io::Error::other)??;
+    let audit = Arc::new(Audit::new(log, config.failed_changes_per_minute));
     let admission = Admission::new(&config);
     let rates = config.rate_per_second.map(Rates::new);
     let working = Arc::clone(&jobs);

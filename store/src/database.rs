@@ -7,7 +7,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::access::AccessKey;
-use crate::audit::AuditLog;
+use crate::audit::{AuditLog, RingSizes};
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
 use crate::engine::{
@@ -192,12 +192,12 @@ impl Database {
         Table::new(Arc::clone(&self.engine))
     }
 
-    /// The audit log, which keeps its newest `entries_max` entries. Open it once. Blocks.
+    /// The audit log, whose rings keep this many of their newest entries. Open it once. Blocks.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
-    pub fn audit(&self, entries_max: u64) -> Result<AuditLog, StoreError> {
-        AuditLog::open(Arc::clone(&self.engine), entries_max)
+    pub fn audit(&self, sizes: RingSizes) -> Result<AuditLog, StoreError> {
+        AuditLog::open(Arc::clone(&self.engine), sizes)
     }
 
     /// Removes an object, then its mesh and training readings; `false` when there was none.

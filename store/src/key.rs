@@ -50,8 +50,12 @@ pub enum Space {
     Block = b'b',
     /// API keys by id.
     AccessKey = b'a',
-    /// The audit log, by sequence.
+    /// What changed something, of the audit log, by sequence.
     Audit = b'l',
+    /// What was refused to holders of keys, of the audit log, by sequence.
+    AuditRefused = b'd',
+    /// What strangers tried, of the audit log, by sequence.
+    AuditStrangers = b'q',
 }
 
 /// The bytes of an id inside a key: the space's letter and 16 bytes.

@@ -8,6 +8,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use palpate_server::tls::TlsFiles;
 use palpate_server::{Access, Config, Server};
+use palpate_store::audit::RingSizes;
 use serde_json::json;
 
 use crate::args::DEFAULT_LISTEN;
@@ -56,15 +57,36 @@ pub(crate) struct ServeArgs {
         value_delimiter = ','
     )]
     cors_origins: Vec<String>,
-    /// How many entries the audit log keeps; older ones go.
+    /// How many entries of what changed something the audit log keeps; older ones go.
     #[arg(
         long,
         env = "PALPATE_AUDIT_ENTRIES",
         value_name = "N",
         default_value_t = 100_000,
-        value_parser = clap::value_parser!(u64).range(1..=100_000_000)
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000)
     )]
     audit_entries: u64,
+    /// How many entries it keeps of what was refused to holders of keys, or failed.
+    #[arg(
+        long,
+        env = "PALPATE_AUDIT_REFUSED",
+        value_name = "N",
+        default_value_t = 20_000,
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000)
+    )]
+    audit_refused: u64,
+    /// How many entries it keeps of what callers without a key tried.
+    #[arg(
+        long,
+        env = "PALPATE_AUDIT_STRANGERS",
+        value_name = "N",
+        default_value_t = 10_000,
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000)
+    )]
+    audit_strangers: u64,
+    /// How many changes of one key may fail within a minute; after that it has to wait (429).
+    #[arg(long, env = "PALPATE_FAILED_CHANGES", value_name = "N", default_value = "300")]
+    failed_changes: NonZeroU32,
     /// Memory for the models that sessions recognise by, in MB. Of a version the part is loaded
     /// that a session's method needs; what was not used for longest leaves. A model that needs
     /// more by itself is refused (503).
@@ -252,7 +274,12 @@ fn config(args: ServeArgs) -> Config {
             look_every: CERTIFICATE_LOOK_EVERY,
         }),
         cors_origins: args.cors_origins,
-        audit_entries_max: args.audit_entries,
+        audit_entries_max: RingSizes {
+            changes: args.audit_entries,
+            refused: args.audit_refused,
+            strangers: args.audit_strangers,
+        },
+        failed_changes_per_minute: args.failed_changes,
         model_memory_bytes_max: args.model_memory_mb * 1_000_000,
         belief_memory_bytes_max: args.belief_memory_mb as usize * 1_000_000,
         bodies_bytes_max: (args.body_memory_mb as usize) << 20,

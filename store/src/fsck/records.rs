@@ -66,7 +66,7 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'k' => ("calibration", Some(25), "readings that it applies to cannot be used"),
         b'b' => ("block", Some(33), "versions with it cannot be recognised with"),
         b'a' => ("key", Some(17), "whoever holds the key is not let in"),
-        b'l' => ("audit entry", Some(9), "the audit log lacks the entry"),
+        b'l' | b'd' | b'q' => ("audit entry", Some(9), "the audit log lacks the entry"),
         _ => ("other", None, "it is not known to this version of Palpate"),
     }
 }
@@ -86,7 +86,7 @@ pub(super) fn words(key: &[u8]) -> String {
         (Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a'), 17..) => id(1),
         (Some(b't' | b'r' | b'x'), 25..) => format!("{} entry {}", id(1), number(17)),
         (Some(b'v' | b'k'), 25..) => format!("{} number {}", id(1), number(17)),
-        (Some(b'l'), 9..) => format!("number {}", number(1)),
+        (Some(b'l' | b'd' | b'q'), 9..) => format!("number {}", number(1)),
         (Some(b'f'), 33..) => format!("{} upload {}", id(1), id(17)),
         (Some(b'n'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
         (Some(b'u' | b'w'), 26..) => {
@@ -224,7 +224,7 @@ impl Assembly {
             b'v' => decoded(bytes, Whole::Version),
             b'k' => decoded(bytes, Whole::Calibration),
             b'a' => decoded(bytes, |_: AccessKey| Whole::Alone),
-            b'l' => decoded(bytes, |_: AuditEntry| Whole::Alone),
+            b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),
             b'f' => self.raw(Kind::MeshFile),
             b'b' => self.raw(Kind::Block),
             _ => envelope::open_any(bytes).map(|_| Whole::Other).map_err(|error| error.to_string()),
