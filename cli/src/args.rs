@@ -9,8 +9,8 @@ use crate::commands::{
     demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs, fsck::FsckArgs,
     jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs, load::LoadArgs, maps::MapsArgs,
     migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs,
-    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs,
-    touch::TouchArgs, train::TrainArgs,
+    robots::RobotsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
+    snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -126,6 +126,8 @@ pub(crate) enum Command {
     Load(LoadArgs),
     /// API keys: create, list, revoke, rotate.
     Keys(KeysArgs),
+    /// Names of robots: which key each belongs to.
+    Robots(RobotsArgs),
     /// Say whether the server does its work; the exit code tells supervisors.
     Health,
     /// Say whom the server takes this key for.
@@ -223,6 +225,10 @@ mod tests {
             "palpate keys list --json",
             "palpate keys revoke arm-3",
             "palpate keys rotate arm-3 --grace-s 3600",
+            "palpate robots list",
+            "palpate robots bind arm-3 --to arm-3-new",
+            "palpate robots release arm-3",
+            "palpate audit --ring refused",
             "palpate whoami --key palpate_x --ca ca.pem",
             "palpate audit --since 2026-05-01T00:00:00Z --by arm-3 --operation delete_object -n 20",
             "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
@@ -256,6 +262,8 @@ mod tests {
             "palpate serve --audit-entries 0",
             "palpate keys create arm-3",
             "palpate keys create arm-3 --role boss",
+            "palpate robots bind arm-3",
+            "palpate audit --ring all",
             "palpate explore",
             "palpate next-touch",
             "palpate next-touch 0198a0d0-0000-7000-8000-000000000000 --workspace 1,2,3",

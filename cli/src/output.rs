@@ -3,6 +3,7 @@
 use std::io::Write as _;
 
 use comfy_table::{Table, presets};
+use palpate_client::schemas::Writer;
 use serde::Serialize;
 
 /// Where answers go. With JSON, the standard output holds nothing else.
@@ -65,6 +66,14 @@ pub(crate) fn word(choice: &impl Serialize) -> String {
     match serde_json::to_value(choice) {
         Ok(serde_json::Value::String(word)) => word,
         _ => "–".to_owned(),
+    }
+}
+
+/// The key that wrote something.
+pub(crate) fn writer(writer: Option<&Writer>) -> String {
+    match writer {
+        Some(writer) => writer.key_name.clone().unwrap_or_else(|| writer.key_id.to_string()),
+        None => "not recorded".to_owned(),
     }
 }
 

@@ -108,6 +108,45 @@ pub struct Whoami {
     pub key: Option<ApiKey>,
 }
 
+/// A key that wrote something.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct Writer {
+    /// The key's id.
+    #[schema(value_type = String, format = Uuid)]
+    pub key_id: Uuid,
+    /// What its holder is called; null when the key is forgotten.
+    pub key_name: Option<String>,
+}
+
+/// A robot's name and the key that it belongs to. Only that key may post readings with it.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct Robot {
+    /// The robot's name, as its readings have it.
+    pub name: String,
+    /// The key that it belongs to.
+    pub holder: Writer,
+    /// Since when.
+    #[schema(format = DateTime)]
+    pub since: String,
+}
+
+/// To whom a robot's name is given.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BindRobot {
+    /// The key's id or name.
+    pub key: String,
+}
+
+/// A page of robots' names.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct RobotPage {
+    /// The names that belong to a key, in the order of their bytes.
+    pub items: Vec<Robot>,
+    /// Where the next page begins; null ends the list.
+    pub next_cursor: Option<String>,
+}
+
 /// Which entries of the audit log.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
 #[into_params(parameter_in = Query)]

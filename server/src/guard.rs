@@ -49,8 +49,18 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
                 let attempt = attempt(&request, operation, caller.key.as_ref());
                 request.extensions_mut().insert(attempt);
             }
+            let touched = match asked {
+                Asked::Operation(Rule { operation, effect: Effect::Touches, .. }) => {
+                    caller.key.as_ref().map(|key| attempt(&request, operation, Some(key)))
+                }
+                _ => None,
+            };
             request.extensions_mut().insert(caller);
-            next.run(request).await
+            let response = next.run(request).await;
+            if let Some(attempt) = touched.filter(|_| response.status() == StatusCode::FORBIDDEN) {
+                app.audit().denied(attempt, StatusCode::FORBIDDEN.as_u16()).await;
+            }
+            response
         }
         Err(refusal) => {
             let operation = match asked {

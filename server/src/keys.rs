@@ -5,6 +5,7 @@
 //! Not here: what a role may do (`roles`), and the way of a request (`guard`).
 
 mod holding;
+mod robots;
 mod secret;
 
 use std::collections::BTreeMap;
@@ -38,6 +39,8 @@ const GRACE_S_MAX: u64 = 2_592_000;
 pub(crate) struct Keys {
     store: Database,
     known: Arc<RwLock<BTreeMap<Uuid, AccessKey>>>,
+    /// The names of robots that belong to keys.
+    holders: RwLock<robots::Known>,
     /// Held while keys change: that an admin is left is a promise about all of them.
     changing: tokio::sync::Mutex<()>,
     required: bool,
@@ -99,8 +102,10 @@ impl Keys {
         };
         let needs_admin = fresh || (required && n_admins(&all, now) == 0);
         let known = Arc::new(RwLock::new(all));
+        let holders = RwLock::new(Self::read_robots(&store)?);
         let changing = tokio::sync::Mutex::default();
-        let keys = Self { store, known, changing, required, changes: watch::Sender::default() };
+        let changes = watch::Sender::default();
+        let keys = Self { store, known, holders, changing, required, changes };
         if !needs_admin {
             return Ok((keys, None));
         }

@@ -181,9 +181,10 @@ fn kind(refusal: &Refusal) -> ProblemType {
     match refusal {
         Refusal::NotFound { .. } | Refusal::NoVersion { .. } => ProblemType::NotFound,
         Refusal::Unauthenticated(_) => ProblemType::Unauthenticated,
-        Refusal::Forbidden { .. } | Refusal::ForeignHost { .. } | Refusal::ForeignOrigin { .. } => {
-            ProblemType::Forbidden
-        }
+        Refusal::Forbidden { .. }
+        | Refusal::ForeignHost { .. }
+        | Refusal::ForeignOrigin { .. }
+        | Refusal::RobotHeld { .. } => ProblemType::Forbidden,
         Refusal::OtherMethod { .. } => ProblemType::MethodNotAllowed,
         Refusal::Malformed { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
         Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
@@ -213,6 +214,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::LastAdmin { .. }
         | Refusal::KeyRefused { .. }
         | Refusal::KeysFull { .. }
+        | Refusal::RobotsFull { .. }
         | Refusal::Needed { .. }
         | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,
         Refusal::RevisionChanged { .. } => ProblemType::PreconditionFailed,
@@ -264,7 +266,9 @@ fn errors(refusal: Refusal) -> Vec<FieldError> {
         Refusal::Store(StoreError::NameTaken { .. }) => {
             vec![FieldError { pointer: "/name".to_owned(), detail }]
         }
-        Refusal::ReadingConflict { pointer, .. } => vec![FieldError { pointer, detail }],
+        Refusal::ReadingConflict { pointer, .. } | Refusal::RobotHeld { pointer, .. } => {
+            vec![FieldError { pointer, detail }]
+        }
         Refusal::ContentType { .. } => {
             vec![FieldError { pointer: "header:content-type".to_owned(), detail }]
         }

@@ -93,6 +93,13 @@ pub(crate) enum Refusal {
     TooManyToExplain { session: Uuid, found: usize, max: usize },
     #[error("reading {seq} of robot {robot:?} was stored with other content")]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
+    #[error(
+        "the robot's name {robot:?} belongs to another key: post as another robot, or let an \
+         administrator give the name to this key (`PUT /v1/robots/…`)"
+    )]
+    RobotHeld { pointer: String, robot: String },
+    #[error("this key holds {held} names of robots and may hold {max}")]
+    RobotsFull { held: usize, max: usize },
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]
     ReadingsFull { what: &'static str, found: u64, more: usize, max: usize },
     #[error(

@@ -119,6 +119,9 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("create_key", RULING, Changes),
     ("revoke_key", RULING, Changes),
     ("rotate_key", RULING, Changes),
+    ("list_robots", LOOKING, Reads),
+    ("bind_robot", RULING, Changes),
+    ("release_robot", RULING, Changes),
     ("list_audit", RULING, Reads),
     ("take_snapshot", RULING, Changes),
 ];

@@ -159,6 +159,7 @@ impl Server {
         let store = database(Arc::clone(&engine), config.migrate).await?;
         let (keys, admin_key) =
             Keys::open(store.clone(), config.access, config.new_admin_key).await?;
+        let keys = Arc::new(keys);
         if is_exposed && !keys.required() {
             return Err(StartError::InsecureBind { address });
         }
@@ -280,7 +281,7 @@ async fn close(engine: Arc<SledEngine>) {
 async fn assemble(
     config: Config,
     store: Database,
-    keys: Keys,
+    keys: Arc<Keys>,
     stopping: watch::Receiver<bool>,
 ) -> Result<(App, Arc<Jobs>), StartError> {
     let pool = Pool::start(config.compute_threads, config.compute_queue_max)?;
@@ -305,6 +306,7 @@ async fn assemble(
         Arc::clone(&catalogues),
         Arc::clone(&sensors),
         pool.clone(),
+        Arc::clone(&keys),
         &config,
     ));
     let counted = Arc::clone(&sessions);

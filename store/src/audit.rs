@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use uuid::Uuid;
 
 use crate::access::Role;
-use crate::engine::{Commit, CommitError, Engine, EngineError};
-use crate::error::StoreError;
+use crate::engine::{Commit, Engine};
+use crate::error::{StoreError, unconditional};
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
@@ -155,7 +155,7 @@ impl AuditLog {
             let commit = put(Commit::new(), Ring::Changes, &entry);
             (entry, self.engine.commit(commit))
         };
-        pending.await.map_err(engine_error)?;
+        pending.await.map_err(unconditional)?;
         Ok(entry)
     }
 
@@ -173,7 +173,7 @@ impl AuditLog {
             let commit = put(Commit::new(), ring, &entry);
             (entry, self.engine.commit(self.trim(commit, &mut known, ring)))
         };
-        pending.await.map_err(engine_error)?;
+        pending.await.map_err(unconditional)?;
         Ok(entry)
     }
 
@@ -196,7 +196,7 @@ impl AuditLog {
             let commit = put(commit, ring, entry);
             self.engine.commit(self.trim(commit, &mut known, ring))
         };
-        pending.await.map_err(engine_error)?;
+        pending.await.map_err(unconditional)?;
         Ok(())
     }
 
@@ -211,7 +211,7 @@ impl AuditLog {
             known.rings[Ring::Changes as usize].remove(&entry.seq);
             self.engine.commit(Commit::new().remove(key_of(Ring::Changes, entry.seq)))
         };
-        pending.await.map_err(engine_error)?;
+        pending.await.map_err(unconditional)?;
         Ok(())
     }
 
@@ -228,7 +228,7 @@ impl AuditLog {
             }
             self.engine.commit(put(Commit::new(), ring, entry))
         };
-        pending.await.map_err(engine_error)?;
+        pending.await.map_err(unconditional)?;
         Ok(())
     }
 
@@ -328,11 +328,4 @@ fn key_of(ring: Ring, seq: u64) -> Vec<u8> {
 
 fn put(commit: Commit, ring: Ring, entry: &AuditEntry) -> Commit {
     pieces::put(commit, &key_of(ring, entry.seq), &record::encode(entry), None)
-}
-
-fn engine_error(error: CommitError) -> EngineError {
-    match error {
-        CommitError::Engine(error) => error,
-        CommitError::Conflict { .. } => unreachable!("commits of the log expect nothing"),
-    }
 }

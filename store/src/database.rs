@@ -21,6 +21,7 @@ use crate::memory::MemoryEngine;
 use crate::mesh::Meshes;
 use crate::pieces;
 use crate::record::{self, LayoutV1};
+use crate::robot::RobotHolders;
 use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
 
@@ -190,6 +191,12 @@ impl Database {
     #[must_use]
     pub fn keys(&self) -> Table<AccessKey> {
         Table::new(Arc::clone(&self.engine))
+    }
+
+    /// The names of robots, and the keys that they belong to.
+    #[must_use]
+    pub fn robots(&self) -> RobotHolders {
+        RobotHolders::new(Arc::clone(&self.engine))
     }
 
     /// The audit log, whose rings keep this many of their newest entries. Open it once. Blocks.

@@ -23,6 +23,7 @@ pub mod entity;
 pub mod access;
 
 pub mod record;
+pub mod robot;
 
 mod pieces;
 

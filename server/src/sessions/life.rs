@@ -68,7 +68,7 @@ impl Sessions {
             return Err(error.into());
         }
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
-        let shown = convert::session::session(&session, &model.name, status);
+        let shown = convert::session::session(&session, &model.name, status, &self.keys);
         self.keep(session.id, Arc::new(Live::new(session, model, &self.beliefs)));
         Ok(shown)
     }
@@ -120,14 +120,14 @@ impl Sessions {
     ) -> Result<wire::Session, Refusal> {
         let id = self.find(id)?.id;
         let lease = convert::life::lease(asked)?;
-        let (store, now) = (self.store.clone(), now_ms());
+        let (store, now, key) = (self.store.clone(), now_ms(), asker::Asker::current().key());
         let until = now.saturating_add(lease.as_millis() as u64);
         let table = self.store.sessions();
         let extended = table.update(id, move |session| {
             if let Some(end) = status(&store, session, now)?.end {
                 return Err(Refusal::SessionEnded { session: id, end });
             }
-            set_lease(session, until);
+            set_lease(session, until, key);
             Ok(())
         });
         let session = extended.await??;

@@ -17,6 +17,7 @@ use crate::mesh::MeshInfo;
 use crate::record::{
     self, JournalHeadV1, JournalRetractionV1, JournalRobotV1, LayoutV1, NameV1, Record,
 };
+use crate::robot::RobotHolder;
 
 /// A record that has all its pieces and is whole.
 pub(super) enum Whole {
@@ -66,6 +67,7 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'k' => ("calibration", Some(25), "readings that it applies to cannot be used"),
         b'b' => ("block", Some(33), "versions with it cannot be recognised with"),
         b'a' => ("key", Some(17), "whoever holds the key is not let in"),
+        b'h' => ("robot", None, "the robot's name belongs to nobody"),
         b'l' | b'd' | b'q' => ("audit entry", Some(9), "the audit log lacks the entry"),
         _ => ("other", None, "it is not known to this version of Palpate"),
     }
@@ -89,9 +91,16 @@ pub(super) fn words(key: &[u8]) -> String {
         (Some(b'l' | b'd' | b'q'), 9..) => format!("number {}", number(1)),
         (Some(b'f'), 33..) => format!("{} upload {}", id(1), id(17)),
         (Some(b'n'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
+        (Some(b'h'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
         (Some(b'u' | b'w'), 26..) => {
-            let robot = String::from_utf8_lossy(&key[18..key.len() - 8]);
-            format!("{} robot {robot:?} number {}", id(1), number(key.len() - 8))
+            let end = (18 + usize::from(key[17])).min(key.len() - 8);
+            let robot = String::from_utf8_lossy(&key[18..end]);
+            let by = if key.len() == end + 24 {
+                format!(" of key {}", id(end + 8))
+            } else {
+                String::new()
+            };
+            format!("{} robot {robot:?} number {}{by}", id(1), number(end))
         }
         _ => hex(key),
     }
@@ -224,6 +233,7 @@ impl Assembly {
             b'v' => decoded(bytes, Whole::Version),
             b'k' => decoded(bytes, Whole::Calibration),
             b'a' => decoded(bytes, |_: AccessKey| Whole::Alone),
+            b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),
             b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),
             b'f' => self.raw(Kind::MeshFile),
             b'b' => self.raw(Kind::Block),

@@ -1,4 +1,5 @@
-//! API keys and entries of the audit log as they are stored.
+//! API keys, the names of robots that belong to them, and entries of the audit log as they are
+//! stored.
 
 use bincode::{Decode, Encode};
 use uuid::Uuid;
@@ -8,6 +9,7 @@ use crate::access::{AccessKey, PreviousSecret, Role};
 use crate::audit::AuditEntry;
 use crate::envelope::Kind;
 use crate::error::RecordError;
+use crate::robot::RobotHolder;
 
 const ROLES: [Role; 4] = [Role::Robot, Role::Trainer, Role::Viewer, Role::Admin];
 
@@ -56,6 +58,30 @@ impl Record for AccessKey {
             last_used_at_ms: stored.last_used_at_ms,
             revoked_at_ms: stored.revoked_at_ms,
         })
+    }
+}
+
+#[derive(Encode, Decode)]
+struct RobotHolderRecordV1 {
+    robot: String,
+    key: IdV1,
+    since_ms: u64,
+}
+
+impl Record for RobotHolder {
+    const KIND: Kind = Kind::RobotHolder;
+
+    fn to_payload(&self) -> Vec<u8> {
+        write(&RobotHolderRecordV1 {
+            robot: self.robot.clone(),
+            key: self.key.into_bytes(),
+            since_ms: self.since_ms,
+        })
+    }
+
+    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
+        let RobotHolderRecordV1 { robot, key, since_ms } = read(payload)?;
+        Ok(Self { robot, key: Uuid::from_bytes(key), since_ms })
     }
 }
 
