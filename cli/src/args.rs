@@ -51,6 +51,16 @@ pub(crate) struct Cli {
     )]
     // Not `key`: subcommands have arguments of that name, and names are shared with them.
     pub(crate) api_key: Option<String>,
+    /// A file with the API key; one that a server has written (`palpate serve --admin-key-file`),
+    /// or a secret of a cluster.
+    #[arg(
+        long = "key-file",
+        global = true,
+        env = "PALPATE_KEY_FILE",
+        value_name = "FILE",
+        conflicts_with = "api_key"
+    )]
+    pub(crate) api_key_file: Option<PathBuf>,
     /// The only authority whose certificates to trust for https, a PEM file; the system's else.
     #[arg(long, global = true, env = "PALPATE_CA", value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,
@@ -177,6 +187,9 @@ mod tests {
             "palpate snapshot create monday.snapshot",
             "palpate snapshot verify monday.snapshot --json",
             "palpate snapshot restore monday.snapshot --data ./restored",
+            "palpate snapshot restore monday.snapshot --data ./restored --keys drop",
+            "palpate snapshot restore monday.snapshot --data ./r --keys newer --current ./d",
+            "palpate serve --access keys --admin-key-file admin.key",
             "palpate demo",
             "palpate demo --once --json --trials 40",
             "palpate objects add mug --mesh mug.stl",
@@ -230,6 +243,7 @@ mod tests {
             "palpate robots release arm-3",
             "palpate audit --ring refused",
             "palpate whoami --key palpate_x --ca ca.pem",
+            "palpate whoami --key-file admin.key",
             "palpate audit --since 2026-05-01T00:00:00Z --by arm-3 --operation delete_object -n 20",
             "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
             "palpate experiment server-throughput --json",
@@ -246,6 +260,7 @@ mod tests {
             "palpate",
             "palpate touch --mesh mug.stl",
             "palpate snapshot restore monday.snapshot",
+            "palpate snapshot restore monday.snapshot --data ./restored --keys newer",
             "palpate fsck",
             "palpate serve --model-memory-mb 0",
             "palpate objects add mug --mesh mug.stl --unit inch",

@@ -65,7 +65,16 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         let authority_pem = cli.ca.as_ref().map(|path| {
             std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
         });
-        let key = cli.api_key.clone().filter(|key| !key.is_empty());
+        let key = match &cli.api_key_file {
+            Some(path) => Some(
+                std::fs::read_to_string(path)
+                    .with_context(|| format!("cannot read {}", path.display()))?
+                    .trim()
+                    .to_owned(),
+            ),
+            None => cli.api_key.clone(),
+        };
+        let key = key.filter(|key| !key.is_empty());
         let authority_pem = authority_pem.transpose()?;
         let key_end = key.as_deref().and_then(key_end);
         let options = ClientOptions { key, authority_pem, ..ClientOptions::default() };

@@ -42,6 +42,9 @@ pub struct Config {
     pub listen: SocketAddr,
     /// Listen at an address that other machines can reach although nobody is asked for a key.
     pub insecure_bind: bool,
+    /// Names that this machine has in the network: without keys, a request for another name is
+    /// refused. Addresses and names of the machine itself need not be listed.
+    pub host_names: Vec<String>,
     /// Whether requests need an API key.
     pub access: Access,
     /// Make one more admin's key at the start, for operators who have lost theirs.
@@ -131,6 +134,7 @@ impl Config {
         Self {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7411)),
             insecure_bind: false,
+            host_names: Vec::new(),
             access: Access::Auto,
             new_admin_key: false,
             open_metrics: false,

@@ -5,8 +5,9 @@
 //! Not here: what a role may do (`roles`), and the way of a request (`guard`).
 
 mod holding;
+mod latest;
 mod robots;
-mod secret;
+pub(crate) mod secret;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -21,10 +22,10 @@ use thiserror::Error;
 use tokio::sync::watch;
 use uuid::Uuid;
 
-use crate::clock::now_ms;
 use crate::config::Access;
 use crate::refusal::Refusal;
 use crate::wire::{self as convert, cursor, page_id, page_length};
+use latest::Latest;
 
 /// How exactly it is known when a key was last used, in milliseconds.
 const LAST_USED_STEP_MS: u64 = 3_600_000;
@@ -44,6 +45,7 @@ pub(crate) struct Keys {
     /// Held while keys change: that an admin is left is a promise about all of them.
     changing: tokio::sync::Mutex<()>,
     required: bool,
+    latest: Latest,
     /// Told of every change, so that what is open for a key's holder can end.
     changes: watch::Sender<()>,
 }
@@ -93,7 +95,8 @@ impl Keys {
         fresh: bool,
     ) -> Result<(Self, Option<String>), KeysError> {
         let all: BTreeMap<_, _> = store.keys().all()?.into_iter().map(|k| (k.id, k)).collect();
-        let now = now_ms();
+        let latest = Latest::new(store.latest_time()?);
+        let now = latest.now_ms();
         let stored = all.values().any(|key| key.revoked_at_ms.is_none());
         let required = match access {
             Access::Keys => true,
@@ -105,12 +108,12 @@ impl Keys {
         let holders = RwLock::new(Self::read_robots(&store)?);
         let changing = tokio::sync::Mutex::default();
         let changes = watch::Sender::default();
-        let keys = Self { store, known, holders, changing, required, changes };
+        let keys = Self { store, known, holders, changing, required, latest, changes };
         if !needs_admin {
             return Ok((keys, None));
         }
         let name = keys.free_name("admin");
-        let (key, secret) = new_key(name, Role::Admin, None)?;
+        let (key, secret) = new_key(name, Role::Admin, now, None)?;
         keys.store.keys().create(&key).await?;
         keys.learn(key);
         Ok((keys, Some(secret)))
@@ -136,7 +139,7 @@ impl Keys {
             return Err(KeyFault::NotAKey);
         }
         let presented = secret::parse(token.trim()).ok_or(KeyFault::NotAKey)?;
-        let now = now_ms();
+        let now = self.now_ms();
         let found = self.find_id(presented.id);
         let expected = found.as_ref().map_or([0; 32], |key| key.hash);
         let previous = found.as_ref().and_then(|key| key.previous);
@@ -171,7 +174,7 @@ impl Keys {
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ApiKeyPage, Refusal> {
         let (after, limit) = (page_id(query)?, page_length(query)?);
-        let now = now_ms();
+        let now = self.now_ms();
         Ok(self.read(|keys| {
             let behind = keys.values().filter(|key| after.is_none_or(|after| key.id > after));
             let mut items: Vec<_> = behind.take(limit + 1).collect();
@@ -198,18 +201,19 @@ impl Keys {
         }
         self.make_room().await?;
         let role = convert::access::stored_role(request.role);
-        let (key, secret) = new_key(request.name.clone(), role, expires_in_s)?;
+        let now = self.now_ms();
+        let (key, secret) = new_key(request.name.clone(), role, now, expires_in_s)?;
         self.store.keys().create(&key).await?;
         self.learn(key.clone());
         tracing::info!(key.id = %key.id, "Created key {:?}", key.name);
-        Ok(wire::NewApiKey { key: convert::access::key(&key, now_ms()), secret })
+        Ok(wire::NewApiKey { key: convert::access::key(&key, now), secret })
     }
 
     /// Refuses a key from now on; one that is refused already stays as it is.
     pub(crate) async fn revoke(&self, reference: &str) -> Result<(), Refusal> {
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
-        let now = now_ms();
+        let now = self.now_ms();
         if key.revoked_at_ms.is_some() {
             return Ok(());
         }
@@ -232,7 +236,7 @@ impl Keys {
         let grace_s = convert::within("/grace_s", grace_s, 0, GRACE_S_MAX)?;
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
-        let now = now_ms();
+        let now = self.now_ms();
         if !is_active(&key, now) {
             return Err(Refusal::KeyRefused { name: key.name });
         }
@@ -330,11 +334,11 @@ fn n_admins(keys: &BTreeMap<Uuid, AccessKey>, now_ms: u64) -> usize {
 fn new_key(
     name: String,
     role: Role,
+    created_at_ms: u64,
     expires_in_s: Option<u64>,
 ) -> Result<(AccessKey, String), getrandom::Error> {
     let id = Uuid::now_v7();
     let (secret, hash) = secret::draw(id)?;
-    let created_at_ms = now_ms();
     let key = AccessKey {
         id,
         name,

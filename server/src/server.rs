@@ -169,6 +169,7 @@ impl Server {
                  `--tls-key`, or a proxy that speaks TLS"
             );
         }
+        let time_keeper = Arc::clone(&keys);
         let checked = store.clone();
         let session_kept = config.session_kept;
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
@@ -179,6 +180,7 @@ impl Server {
         tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
         let audit = Arc::clone(app.audit());
         tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
+        tokio::spawn(time_keeper.keep_time(stopping.clone()));
         if let Some(keep) = session_kept {
             tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
         }

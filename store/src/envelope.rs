@@ -56,6 +56,8 @@ pub enum Kind {
     JournalRetraction = 20,
     /// Which API key a robot's name belongs to.
     RobotHolder = 21,
+    /// The latest time that was seen.
+    Clock = 22,
     /// How many commits there were, and the sum of all records.
     Tally = 30,
 }

@@ -58,6 +58,8 @@ pub enum Space {
     AuditStrangers = b'q',
     /// Which API key a robot's name belongs to, by name.
     RobotHolder = b'h',
+    /// The latest time that was seen.
+    Clock = b'y',
 }
 
 /// The bytes of an id inside a key: the space's letter and 16 bytes.

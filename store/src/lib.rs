@@ -22,6 +22,7 @@ pub mod entity;
 
 pub mod access;
 
+pub mod private;
 pub mod record;
 pub mod robot;
 
