@@ -15,6 +15,7 @@ use palpate_store::error::StoreError;
 
 use crate::compute::ComputeError;
 use crate::keys::KeyFault;
+use crate::keys::secret::redacted;
 use crate::limits::{Bound, retry_after};
 use crate::refusal::Refusal;
 
@@ -38,11 +39,13 @@ impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
         let kind = kind(&self);
         if status(kind).is_server_error() && !matches!(kind, ProblemType::Overloaded) {
-            tracing::error!(error = %self, "Refused a request: {self}");
+            let words = self.to_string();
+            let words = redacted(&words);
+            tracing::error!(error = %words, "Refused a request: {words}");
         }
         let detail = match kind {
             ProblemType::Internal => "the server is at fault; its log has the reason".to_owned(),
-            _ => self.to_string(),
+            _ => redacted(&self.to_string()).into_owned(),
         };
         let mut response = status(kind).into_response();
         let headers_of = response.headers_mut();

@@ -303,7 +303,7 @@ fn reading_id(pointer: &str, given: &wire::Reading) -> Result<Option<ReadingId>,
 
 /// Checks a robot's name.
 pub(crate) fn robot(pointer: &str, robot: &str) -> Result<(), Refusal> {
-    if robot.is_empty() || robot.len() > ROBOT_BYTES_MAX || robot.chars().any(char::is_control) {
+    if robot.is_empty() || robot.len() > ROBOT_BYTES_MAX || robot.chars().any(super::is_control) {
         let detail = format!("came {robot:?}, expected 1 to {ROBOT_BYTES_MAX} printable bytes");
         return Err(Refusal::field(pointer, detail));
     }
