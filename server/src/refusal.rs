@@ -128,8 +128,9 @@ pub(crate) enum Refusal {
     #[error("this path exists, but not with this method; the header `Allow` lists which")]
     OtherMethod { allow: String },
     #[error(
-        "the server was asked for as {host:?}: without keys it serves this machine under its own \
-         names only, such as 127.0.0.1 or localhost"
+        "the server was asked for as {host:?}: without keys it answers to its own names only, such \
+         as 127.0.0.1 or localhost; in a network also to addresses, and to names that \
+         `--host-name` lists"
     )]
     ForeignHost { host: String },
     #[error("pages of {origin} may not use this server: allow them with `--cors-origin {origin}`")]

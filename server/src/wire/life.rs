@@ -76,6 +76,11 @@ pub(crate) fn set_lease(session: &mut Session, until_ms: u64, key: Option<Uuid>)
     session.options = written(&options);
 }
 
+/// The key that opened a session; `None` when that was not recorded, or nobody was asked for one.
+pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
+    options(session).opened_by
+}
+
 /// Notes what a session's object was; whether it was not known before.
 pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, Refusal> {
     let mut options = options(session);

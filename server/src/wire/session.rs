@@ -62,6 +62,9 @@ pub(crate) struct Options {
     /// Until when a lease keeps the session open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_until_ms: Option<u64>,
+    /// The key that opened the session.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) opened_by: Option<Uuid>,
     /// The key that asked for the lease.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_by: Option<Uuid>,
@@ -75,6 +78,8 @@ pub(crate) struct Options {
 pub(crate) struct Limits {
     pub(crate) time_to_live: Duration,
     pub(crate) now_ms: u64,
+    /// The key that opens it.
+    pub(crate) opened_by: Option<Uuid>,
 }
 
 /// A session for the wire.
@@ -188,7 +193,8 @@ pub(crate) fn new_session(
         Some(ttl) => Duration::from_secs(super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX)?),
         None => limits.time_to_live,
     };
-    let options = checked_options(request, method, model)?;
+    let opened_by = limits.opened_by;
+    let options = Options { opened_by, ..checked_options(request, method, model)? };
     let (method, is_geometric) = (options.method, is_geometric(options.method));
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     Ok(Session {

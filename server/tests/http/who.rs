@@ -1,9 +1,16 @@
-//! Who wrote what: keys of readings, names of robots, numbers per key.
+//! Who wrote what: keys of readings, names of robots, numbers per key; and what a key may hold.
 
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use palpate_server::Access;
+use palpate_store::database::Database;
+use palpate_store::sled::{SledEngine, SledOptions};
 use reqwest::Method;
 use serde_json::{Value, json};
 
-use crate::harness::{Answer, Harness, quiet_reading};
+use crate::harness::{Answer, Harness, quiet_reading, read};
 
 fn readings(robot: &str, seq: u64) -> Value {
     let mut reading = quiet_reading();
@@ -135,4 +142,133 @@ async fn without_keys_names_belong_to_nobody() {
     let page = it.get(&path).await.expect(200);
     assert_eq!(page["items"][0]["written_by"], Value::Null);
     assert_eq!(it.get("/v1/robots").await.expect(200)["items"], json!([]));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_key_leaves_open_sessions_to_others() {
+    let mut it = Harness::start_with(|config| {
+        config.access = Access::Keys;
+        config.sessions_open_max = 20;
+    })
+    .await;
+    it.train().await;
+    let (greedy, other) = (it.new_key("greedy", "robot").await, it.new_key("other", "robot").await);
+    it.key = Some(greedy.clone());
+    for _ in 0..15 {
+        it.session(json!({})).await;
+    }
+    let refused = it.post("/v1/sessions", &json!({})).await;
+    refused.problem(429, "too-many-requests", None);
+    assert!(refused.headers.contains_key("retry-after"));
+    it.key = Some(other);
+    it.session(json!({})).await;
+    // Over a restart they count to the same key.
+    let mut it = it
+        .restart_with(|config| {
+            config.access = Access::Keys;
+            config.sessions_open_max = 20;
+        })
+        .await;
+    it.key = Some(greedy);
+    it.post("/v1/sessions", &json!({})).await.problem(429, "too-many-requests", None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_key_that_has_expired_stays_so_when_the_clock_is_set_back() {
+    let it = Harness::guarded().await;
+    let request = json!({"name": "arm", "role": "robot", "expires_in_s": 3600});
+    let created = it.post("/v1/keys", &request).await.expect(201);
+    let arm = created["secret"].as_str().unwrap().to_owned();
+    it.send_as(Some(&arm), Method::GET, "/v1/whoami").await.expect(200);
+    // Two hours from now was seen before: so the clock was set back.
+    let it = it
+        .restart_after(|folder| {
+            let engine = SledEngine::open(folder, &SledOptions::default()).unwrap();
+            let database = Database::with_engine(Arc::new(engine)).unwrap();
+            let seen = SystemTime::now() + Duration::from_secs(7200);
+            let seen = seen.duration_since(UNIX_EPOCH).unwrap().as_millis() as u64;
+            let stored = database.latest_time().unwrap();
+            assert!(stored > 1_700_000_000_000 && stored < seen, "stored at the end: {stored}");
+            futures::executor::block_on(database.store_latest_time(seen)).unwrap();
+        })
+        .await;
+    let refused = it.send_as(Some(&arm), Method::GET, "/v1/whoami").await;
+    let problem = refused.problem(401, "unauthenticated", None);
+    assert!(problem["detail"].as_str().unwrap().contains("expired"), "{problem}");
+    it.get("/v1/whoami").await.expect(200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_key_in_a_path_is_neither_answered_nor_stored() {
+    let it = Harness::guarded().await;
+    let secret = it.new_key("arm", "robot").await;
+    let proof = secret[41..].to_owned();
+    let path = format!("/v1/objects/{secret}");
+    it.send(Method::DELETE, &path, None).await.problem(404, "not-found", None);
+    let answer = it.send_as(None, Method::GET, &path).await;
+    answer.problem(401, "unauthenticated", None);
+    assert!(!answer.text.contains(&proof), "{}", answer.text);
+    let audit = it.get("/v1/audit").await;
+    audit.expect(200);
+    assert!(
+        audit.text.contains("palpate_(a key)") && !audit.text.contains(&proof),
+        "{}",
+        audit.text
+    );
+    let described = json!({"name": "mug", "description": format!("my {secret}")});
+    it.post("/v1/objects", &described).await.problem(422, "invalid-value", Some("/description"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn texts_with_control_characters_are_refused_at_the_field() {
+    let it = Harness::start().await;
+    it.train().await;
+    let evil = "a\u{1b}]0;owned\u{7}";
+    for (path, body, pointer) in [
+        ("/v1/objects", json!({"name": "mug", "description": evil}), "/description"),
+        ("/v1/objects", json!({"name": "mug", "description": "a\u{202e}b"}), "/description"),
+        ("/v1/objects", json!({"name": "mug", "description": "a\nb"}), "/description"),
+        ("/v1/objects", json!({"name": evil}), "/name"),
+        ("/v1/sensors", json!({"name": evil, "preset": "digitacts-6x6"}), "/name"),
+        ("/v1/keys", json!({"name": evil, "role": "robot"}), "/name"),
+        ("/v1/sessions", json!({"frame_id": evil}), "/frame_id"),
+        (
+            "/v1/sessions",
+            json!({"robots": [{"robot": evil, "base": {"position_m": 0.01, "angle_rad": 0.1}}]}),
+            "/robots/0/robot",
+        ),
+    ] {
+        it.post(path, &body).await.problem(422, "invalid-value", Some(pointer));
+    }
+    let session = it.session(json!({})).await;
+    for field in ["robot", "frame_id"] {
+        let mut body = readings("arm", 0);
+        body["readings"][0][field] = json!(evil);
+        let answer = it.post(&format!("/v1/sessions/{session}/readings"), &body).await;
+        answer.problem(422, "invalid-value", Some(&format!("/readings/0/{field}")));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_open_server_in_a_network_answers_to_its_own_names_only() {
+    let it = Harness::start_with(|config| {
+        config.listen = SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0));
+        config.insecure_bind = true;
+        config.host_names = vec!["palpate.lab".to_owned()];
+    })
+    .await;
+    let port = it.server.local_addr().port();
+    let ask = async |host: &str| {
+        let url = format!("http://127.0.0.1:{port}/v1/objects");
+        let request = it.client.get(url).header("host", host);
+        read(request.send().await.unwrap()).await
+    };
+    for host in
+        ["127.0.0.1", "10.1.2.3:7411", "[2001:db8::1]:7411", "localhost", "palpate.lab:7411"]
+    {
+        ask(host).await.expect(200);
+    }
+    for host in ["evil.example", "evil.example:7411", "palpate.lab.evil.example"] {
+        ask(host).await.problem(403, "forbidden", None);
+    }
 }
