@@ -9,8 +9,8 @@ use crate::commands::{
     demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs, fsck::FsckArgs,
     jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs, load::LoadArgs, maps::MapsArgs,
     migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs,
-    sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs, snapshot::SnapshotArgs,
-    touch::TouchArgs, train::TrainArgs,
+    robots::RobotsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
+    snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -51,6 +51,16 @@ pub(crate) struct Cli {
     )]
     // Not `key`: subcommands have arguments of that name, and names are shared with them.
     pub(crate) api_key: Option<String>,
+    /// A file with the API key; one that a server has written (`palpate serve --admin-key-file`),
+    /// or a secret of a cluster.
+    #[arg(
+        long = "key-file",
+        global = true,
+        env = "PALPATE_KEY_FILE",
+        value_name = "FILE",
+        conflicts_with = "api_key"
+    )]
+    pub(crate) api_key_file: Option<PathBuf>,
     /// The only authority whose certificates to trust for https, a PEM file; the system's else.
     #[arg(long, global = true, env = "PALPATE_CA", value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,
@@ -126,6 +136,8 @@ pub(crate) enum Command {
     Load(LoadArgs),
     /// API keys: create, list, revoke, rotate.
     Keys(KeysArgs),
+    /// Names of robots: which key each belongs to.
+    Robots(RobotsArgs),
     /// Say whether the server does its work; the exit code tells supervisors.
     Health,
     /// Say whom the server takes this key for.
@@ -175,6 +187,9 @@ mod tests {
             "palpate snapshot create monday.snapshot",
             "palpate snapshot verify monday.snapshot --json",
             "palpate snapshot restore monday.snapshot --data ./restored",
+            "palpate snapshot restore monday.snapshot --data ./restored --keys drop",
+            "palpate snapshot restore monday.snapshot --data ./r --keys newer --current ./d",
+            "palpate serve --access keys --admin-key-file admin.key",
             "palpate demo",
             "palpate demo --once --json --trials 40",
             "palpate objects add mug --mesh mug.stl",
@@ -223,7 +238,12 @@ mod tests {
             "palpate keys list --json",
             "palpate keys revoke arm-3",
             "palpate keys rotate arm-3 --grace-s 3600",
+            "palpate robots list",
+            "palpate robots bind arm-3 --to arm-3-new",
+            "palpate robots release arm-3",
+            "palpate audit --ring refused",
             "palpate whoami --key palpate_x --ca ca.pem",
+            "palpate whoami --key-file admin.key",
             "palpate audit --since 2026-05-01T00:00:00Z --by arm-3 --operation delete_object -n 20",
             "palpate experiment sva-objects --meshes DIR --size-mm 80 --seed 3 --trials 10 --out DIR",
             "palpate experiment server-throughput --json",
@@ -240,6 +260,7 @@ mod tests {
             "palpate",
             "palpate touch --mesh mug.stl",
             "palpate snapshot restore monday.snapshot",
+            "palpate snapshot restore monday.snapshot --data ./restored --keys newer",
             "palpate fsck",
             "palpate serve --model-memory-mb 0",
             "palpate objects add mug --mesh mug.stl --unit inch",
@@ -256,6 +277,8 @@ mod tests {
             "palpate serve --audit-entries 0",
             "palpate keys create arm-3",
             "palpate keys create arm-3 --role boss",
+            "palpate robots bind arm-3",
+            "palpate audit --ring all",
             "palpate explore",
             "palpate next-touch",
             "palpate next-touch 0198a0d0-0000-7000-8000-000000000000 --workspace 1,2,3",

@@ -20,6 +20,7 @@ pub(crate) mod next_touch;
 pub(crate) mod objects;
 pub(crate) mod openapi;
 pub(crate) mod report;
+pub(crate) mod robots;
 pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
@@ -40,6 +41,21 @@ pub(crate) struct Context {
     pub(crate) client: Client,
     /// Where answers go.
     pub(crate) output: Output,
+    /// The end of the key's id, if there is a key.
+    key_end: Option<String>,
+}
+
+impl Context {
+    /// The name of a simulated robot: with a key, one that no other key uses.
+    pub(crate) fn robot(&self, name: &str) -> String {
+        self.key_end.as_ref().map_or_else(|| name.to_owned(), |end| format!("{name}-{end}"))
+    }
+}
+
+/// The last eight digits of a key's id, which are random.
+fn key_end(key: &str) -> Option<String> {
+    let id = key.strip_prefix("palpate_")?.get(..32)?;
+    Some(id[24..].to_owned())
 }
 
 /// Does what was typed.
@@ -49,12 +65,23 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         let authority_pem = cli.ca.as_ref().map(|path| {
             std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
         });
-        let key = cli.api_key.clone().filter(|key| !key.is_empty());
+        let key = match &cli.api_key_file {
+            Some(path) => Some(
+                std::fs::read_to_string(path)
+                    .with_context(|| format!("cannot read {}", path.display()))?
+                    .trim()
+                    .to_owned(),
+            ),
+            None => cli.api_key.clone(),
+        };
+        let key = key.filter(|key| !key.is_empty());
         let authority_pem = authority_pem.transpose()?;
+        let key_end = key.as_deref().and_then(key_end);
         let options = ClientOptions { key, authority_pem, ..ClientOptions::default() };
         Ok::<_, anyhow::Error>(Context {
             client: Client::with_options(&cli.server, options)?,
             output,
+            key_end,
         })
     };
     match cli.command {
@@ -76,6 +103,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Sessions(args) => sessions::run(args, &context()?).await,
         Command::Load(args) => load::run(args, &context()?).await,
         Command::Keys(args) => keys::run(args, &context()?).await,
+        Command::Robots(args) => robots::run(args, &context()?).await,
         Command::Health => health::run(&context()?).await,
         Command::Whoami => keys::whoami(&context()?).await,
         Command::Audit(args) => audit::run(args, &context()?).await,

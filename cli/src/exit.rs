@@ -8,6 +8,8 @@ use std::process::ExitCode;
 use palpate_client::Error as ClientError;
 use thiserror::Error;
 
+use crate::output::plain;
+
 /// Outcomes with an exit code of their own.
 #[derive(Debug, Error)]
 pub(crate) enum Ended {
@@ -31,7 +33,7 @@ pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             if error.downcast_ref::<Ended>().is_none() {
-                eprintln!("error: {}", words(&error));
+                eprintln!("error: {}", plain(&words(&error)));
                 if status(&error) == Some(401) {
                     eprintln!("hint: set PALPATE_KEY to a key, or give it with --key");
                 }

@@ -5,6 +5,7 @@
 //! over HTTP. Exit codes are listed in [`exit`] and in `--help`.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
 
+mod admin_key;
 mod args;
 mod calibrated;
 mod commands;

@@ -1,8 +1,10 @@
 //! How answers look: tables and sentences for people, one line of JSON for programs.
 
+use std::borrow::Cow;
 use std::io::Write as _;
 
 use comfy_table::{Table, presets};
+use palpate_client::schemas::Writer;
 use serde::Serialize;
 
 /// Where answers go. With JSON, the standard output holds nothing else.
@@ -15,10 +17,11 @@ pub(crate) struct Output {
 impl Output {
     /// Says something to a person.
     pub(crate) fn say(self, text: impl AsRef<str>) {
+        let text = plain(text.as_ref());
         if self.json {
-            eprintln!("{}", text.as_ref());
+            eprintln!("{text}");
         } else {
-            print_line(text.as_ref());
+            print_line(&text);
         }
     }
 
@@ -29,9 +32,9 @@ impl Output {
         text: impl FnOnce(&T) -> String,
     ) -> anyhow::Result<()> {
         if self.json {
-            print_line(&serde_json::to_string(answer)?);
+            print_line(&json_text(&serde_json::to_string(answer)?));
         } else {
-            print_line(&text(answer));
+            print_line(&plain(&text(answer)));
         }
         Ok(())
     }
@@ -47,6 +50,44 @@ fn print_line(text: &str) {
     }
 }
 
+/// Text without characters that do something to a terminal: they are written as `\u{1b}`. Servers,
+/// files and names may hold any, whoever wrote them. Ends of lines stay.
+pub(crate) fn plain(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| c != '\n' && is_control(c), |c| c.escape_unicode().to_string())
+}
+
+/// A cell of a table: ends of lines are written out as well, so that none makes a row.
+fn cell(text: &str) -> Cow<'_, str> {
+    escaped(text, is_control, |c| c.escape_unicode().to_string())
+}
+
+/// JSON in which nothing does something to a terminal; it says the same.
+fn json_text(json: &str) -> Cow<'_, str> {
+    // All of them are within the first plane: four digits.
+    escaped(json, is_control, |c| format!("\\u{:04x}", u32::from(c)))
+}
+
+fn escaped(
+    text: &str,
+    is_escaped: impl Fn(char) -> bool,
+    escape: impl Fn(char) -> String,
+) -> Cow<'_, str> {
+    if !text.chars().any(&is_escaped) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_escaped(c) { shown.push_str(&escape(c)) } else { shown.push(c) }
+    }
+    Cow::Owned(shown)
+}
+
+/// Control characters, and marks that turn the direction of writing.
+fn is_control(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
 /// A table with a header, without lines around it.
 pub(crate) fn table<const N: usize>(
     header: [&str; N],
@@ -55,7 +96,7 @@ pub(crate) fn table<const N: usize>(
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(header);
     for row in rows {
-        table.add_row(row);
+        table.add_row(row.map(|text| cell(&text).into_owned()));
     }
     table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
 }
@@ -65,6 +106,14 @@ pub(crate) fn word(choice: &impl Serialize) -> String {
     match serde_json::to_value(choice) {
         Ok(serde_json::Value::String(word)) => word,
         _ => "–".to_owned(),
+    }
+}
+
+/// The key that wrote something.
+pub(crate) fn writer(writer: Option<&Writer>) -> String {
+    match writer {
+        Some(writer) => writer.key_name.clone().unwrap_or_else(|| writer.key_id.to_string()),
+        None => "not recorded".to_owned(),
     }
 }
 
@@ -106,6 +155,21 @@ mod tests {
         assert_eq!(median(&[]), None);
         assert_eq!(median(&[3.0, 1.0, 2.0]), Some(2.0));
         assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), Some(2.5));
+    }
+
+    #[test]
+    fn nothing_that_is_printed_steers_a_terminal() {
+        let evil = "a\u{1b}]0;owned\u{7}\u{9b}2J\u{202e}b";
+        let shown = plain(evil);
+        assert_eq!(shown, "a\\u{1b}]0;owned\\u{7}\\u{9b}2J\\u{202e}b");
+        assert_eq!(plain("two\nlines é"), "two\nlines é");
+        let table = table(["name", "of"], [[format!("{evil}\nrow"), "x".to_owned()]]);
+        assert_eq!(table.lines().count(), 2, "{table}");
+        assert!(!table.contains(|c: char| c != '\n' && is_control(c)), "{table:?}");
+        let json = serde_json::to_string(evil).unwrap();
+        let shown = json_text(&json);
+        assert!(!shown.contains(is_control), "{shown:?}");
+        assert_eq!(serde_json::from_str::<String>(&shown).unwrap(), evil);
     }
 
     #[test]

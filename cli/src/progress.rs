@@ -6,7 +6,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use palpate_client::schemas::{Job, JobStage, JobState};
 
-use crate::output::Output;
+use crate::output::{Output, plain};
 
 /// Whether a person watches the standard error.
 pub(crate) fn is_watched() -> bool {
@@ -40,7 +40,7 @@ impl StepProgress {
     /// Shows a step.
     pub(crate) fn show(&self, stage: &str, done: usize, total: usize) {
         if let Some(bar) = &self.0 {
-            bar.set_message(stage.to_owned());
+            bar.set_message(plain(stage).into_owned());
             bar.set_length(total as u64);
             bar.set_position(done as u64);
         }

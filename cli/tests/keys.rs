@@ -73,11 +73,95 @@ fn failed(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
+fn mode(path: &Path) -> u32 {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::metadata(path).unwrap().permissions().mode() & 0o777
+}
+
+/// Everything in a folder, with the folder itself.
+fn all(folder: &Path) -> Vec<std::path::PathBuf> {
+    let mut found = vec![folder.to_owned()];
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        match entry.file_type().unwrap().is_dir() {
+            true => found.extend(all(&entry.path())),
+            false => found.push(entry.path()),
+        }
+    }
+    found
+}
+
+#[test]
+fn other_users_of_the_machine_are_kept_out_of_the_folder() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = TempDir::new().unwrap();
+    let data = folder.path().join("data");
+    drop(Server::start(&data, ""));
+    // As an earlier version left it, or somebody who meant well.
+    for path in all(&data) {
+        let open = std::fs::Permissions::from_mode(if path.is_dir() { 0o755 } else { 0o644 });
+        std::fs::set_permissions(path, open).unwrap();
+    }
+    let server = Server::start(&data, "");
+    for path in all(&data) {
+        let expected = if path.is_dir() { 0o700 } else { 0o600 };
+        assert_eq!(mode(&path), expected, "{}", path.display());
+    }
+    drop(server);
+}
+
+#[test]
+fn a_restored_snapshot_lets_in_no_key_that_nobody_chose() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let key_file = at("the.key");
+    let with_file = format!("--access keys --admin-key-file {}", key_file.display());
+    let server = Server::start(&at("data"), &with_file);
+    assert_eq!(mode(&key_file), 0o600);
+    let admin = std::fs::read_to_string(&key_file).unwrap().trim().to_owned();
+    done(&server.run(&admin, "keys create arm-3 --role robot"));
+    let snapshot = at("monday.snapshot").display().to_string();
+    done(&server.run(&admin, &format!("snapshot create {snapshot}")));
+    assert_eq!(mode(&at("monday.snapshot")), 0o600);
+    done(&server.run(&admin, "keys revoke arm-3"));
+    done(&server.run(&admin, "keys create arm-4 --role robot"));
+    drop(server);
+
+    let restore = |name: &str, how: &str| {
+        let data = at(name).display().to_string();
+        palpate(&format!("snapshot restore {snapshot} --data {data} --json {how}"))
+            .output()
+            .unwrap()
+    };
+    let refused = failed(&restore("none", ""));
+    assert!(refused.contains("arm-3") && refused.contains("--keys"), "{refused}");
+    assert!(!at("none").exists());
+    let keys = |output: &Output| -> Vec<String> {
+        let said: Value = serde_json::from_str(&done(output)).unwrap();
+        serde_json::from_value(said["keys"].clone()).unwrap()
+    };
+    assert_eq!(keys(&restore("kept", "--keys keep")), ["admin", "arm-3"]);
+    assert_eq!(keys(&restore("dropped", "--keys drop")), [""; 0]);
+    let current = format!("--keys newer --current {}", at("data").display());
+    assert_eq!(keys(&restore("newer", &current)), ["admin", "arm-4"]);
+
+    let server = Server::start(&at("newer"), "--access keys");
+    assert!(server.started.get("admin_key_file").is_none(), "the admin's key is there already");
+    let listed = done(&server.run(&admin, "keys list"));
+    assert!(listed.contains("arm-3") && listed.contains("revoked"), "{listed}");
+}
+
 #[test]
 fn keys_are_made_used_rotated_and_revoked_from_the_shell() {
     let folder = TempDir::new().unwrap();
     let server = Server::start(folder.path(), "--access keys");
-    let admin = server.said("admin_key").to_owned();
+    // Nobody reads a terminal here: the key goes to a file that only its owner may read.
+    assert!(server.started.get("admin_key").is_none());
+    let file = server.said("admin_key_file").to_owned();
+    assert_eq!(std::path::Path::new(&file), folder.path().join("admin.key"));
+    assert_eq!(mode(Path::new(&file)), 0o600);
+    let admin = std::fs::read_to_string(&file).unwrap().trim().to_owned();
+    let by_file = palpate(&format!("whoami --key-file {file} --server {}", server.said("server")));
+    assert!(done(&{ by_file }.output().unwrap()).starts_with("admin, admin"));
     let refused = failed(&server.run("", "objects list"));
     assert!(refused.contains("API key") && refused.contains("PALPATE_KEY"), "{refused}");
 

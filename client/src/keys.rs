@@ -1,7 +1,8 @@
 //! Calls about keys: who is let in, and who changed what.
 
 use palpate_schemas::{
-    ApiKey, ApiKeyPage, AuditPage, AuditQuery, CreateKey, NewApiKey, PageQuery, RotateKey, Whoami,
+    ApiKey, ApiKeyPage, AuditPage, AuditQuery, AuditRing, BindRobot, CreateKey, NewApiKey,
+    PageQuery, Robot, RobotPage, RotateKey, Whoami,
 };
 
 use crate::client::Client;
@@ -57,6 +58,31 @@ impl Client {
         self.send(Request::post(["v1", "keys", key, "rotate"]).json(how)).await
     }
 
+    /// A page of the names of robots that belong to keys.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn robots(&self, page: &PageQuery) -> Result<RobotPage, Error> {
+        self.send(Request::get(["v1", "robots"]).page(page)).await
+    }
+
+    /// Gives a robot's name to a key, by the key's id or name.
+    ///
+    /// # Errors
+    /// [`Error`]; status 409 when the key was revoked.
+    pub async fn bind_robot(&self, robot: &str, key: &str) -> Result<Robot, Error> {
+        let request = BindRobot { key: key.to_owned() };
+        self.send(Request::put(["v1", "robots", robot]).json(&request)).await
+    }
+
+    /// Releases a robot's name: it belongs to the key that uses it next.
+    ///
+    /// # Errors
+    /// [`Error`]; status 404 when it belongs to no key.
+    pub async fn release_robot(&self, robot: &str) -> Result<(), Error> {
+        self.send_for_nothing(Request::delete(["v1", "robots", robot])).await
+    }
+
     /// A page of the audit log, newest first.
     ///
     /// # Errors
@@ -67,8 +93,17 @@ impl Client {
             .query("until", query.until.as_ref())
             .query("key", query.key.as_ref())
             .query("operation", query.operation.as_ref())
+            .query("ring", query.ring.map(ring))
             .query("limit", query.limit)
             .query("cursor", query.cursor.as_ref());
         self.send(request).await
+    }
+}
+
+fn ring(ring: AuditRing) -> &'static str {
+    match ring {
+        AuditRing::Changes => "changes",
+        AuditRing::Refused => "refused",
+        AuditRing::Strangers => "strangers",
     }
 }

@@ -60,7 +60,7 @@ fn mesh(format: MeshFormat, bytes: &[u8]) {
 pub fn snapshot(bytes: &[u8]) {
     let verified = snapshot::verify(bytes);
     let engine = MemoryEngine::new();
-    let restored = snapshot::restore(bytes, &engine);
+    let restored = snapshot::restore(bytes, &engine, snapshot::KeysFrom::Snapshot);
     match (verified, restored) {
         (Ok((manifest, report)), Ok(restored)) => {
             assert_eq!(manifest, restored);

@@ -108,6 +108,45 @@ pub struct Whoami {
     pub key: Option<ApiKey>,
 }
 
+/// A key that wrote something.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct Writer {
+    /// The key's id.
+    #[schema(value_type = String, format = Uuid)]
+    pub key_id: Uuid,
+    /// What its holder is called; null when the key is forgotten.
+    pub key_name: Option<String>,
+}
+
+/// A robot's name and the key that it belongs to. Only that key may post readings with it.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct Robot {
+    /// The robot's name, as its readings have it.
+    pub name: String,
+    /// The key that it belongs to.
+    pub holder: Writer,
+    /// Since when.
+    #[schema(format = DateTime)]
+    pub since: String,
+}
+
+/// To whom a robot's name is given.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BindRobot {
+    /// The key's id or name.
+    pub key: String,
+}
+
+/// A page of robots' names.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct RobotPage {
+    /// The names that belong to a key, in the order of their bytes.
+    pub items: Vec<Robot>,
+    /// Where the next page begins; null ends the list.
+    pub next_cursor: Option<String>,
+}
+
 /// Which entries of the audit log.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
 #[into_params(parameter_in = Query)]
@@ -125,6 +164,10 @@ pub struct AuditQuery {
     /// This operation, by its id in this description, such as `delete_object`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub operation: Option<String>,
+    /// Only entries of this part of the log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[param(inline)]
+    pub ring: Option<AuditRing>,
     /// How many entries at most, 1 to 1000; 100 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 1, maximum = 1000)]
@@ -132,6 +175,18 @@ pub struct AuditQuery {
     /// The `next_cursor` of the page before; its content is the server's business.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cursor: Option<String>,
+}
+
+/// A part of the audit log with a size of its own: none pushes out what is in another.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AuditRing {
+    /// What changed something, or may have.
+    Changes,
+    /// What was refused to the holder of a key, or failed.
+    Refused,
+    /// What was refused to a caller without a key, or failed.
+    Strangers,
 }
 
 /// Who asked for what, and what came of it.
@@ -161,6 +216,14 @@ pub struct AuditEntry {
     pub request_id: String,
     /// How many refusals before this one were not written down, because there were too many.
     pub n_left_out: u32,
+    /// The part of the log that it is in.
+    pub ring: AuditRing,
+    /// How often it was asked for with this outcome, within an hour. `resource`, `address` and
+    /// `request_id` are of the first time.
+    #[schema(minimum = 1)]
+    pub n: u32,
+    /// When it was asked for the last time.
+    pub last_at: String,
 }
 
 /// A page of the audit log.

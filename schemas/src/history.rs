@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::access::Writer;
 use crate::belief::Belief;
 use crate::pose::Pose;
 use crate::reading::{Looseness, Stamp};
@@ -25,8 +26,15 @@ pub struct SessionReading {
     /// When it came, by the server's clock.
     #[schema(format = DateTime)]
     pub received_at: String,
+    /// The key that it was written with; null when that was not recorded, or nobody was asked
+    /// for a key.
+    #[serde(default)]
+    pub written_by: Option<Writer>,
     /// The revision that withdrew it; null while it counts.
     pub retracted_by: Option<u32>,
+    /// The key that withdrew it; null as above, and while it counts.
+    #[serde(default)]
+    pub retraction_written_by: Option<Writer>,
     /// The sensor's pose in the session frame; null when it was not known.
     pub pose: Option<Pose>,
     /// Pressures in pascal, as they were sent.

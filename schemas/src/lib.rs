@@ -26,8 +26,8 @@ pub mod training;
 pub mod warning;
 
 pub use access::{
-    ApiKey, ApiKeyPage, AuditEntry, AuditPage, AuditQuery, CreateKey, NewApiKey, Role, RotateKey,
-    Whoami,
+    ApiKey, ApiKeyPage, AuditEntry, AuditPage, AuditQuery, AuditRing, BindRobot, CreateKey,
+    NewApiKey, Robot, RobotPage, Role, RotateKey, Whoami, Writer,
 };
 pub use analysis::{AnalyseCoverings, CoveringAnalysis, CoveringTradeOff, SpatialAcuity};
 pub use appearance::{

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::access::Writer;
 use crate::pose::Pose;
 use crate::reading::{Reading, Stamp};
 use crate::warning::Warning;
@@ -195,6 +196,10 @@ pub struct StoredReading {
     pub robot: Option<String>,
     /// The robot's number of it.
     pub seq: Option<u64>,
+    /// The key that it was written with; null when that was not recorded, or nobody was asked
+    /// for a key.
+    #[serde(default)]
+    pub written_by: Option<Writer>,
     /// The id of its sensor.
     pub sensor: Uuid,
     /// When it was taken, by the robot's clock.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use crate::access::Writer;
 use crate::belief::Belief;
 use crate::geometry::PosePrior;
 use crate::reading::{Looseness, Reading};
@@ -240,6 +241,9 @@ pub struct Session {
     #[serde(default)]
     #[schema(format = DateTime)]
     pub leased_until: Option<String>,
+    /// The key that asked for the lease; null without one, and when nobody was asked for a key.
+    #[serde(default)]
+    pub leased_by: Option<Writer>,
     /// When it was created.
     #[schema(format = DateTime)]
     pub created_at: String,

@@ -43,7 +43,7 @@ pub(crate) struct Parts {
     pub(crate) catalogues: Arc<Catalogues>,
     pub(crate) jobs: Arc<Jobs>,
     pub(crate) sessions: Arc<Sessions>,
-    pub(crate) keys: Keys,
+    pub(crate) keys: Arc<Keys>,
     pub(crate) audit: Arc<Audit>,
     pub(crate) stopping: watch::Receiver<bool>,
 }

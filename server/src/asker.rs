@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use palpate_core::stop::Stop;
 use tokio::task::JoinHandle;
+use uuid::Uuid;
 
 use crate::client::Client;
 
@@ -43,6 +44,14 @@ impl Asker {
     /// The client that work counts to.
     pub(crate) fn client(&self) -> Option<Client> {
         self.client
+    }
+
+    /// The key that what is written is written with.
+    pub(crate) fn key(&self) -> Option<Uuid> {
+        match self.client {
+            Some(Client::Key(key)) => Some(key),
+            Some(Client::Address(_)) | None => None,
+        }
     }
 
     /// Whether nobody waits for an answer any more.

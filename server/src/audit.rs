@@ -1,30 +1,39 @@
 //! Who changed what: an entry before every change, its outcome after it, and the refused.
 //!
 //! A change runs in a task of its own, so that a caller who hangs up leaves neither it nor its
-//! entry half done. Refusals are written down too, but not more than a few a minute: nobody
-//! shall push what happened out of the log by being refused.
+//! entry half done. What fails or is refused goes into rings of its own, repetitions are counted
+//! in one entry (`folds`), and a key whose changes keep failing has to wait (`failures`): nobody
+//! shall push what happened out of the log.
 
-use std::sync::{Mutex, PoisonError};
+mod failures;
+mod folds;
+
+use std::num::NonZeroU32;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use axum::extract::{Request, State};
-use axum::http::header;
+use axum::http::{StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use palpate_schemas as wire;
 use palpate_schemas::PageQuery;
 use palpate_store::access::Role;
-use palpate_store::audit::{AuditEntry, AuditLog};
+use palpate_store::audit::{AuditEntry, AuditLog, Ring};
 use palpate_store::error::StoreError;
+use tokio::sync::watch;
 use tracing::Instrument as _;
 use uuid::Uuid;
 
 use crate::app::App;
 use crate::asker;
+use crate::client::Client;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::roles;
 use crate::wire::{access, page_length, page_number};
+use failures::Failures;
+use folds::{Alike, FOLD_MS, Folds};
 
 /// How much of a path is written down, in characters.
 const PATH_CHARS_MAX: usize = 512;
@@ -32,10 +41,12 @@ const PATH_CHARS_MAX: usize = 512;
 const CHUNK: usize = 256;
 /// How often one question reads so many; further ones are on the next page.
 const CHUNKS_MAX: usize = 40;
-/// How many refusals may be written down at once.
+/// How many different refusals of strangers may be written down at once.
 const DENIED_BURST: u32 = 30;
 /// After how long one more may.
 const DENIED_PAUSE: Duration = Duration::from_secs(60);
+/// How often counts of repetitions are stored.
+const STORE_EVERY: Duration = Duration::from_secs(5);
 
 /// What somebody asks for.
 #[derive(Clone, Debug)]
@@ -44,6 +55,8 @@ pub(crate) struct Attempt {
     pub(crate) operation: &'static str,
     /// The key: its id, its name, its role.
     pub(crate) key: Option<(Uuid, String, Role)>,
+    /// The client that its repetitions count to.
+    pub(crate) client: Option<Client>,
     /// Where it came from.
     pub(crate) address: String,
     /// The path.
@@ -56,9 +69,11 @@ pub(crate) struct Attempt {
 pub(crate) struct Audit {
     log: AuditLog,
     denials: Mutex<Denials>,
+    folds: tokio::sync::Mutex<Folds>,
+    failures: Failures,
 }
 
-/// How many refusals may be written down now, and how many were not.
+/// How many refusals of strangers may be written down now, and how many were not.
 #[derive(Debug)]
 struct Denials {
     allowed: u32,
@@ -88,26 +103,55 @@ impl Denials {
 }
 
 impl Audit {
-    pub(crate) fn new(log: AuditLog) -> Self {
+    pub(crate) fn new(log: AuditLog, failures_per_minute: NonZeroU32) -> Self {
         let denials = Denials { allowed: DENIED_BURST, since: Instant::now(), n_left_out: 0 };
-        Self { log, denials: Mutex::new(denials) }
+        let (denials, folds) = (Mutex::new(denials), tokio::sync::Mutex::default());
+        Self { log, denials, folds, failures: Failures::new(failures_per_minute) }
     }
 
-    /// Writes down that somebody was refused, unless there were too many.
+    /// Writes down that somebody was refused: once for all repetitions, and of strangers only
+    /// when there were not too many.
     pub(crate) async fn denied(&self, attempt: Attempt, status: u16) {
-        let admitted = self.admit();
         metrics::counter!("palpate_requests_denied_total", "status" => status.to_string())
             .increment(1);
+        let alike = alike(&attempt, status);
+        let mut folds = self.folds.lock().await;
+        if folds.again(&alike, now_ms()) {
+            return;
+        }
+        let admitted = if attempt.key.is_some() { Some(0) } else { self.admit() };
         let Some(n_left_out) = admitted else { return };
         let entry = AuditEntry { status: Some(status), n_left_out, ..entry(attempt) };
-        if let Err(error) = self.log.append(entry).await {
-            tracing::warn!(%error, "Cannot write down a refused request");
+        match self.log.add(entry).await {
+            Ok(entry) => folds.first(alike, entry),
+            Err(error) => tracing::warn!(%error, "Cannot write down a refused request"),
         }
     }
 
     fn admit(&self) -> Option<u32> {
         let mut denials = self.denials.lock().unwrap_or_else(PoisonError::into_inner);
         denials.admit(Instant::now())
+    }
+
+    /// Stores the counts of repetitions that are not stored yet.
+    pub(crate) async fn store(&self) {
+        let news = self.folds.lock().await.news(now_ms());
+        for entry in news {
+            if let Err(error) = self.log.update(&entry).await {
+                tracing::warn!(%error, "Cannot store how often audit entry {} came", entry.seq);
+            }
+        }
+    }
+
+    /// Stores counts now and then, until the server stops.
+    pub(crate) async fn keep(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
+        loop {
+            tokio::select! {
+                () = tokio::time::sleep(STORE_EVERY) => {}
+                _ = stopping.wait_for(|stopping| *stopping) => return,
+            }
+            self.store().await;
+        }
     }
 
     /// A page of the log, newest first.
@@ -125,15 +169,18 @@ impl Audit {
             let chunk = self.log.before(behind, CHUNK)?;
             let is_last = chunk.len() < CHUNK;
             for entry in chunk {
-                // Times go down with the numbers: nothing older can fit.
-                if since.is_some_and(|since| entry.at_ms < since) {
+                // Times go down with the numbers, and an entry takes repetitions for a while:
+                // nothing older can fit.
+                if since.is_some_and(|since| entry.at_ms.saturating_add(FOLD_MS) < since) {
                     return Ok(wire::AuditPage { items, next_cursor: None });
                 }
                 if items.len() == limit {
                     return Ok(wire::AuditPage { items, next_cursor: behind.map(cursor) });
                 }
                 behind = Some(entry.seq);
-                if until.is_none_or(|until| entry.at_ms < until) && fits(&entry, query) {
+                let is_within = until.is_none_or(|until| entry.at_ms < until)
+                    && since.is_none_or(|since| entry.last_at_ms >= since);
+                if is_within && fits(&entry, query) {
                     items.push(access::audit_entry(entry));
                 }
             }
@@ -145,33 +192,86 @@ impl Audit {
     }
 
     async fn begin(&self, attempt: Attempt) -> Result<AuditEntry, StoreError> {
-        self.log.append(entry(attempt)).await
+        self.log.begin(entry(attempt)).await
     }
 
-    async fn finish(&self, entry: AuditEntry) {
-        if let Err(error) = self.log.finish(&entry).await {
-            tracing::error!(%error, "Cannot write down what became of audit entry {}", entry.seq);
+    /// Writes down what became of a change.
+    async fn finish(&self, entry: AuditEntry, alike: Option<Alike>) {
+        let seq = entry.seq;
+        if let Err(error) = self.settle(entry, alike).await {
+            tracing::error!(%error, "Cannot write down what became of audit entry {seq}");
         }
+    }
+
+    async fn settle(&self, entry: AuditEntry, alike: Option<Alike>) -> Result<(), StoreError> {
+        let Some(alike) = alike else { return self.log.settle(&entry).await };
+        let mut folds = self.folds.lock().await;
+        if folds.again(&alike, now_ms()) {
+            drop(folds);
+            return self.log.discard(&entry).await;
+        }
+        self.log.settle(&entry).await?;
+        folds.first(alike, entry);
+        Ok(())
     }
 }
 
 /// Writes a change down, lets it be made, and writes down what became of it. What cannot be
-/// written down is not done.
+/// written down is not done, nor is what a key asks for whose changes keep failing.
 pub(crate) async fn record(State(app): State<App>, mut request: Request, next: Next) -> Response {
     let Some(attempt) = request.extensions_mut().remove::<Attempt>() else {
         return next.run(request).await;
     };
+    let key = attempt.key.as_ref().map(|(id, _, _)| *id);
+    let failures = &app.audit().failures;
+    if let Some(Err(wait)) = key.map(|key| failures.check(key, Instant::now())) {
+        let refusal = Refusal::FailuresExceeded { bound: failures.bound(wait), wait };
+        app.audit().denied(attempt, StatusCode::TOO_MANY_REQUESTS.as_u16()).await;
+        return refusal.into_response();
+    }
     let changing = async move {
+        let asked = attempt.clone();
         let entry = match app.audit().begin(attempt).await {
             Ok(entry) => entry,
             Err(error) => return Refusal::from(error).into_response(),
         };
         let response = next.run(request).await;
-        app.audit().finish(outcome(entry, &response)).await;
+        let status = response.status();
+        if let Some(key) = key.filter(|_| is_of_the_caller(status)) {
+            app.audit().failures.failed(key, Instant::now());
+        }
+        let repeats = is_repeated(asked.operation, status);
+        let alike = repeats.then(|| alike(&asked, status.as_u16()));
+        app.audit().finish(outcome(entry, &response), alike).await;
         response
     };
     let changed = asker::spawn(changing.in_current_span()).await;
     changed.unwrap_or_else(|_| Refusal::Panicked.into_response())
+}
+
+/// Whether a change failed for what its caller asked.
+fn is_of_the_caller(status: StatusCode) -> bool {
+    status.is_client_error() && status != StatusCode::TOO_MANY_REQUESTS
+}
+
+/// Whether repetitions of an outcome are counted in one entry: of what failed, and of sessions
+/// that are kept open again and again.
+fn is_repeated(operation: &str, status: StatusCode) -> bool {
+    operation == KEEPS_OPEN || status.is_client_error() || status.is_server_error()
+}
+
+/// The operation that robots ask for again and again.
+const KEEPS_OPEN: &str = "extend_session";
+
+/// What a request has in common with those that are told by the same entry.
+fn alike(attempt: &Attempt, status: u16) -> Alike {
+    let is_one_thing = attempt.operation == KEEPS_OPEN && status < 400;
+    Alike {
+        client: attempt.client,
+        operation: attempt.operation,
+        status,
+        resource: is_one_thing.then(|| attempt.path.clone()),
+    }
 }
 
 /// The entry with what became of it; something new goes by its own path.
@@ -197,6 +297,8 @@ fn entry(attempt: Attempt) -> AuditEntry {
         status: None,
         request_id: attempt.request_id,
         n_left_out: 0,
+        n: 1,
+        last_at_ms: 0,
     }
 }
 
@@ -212,7 +314,14 @@ fn fits(entry: &AuditEntry, query: &wire::AuditQuery) -> bool {
         })
     };
     let of = |wanted: &String| *wanted == entry.operation;
-    query.key.as_ref().is_none_or(by) && query.operation.as_ref().is_none_or(of)
+    let within = |wanted: wire::AuditRing| match wanted {
+        wire::AuditRing::Changes => entry.ring() == Ring::Changes,
+        wire::AuditRing::Refused => entry.ring() == Ring::Refused,
+        wire::AuditRing::Strangers => entry.ring() == Ring::Strangers,
+    };
+    query.key.as_ref().is_none_or(by)
+        && query.operation.as_ref().is_none_or(of)
+        && query.ring.is_none_or(within)
 }
 
 /// Refuses the name of an operation that does not exist: a typo would find nothing, for ever.

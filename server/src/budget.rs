@@ -69,6 +69,17 @@ impl Budget {
         Ok(holding)
     }
 
+    /// Counts `amount` for a client that holds it already, whatever the bounds.
+    pub(crate) fn note(self: &Arc<Self>, client: Option<Client>, amount: usize) -> Holding {
+        let mut held = self.lock();
+        held.all += amount;
+        if let Some(client) = client {
+            *held.by_client.entry(client).or_default() += amount;
+        }
+        drop(held);
+        Holding { budget: Arc::clone(self), client, amount }
+    }
+
     fn lock(&self) -> MutexGuard<'_, Held> {
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -6,6 +6,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use palpate_store::audit::RingSizes;
 use palpate_store::sled::{FreeSpace, RESERVE_BYTES};
 
 use crate::door::Patience;
@@ -41,6 +42,9 @@ pub struct Config {
     pub listen: SocketAddr,
     /// Listen at an address that other machines can reach although nobody is asked for a key.
     pub insecure_bind: bool,
+    /// Names that this machine has in the network: without keys, a request for another name is
+    /// refused. Addresses and names of the machine itself need not be listed.
+    pub host_names: Vec<String>,
     /// Whether requests need an API key.
     pub access: Access,
     /// Make one more admin's key at the start, for operators who have lost theirs.
@@ -51,8 +55,10 @@ pub struct Config {
     pub tls: Option<TlsFiles>,
     /// Origins whose pages may use the API from a browser, such as `https://lab.example`.
     pub cors_origins: Vec<String>,
-    /// How many entries the audit log keeps.
-    pub audit_entries_max: u64,
+    /// How many entries the audit log keeps, of each ring.
+    pub audit_entries_max: RingSizes,
+    /// How many changes of one key may fail within a minute; then it has to wait.
+    pub failed_changes_per_minute: NonZeroU32,
     /// The folder of the database; made if it does not exist.
     pub data: PathBuf,
     /// Bring a database of an older layout to today's; otherwise it is refused.
@@ -117,6 +123,9 @@ pub struct Config {
 /// and more of them would only wait longer.
 const REQUESTS_PER_CORE: usize = 128;
 
+/// Chosen: five a second are more than a robot or a person brings about by mistake.
+const FAILED_CHANGES_PER_MINUTE: NonZeroU32 = NonZeroU32::new(300).expect("300 is not 0");
+
 impl Config {
     /// The defaults, with the database in `data`, listening at 127.0.0.1:7411.
     #[must_use]
@@ -125,12 +134,14 @@ impl Config {
         Self {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 7411)),
             insecure_bind: false,
+            host_names: Vec::new(),
             access: Access::Auto,
             new_admin_key: false,
             open_metrics: false,
             tls: None,
             cors_origins: Vec::new(),
-            audit_entries_max: 100_000,
+            audit_entries_max: RingSizes { changes: 100_000, refused: 20_000, strangers: 10_000 },
+            failed_changes_per_minute: FAILED_CHANGES_PER_MINUTE,
             data: data.into(),
             migrate: false,
             store_cache_bytes: 64 << 20,

@@ -5,10 +5,11 @@
 //! server is for its own machine, and pages of other sites in that machine's browser are
 //! turned away: they could otherwise do everything.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::IpAddr;
 
 use axum::extract::{ConnectInfo, MatchedPath, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::uri::Authority;
+use axum::http::{StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use palpate_schemas::Role;
@@ -16,9 +17,11 @@ use palpate_store::access::AccessKey;
 
 use crate::app::App;
 use crate::audit::Attempt;
+use crate::client::Client;
 use crate::dashboard;
 use crate::door::Peer;
 use crate::keys::KeyFault;
+use crate::keys::secret::redacted;
 use crate::refusal::Refusal;
 use crate::roles::{self, Asked, Effect, Rule, Who};
 use crate::telemetry::REQUEST_ID;
@@ -66,8 +69,18 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
                 let attempt = attempt(&request, operation, caller.key.as_ref());
                 request.extensions_mut().insert(attempt);
             }
+            let touched = match asked {
+                Asked::Operation(Rule { operation, effect: Effect::Touches, .. }) => {
+                    caller.key.as_ref().map(|key| attempt(&request, operation, Some(key)))
+                }
+                _ => None,
+            };
             request.extensions_mut().insert(caller);
-            next.run(request).await
+            let response = next.run(request).await;
+            if let Some(attempt) = touched.filter(|_| response.status() == StatusCode::FORBIDDEN) {
+                app.audit().denied(attempt, StatusCode::FORBIDDEN.as_u16()).await;
+            }
+            response
         }
         Err(refusal) => {
             let operation = match asked {
@@ -97,7 +110,7 @@ fn asked(request: &Request) -> Asked {
 fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> {
     let nobody = Caller { key: None };
     if !app.keys().required() {
-        at_home(app, request.headers())?;
+        at_home(app, request)?;
         return Ok(nobody);
     }
     let who = match asked {
@@ -132,11 +145,16 @@ fn is_page(path: &str) -> bool {
 
 /// Refuses what another site's page in a browser of this machine asks for: its origin is not
 /// ours, or our name is not one of this machine's (a name that was made to point here).
-fn at_home(app: &App, headers: &HeaderMap) -> Result<(), Refusal> {
+fn at_home(app: &App, request: &Request) -> Result<(), Refusal> {
     let config = app.config();
+    let headers = request.headers();
     let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
-    let host = text(header::HOST).unwrap_or_default();
-    if config.listen.ip().is_loopback() && !host.is_empty() && !is_loopback(host) {
+    // HTTP/2 has it in the target.
+    let target = request.uri().authority().map(Authority::as_str);
+    let host = text(header::HOST).or(target).unwrap_or_default();
+    let is_own = is_loopback(host)
+        || !config.listen.ip().is_loopback() && is_in_network(host, &config.host_names);
+    if !host.is_empty() && !is_own {
         return Err(Refusal::ForeignHost { host: host.to_owned() });
     }
     let Some(origin) = text(header::ORIGIN) else { return Ok(()) };
@@ -149,26 +167,44 @@ fn at_home(app: &App, headers: &HeaderMap) -> Result<(), Refusal> {
 
 /// Whether a `Host` header names this machine.
 fn is_loopback(host: &str) -> bool {
-    if let Ok(address) = host.parse::<SocketAddr>() {
-        return address.ip().is_loopback();
-    }
-    let name = host.rsplit_once(':').map_or(host, |(name, port)| {
-        if port.bytes().all(|byte| byte.is_ascii_digit()) { name } else { host }
-    });
-    let address = name.trim_matches(['[', ']']).parse::<IpAddr>();
-    address.is_ok_and(|address| address.is_loopback())
+    let name = without_port(host);
+    literal(name).is_some_and(|address| address.is_loopback())
         || name.eq_ignore_ascii_case("localhost")
         || name.to_ascii_lowercase().ends_with(".localhost")
+}
+
+/// Whether a `Host` header is an address, which no other site's name leads to, or one of the
+/// names that the operator listed.
+fn is_in_network(host: &str, listed: &[String]) -> bool {
+    let name = without_port(host);
+    literal(name).is_some() || listed.iter().any(|listed| name.eq_ignore_ascii_case(listed))
+}
+
+/// A `Host` header without its port.
+fn without_port(host: &str) -> &str {
+    // An address in IPv6 has colons of its own.
+    if host.starts_with('[') {
+        return host.rsplit_once("]:").map_or(host, |(name, _)| name);
+    }
+    host.rsplit_once(':').map_or(host, |(name, port)| {
+        if port.bytes().all(|byte| byte.is_ascii_digit()) { name } else { host }
+    })
+}
+
+fn literal(name: &str) -> Option<IpAddr> {
+    name.trim_matches(['[', ']']).parse().ok()
 }
 
 fn attempt(request: &Request, operation: &'static str, key: Option<&AccessKey>) -> Attempt {
     let peer = request.extensions().get::<ConnectInfo<Peer>>();
     let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok());
+    let address = peer.map(|ConnectInfo(peer)| peer.address.ip());
     Attempt {
         operation,
+        client: key.map(|key| Client::Key(key.id)).or(address.map(Client::at)),
         key: key.map(|key| (key.id, key.name.clone(), key.role)),
-        address: peer.map_or_else(String::new, |ConnectInfo(peer)| peer.address.ip().to_string()),
-        path: request.uri().path().to_owned(),
+        address: address.map_or_else(String::new, |address| address.to_string()),
+        path: redacted(request.uri().path()).into_owned(),
         request_id: id.unwrap_or_default().to_owned(),
     }
 }
@@ -198,6 +234,19 @@ mod tests {
         }
         for host in ["evil.example", "localhost.evil.example:7411", "10.0.0.1", "[2001:db8::1]:1"] {
             assert!(!is_loopback(host), "{host}");
+        }
+    }
+
+    #[test]
+    fn in_a_network_addresses_and_listed_names_are_taken() {
+        let listed = ["palpate.lab".to_owned()];
+        for host in ["10.0.0.1:7411", "[2001:db8::1]:7411", "[2001:db8::1]", "Palpate.Lab:7411"] {
+            assert!(is_in_network(host, &listed), "{host}");
+        }
+        for host in
+            ["evil.example", "palpate.lab.evil.example:7411", "lab", "10.0.0.1.evil.example"]
+        {
+            assert!(!is_in_network(host, &listed), "{host}");
         }
     }
 

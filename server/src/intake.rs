@@ -67,7 +67,7 @@ impl Intake {
             Refused { status: refusal.into_response().status().as_u16(), words }
         })?;
         for incoming in &taken {
-            drop(incoming.entry(now_ms()));
+            drop(incoming.entry(now_ms(), None));
             let again = from_store(&incoming.stored, &incoming.sensor, None);
             assert!(again.is_ok(), "what was accepted is refused after a restart: {again:?}");
         }

@@ -5,11 +5,14 @@
 //! Not here: what a role may do (`roles`), and the way of a request (`guard`).
 
 mod holding;
-mod secret;
+mod latest;
+mod robots;
+pub(crate) mod secret;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock};
 
+use axum::http::{HeaderMap, HeaderValue, header};
 use palpate_schemas as wire;
 use palpate_store::access::{AccessKey, PreviousSecret, Role};
 use palpate_store::database::Database;
@@ -19,10 +22,10 @@ use thiserror::Error;
 use tokio::sync::watch;
 use uuid::Uuid;
 
-use crate::clock::now_ms;
 use crate::config::Access;
 use crate::refusal::Refusal;
 use crate::wire::{self as convert, cursor, page_id, page_length};
+use latest::Latest;
 
 /// How exactly it is known when a key was last used, in milliseconds.
 const LAST_USED_STEP_MS: u64 = 3_600_000;
@@ -37,9 +40,12 @@ const GRACE_S_MAX: u64 = 2_592_000;
 pub(crate) struct Keys {
     store: Database,
     known: Arc<RwLock<BTreeMap<Uuid, AccessKey>>>,
+    /// The names of robots that belong to keys.
+    holders: RwLock<robots::Known>,
     /// Held while keys change: that an admin is left is a promise about all of them.
     changing: tokio::sync::Mutex<()>,
     required: bool,
+    latest: Latest,
     /// Told of every change, so that what is open for a key's holder can end.
     changes: watch::Sender<()>,
 }
@@ -89,7 +95,8 @@ impl Keys {
         fresh: bool,
     ) -> Result<(Self, Option<String>), KeysError> {
         let all: BTreeMap<_, _> = store.keys().all()?.into_iter().map(|k| (k.id, k)).collect();
-        let now = now_ms();
+        let latest = Latest::new(store.latest_time()?);
+        let now = latest.now_ms();
         let stored = all.values().any(|key| key.revoked_at_ms.is_none());
         let required = match access {
             Access::Keys => true,
@@ -98,13 +105,15 @@ impl Keys {
         };
         let needs_admin = fresh || (required && n_admins(&all, now) == 0);
         let known = Arc::new(RwLock::new(all));
+        let holders = RwLock::new(Self::read_robots(&store)?);
         let changing = tokio::sync::Mutex::default();
-        let keys = Self { store, known, changing, required, changes: watch::Sender::default() };
+        let changes = watch::Sender::default();
+        let keys = Self { store, known, holders, changing, required, latest, changes };
         if !needs_admin {
             return Ok((keys, None));
         }
         let name = keys.free_name("admin");
-        let (key, secret) = new_key(name, Role::Admin, None)?;
+        let (key, secret) = new_key(name, Role::Admin, now, None)?;
         keys.store.keys().create(&key).await?;
         keys.learn(key);
         Ok((keys, Some(secret)))
@@ -113,6 +122,12 @@ impl Keys {
     /// Whether requests without a key are refused.
     pub(crate) fn required(&self) -> bool {
         self.required
+    }
+
+    /// Whether a request's sender has a key, or nobody is asked for one.
+    pub(crate) fn admits(&self, headers: &HeaderMap) -> bool {
+        let header = headers.get(header::AUTHORIZATION).map(HeaderValue::as_bytes);
+        !self.required() || self.verify(header).is_ok()
     }
 
     /// The key of an `Authorization` header.
@@ -124,7 +139,7 @@ impl Keys {
             return Err(KeyFault::NotAKey);
         }
         let presented = secret::parse(token.trim()).ok_or(KeyFault::NotAKey)?;
-        let now = now_ms();
+        let now = self.now_ms();
         let found = self.find_id(presented.id);
         let expected = found.as_ref().map_or([0; 32], |key| key.hash);
         let previous = found.as_ref().and_then(|key| key.previous);
@@ -159,7 +174,7 @@ impl Keys {
 
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ApiKeyPage, Refusal> {
         let (after, limit) = (page_id(query)?, page_length(query)?);
-        let now = now_ms();
+        let now = self.now_ms();
         Ok(self.read(|keys| {
             let behind = keys.values().filter(|key| after.is_none_or(|after| key.id > after));
             let mut items: Vec<_> = behind.take(limit + 1).collect();
@@ -186,18 +201,19 @@ impl Keys {
         }
         self.make_room().await?;
         let role = convert::access::stored_role(request.role);
-        let (key, secret) = new_key(request.name.clone(), role, expires_in_s)?;
+        let now = self.now_ms();
+        let (key, secret) = new_key(request.name.clone(), role, now, expires_in_s)?;
         self.store.keys().create(&key).await?;
         self.learn(key.clone());
         tracing::info!(key.id = %key.id, "Created key {:?}", key.name);
-        Ok(wire::NewApiKey { key: convert::access::key(&key, now_ms()), secret })
+        Ok(wire::NewApiKey { key: convert::access::key(&key, now), secret })
     }
 
     /// Refuses a key from now on; one that is refused already stays as it is.
     pub(crate) async fn revoke(&self, reference: &str) -> Result<(), Refusal> {
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
-        let now = now_ms();
+        let now = self.now_ms();
         if key.revoked_at_ms.is_some() {
             return Ok(());
         }
@@ -220,7 +236,7 @@ impl Keys {
         let grace_s = convert::within("/grace_s", grace_s, 0, GRACE_S_MAX)?;
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
-        let now = now_ms();
+        let now = self.now_ms();
         if !is_active(&key, now) {
             return Err(Refusal::KeyRefused { name: key.name });
         }
@@ -318,11 +334,11 @@ fn n_admins(keys: &BTreeMap<Uuid, AccessKey>, now_ms: u64) -> usize {
 fn new_key(
     name: String,
     role: Role,
+    created_at_ms: u64,
     expires_in_s: Option<u64>,
 ) -> Result<(AccessKey, String), getrandom::Error> {
     let id = Uuid::now_v7();
     let (secret, hash) = secret::draw(id)?;
-    let created_at_ms = now_ms();
     let key = AccessKey {
         id,
         name,

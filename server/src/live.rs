@@ -137,7 +137,7 @@ impl Live {
         detail: BeliefDetail,
     ) -> Result<wire::ReadingsAdded, Refusal> {
         let mut state = self.turns.take().await?;
-        let now = now_ms();
+        let (now, key) = (now_ms(), Asker::current().key());
         let status = self.status(tools.store, now)?;
         let new = self.new_readings(tools.store, &readings)?;
         let n_new = new.len();
@@ -158,7 +158,8 @@ impl Live {
         let place =
             if repeated.is_some() && is_answered { None } else { self.place(tools, detail)? };
         if n_new > 0 {
-            let entries: Vec<NewEntry> = new.iter().map(|reading| reading.entry(now)).collect();
+            let entries: Vec<NewEntry> =
+                new.iter().map(|reading| reading.entry(now, key)).collect();
             let journal = tools.store.journal();
             let span = tracing::info_span!("append", session.id = %self.session.id, n_new);
             let appending = journal.append(self.session.id, status.length, &entries);
@@ -209,7 +210,7 @@ impl Live {
         let journal = store.journal();
         let mut revision = None;
         for id in readings.iter().filter_map(|reading| reading.id.as_ref()) {
-            let number = journal.find(self.session.id, id)?;
+            let number = journal.find(self.session.id, id, Asker::current().key())?;
             revision = revision.max(number.map(|number| number + 1));
         }
         Ok(revision)
@@ -268,7 +269,8 @@ impl Live {
         readings: &'a [Incoming],
     ) -> Result<Vec<&'a Incoming>, Refusal> {
         let journal = store.journal();
-        new_readings(readings, |id| Ok(stored(&journal, self.session.id, id)?))
+        let key = Asker::current().key();
+        new_readings(readings, |id| Ok(stored(&journal, self.session.id, id, key)?))
     }
 
     /// A place to compute. Without a belief to answer it is taken only for those who follow.
@@ -373,8 +375,9 @@ fn stored(
     journal: &Journal,
     session: uuid::Uuid,
     id: &ReadingId,
+    key: Option<uuid::Uuid>,
 ) -> Result<Option<StoredReading>, StoreError> {
-    let Some(seq) = journal.find(session, id)? else { return Ok(None) };
+    let Some(seq) = journal.find(session, id, key)? else { return Ok(None) };
     Ok(journal.entry(session, seq)?.and_then(|entry| match entry.event {
         Event::Reading(reading) => Some(reading),
         Event::Retraction { .. } | Event::Closed => None,

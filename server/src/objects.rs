@@ -14,9 +14,11 @@ use palpate_store::journal::{AppendError, Event, Limit, NewEntry};
 use palpate_store::mesh::{MeshInfo, MeshReader};
 use uuid::Uuid;
 
+use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
+use crate::keys::Keys;
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, unit_metres};
@@ -197,6 +199,7 @@ impl Objects {
         &self,
         reference: &str,
         query: &wire::PageQuery,
+        keys: &Keys,
     ) -> Result<wire::StoredReadingPage, Refusal> {
         let object = self.find(reference)?;
         let (from, limit) = (page_number(query)?, page_length(query)?);
@@ -206,7 +209,7 @@ impl Objects {
         let next = from + entries.len() as u64;
         let more = next < journal.len(object.id)? && !entries.is_empty();
         Ok(wire::StoredReadingPage {
-            items: entries.iter().filter_map(convert::reading::stored).collect(),
+            items: entries.iter().filter_map(|it| convert::reading::stored(it, keys)).collect(),
             next_cursor: more.then(|| next.to_string()),
         })
     }
@@ -245,10 +248,10 @@ impl Objects {
         object: &Object,
         readings: &[Incoming],
     ) -> Result<Vec<NewEntry>, Refusal> {
-        let journal = self.store.training();
+        let (journal, key) = (self.store.training(), Asker::current().key());
         let stored =
             |id: &palpate_store::entity::ReadingId| -> Result<Option<StoredReading>, Refusal> {
-                let Some(seq) = journal.find(object.id, id)? else { return Ok(None) };
+                let Some(seq) = journal.find(object.id, id, key)? else { return Ok(None) };
                 let entry = journal.entry(object.id, seq)?;
                 Ok(entry.and_then(|entry| match entry.event {
                     Event::Reading(reading) => Some(reading),
@@ -257,6 +260,6 @@ impl Objects {
             };
         let now = now_ms();
         let new = crate::repeats::new_readings(readings, stored)?;
-        Ok(new.into_iter().map(|reading| reading.entry(now)).collect())
+        Ok(new.into_iter().map(|reading| reading.entry(now, key)).collect())
     }
 }

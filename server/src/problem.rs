@@ -15,6 +15,7 @@ use palpate_store::error::StoreError;
 
 use crate::compute::ComputeError;
 use crate::keys::KeyFault;
+use crate::keys::secret::redacted;
 use crate::limits::{Bound, retry_after};
 use crate::refusal::Refusal;
 
@@ -38,11 +39,13 @@ impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
         let kind = kind(&self);
         if status(kind).is_server_error() && !matches!(kind, ProblemType::Overloaded) {
-            tracing::error!(error = %self, "Refused a request: {self}");
+            let words = self.to_string();
+            let words = redacted(&words);
+            tracing::error!(error = %words, "Refused a request: {words}");
         }
         let detail = match kind {
             ProblemType::Internal => "the server is at fault; its log has the reason".to_owned(),
-            _ => self.to_string(),
+            _ => redacted(&self.to_string()).into_owned(),
         };
         let mut response = status(kind).into_response();
         let headers_of = response.headers_mut();
@@ -59,7 +62,9 @@ fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
     match (refusal, kind) {
         // No waiting makes a model smaller.
         (Refusal::ModelTooLarge { .. }, _) => None,
-        (Refusal::RateExceeded { wait, .. }, _) => Some(*wait),
+        (Refusal::RateExceeded { wait, .. } | Refusal::FailuresExceeded { wait, .. }, _) => {
+            Some(*wait)
+        }
         // Sessions are closed all the time: it is worth to look sooner.
         (Refusal::SessionsFull { wait, .. }, _) => {
             Some(wait.unwrap_or(SESSION_WAIT).min(SESSION_WAIT))
@@ -74,7 +79,7 @@ fn wait(refusal: &Refusal, kind: ProblemType) -> Option<Duration> {
 /// The bound that was met, where there is one.
 fn bound(refusal: &Refusal) -> Option<Bound> {
     Some(match refusal {
-        Refusal::RateExceeded { bound, .. } => *bound,
+        Refusal::RateExceeded { bound, .. } | Refusal::FailuresExceeded { bound, .. } => *bound,
         Refusal::SessionsFull { max, .. } => Bound::used_up("sessions", "sessions", *max),
         Refusal::SessionBusy { waiting } => {
             Bound::used_up("session", "concurrent-requests", *waiting)
@@ -179,9 +184,10 @@ fn kind(refusal: &Refusal) -> ProblemType {
     match refusal {
         Refusal::NotFound { .. } | Refusal::NoVersion { .. } => ProblemType::NotFound,
         Refusal::Unauthenticated(_) => ProblemType::Unauthenticated,
-        Refusal::Forbidden { .. } | Refusal::ForeignHost { .. } | Refusal::ForeignOrigin { .. } => {
-            ProblemType::Forbidden
-        }
+        Refusal::Forbidden { .. }
+        | Refusal::ForeignHost { .. }
+        | Refusal::ForeignOrigin { .. }
+        | Refusal::RobotHeld { .. } => ProblemType::Forbidden,
         Refusal::OtherMethod { .. } => ProblemType::MethodNotAllowed,
         Refusal::Malformed { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
         Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
@@ -193,6 +199,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::ReadingConflict { .. } | Refusal::OtherTruth { .. } => ProblemType::Conflict,
         Refusal::SessionEnded { .. } => ProblemType::SessionEnded,
         Refusal::RateExceeded { .. }
+        | Refusal::FailuresExceeded { .. }
         | Refusal::ShareFull { .. }
         | Refusal::SessionsFull { .. }
         | Refusal::SessionBusy { .. } => ProblemType::TooManyRequests,
@@ -210,6 +217,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::LastAdmin { .. }
         | Refusal::KeyRefused { .. }
         | Refusal::KeysFull { .. }
+        | Refusal::RobotsFull { .. }
         | Refusal::Needed { .. }
         | Refusal::ObjectInTraining { .. } => ProblemType::WrongState,
         Refusal::RevisionChanged { .. } => ProblemType::PreconditionFailed,
@@ -261,7 +269,9 @@ fn errors(refusal: Refusal) -> Vec<FieldError> {
         Refusal::Store(StoreError::NameTaken { .. }) => {
             vec![FieldError { pointer: "/name".to_owned(), detail }]
         }
-        Refusal::ReadingConflict { pointer, .. } => vec![FieldError { pointer, detail }],
+        Refusal::ReadingConflict { pointer, .. } | Refusal::RobotHeld { pointer, .. } => {
+            vec![FieldError { pointer, detail }]
+        }
         Refusal::ContentType { .. } => {
             vec![FieldError { pointer: "header:content-type".to_owned(), detail }]
         }

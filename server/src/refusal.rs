@@ -93,6 +93,13 @@ pub(crate) enum Refusal {
     TooManyToExplain { session: Uuid, found: usize, max: usize },
     #[error("reading {seq} of robot {robot:?} was stored with other content")]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
+    #[error(
+        "the robot's name {robot:?} belongs to another key: post as another robot, or let an \
+         administrator give the name to this key (`PUT /v1/robots/…`)"
+    )]
+    RobotHeld { pointer: String, robot: String },
+    #[error("this key holds {held} names of robots and may hold {max}")]
+    RobotsFull { held: usize, max: usize },
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]
     ReadingsFull { what: &'static str, found: u64, more: usize, max: usize },
     #[error(
@@ -121,8 +128,9 @@ pub(crate) enum Refusal {
     #[error("this path exists, but not with this method; the header `Allow` lists which")]
     OtherMethod { allow: String },
     #[error(
-        "the server was asked for as {host:?}: without keys it serves this machine under its own \
-         names only, such as 127.0.0.1 or localhost"
+        "the server was asked for as {host:?}: without keys it answers to its own names only, such \
+         as 127.0.0.1 or localhost; in a network also to addresses, and to names that \
+         `--host-name` lists"
     )]
     ForeignHost { host: String },
     #[error("pages of {origin} may not use this server: allow them with `--cors-origin {origin}`")]
@@ -154,6 +162,11 @@ pub(crate) enum Refusal {
         wait.as_secs_f64()
     )]
     RateExceeded { bound: Bound, wait: Duration },
+    #[error(
+        "{} changes of one key may fail within a minute, and as many did: find out why, and ask \
+         again in {:.1} s", bound.limit, wait.as_secs_f64()
+    )]
+    FailuresExceeded { bound: Bound, wait: Duration },
     #[error("bodies that are under way have {used} of {max} bytes: this one has no room")]
     BodiesFull { used: usize, max: usize },
     #[error(

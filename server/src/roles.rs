@@ -37,7 +37,7 @@ pub(crate) enum Who {
 pub(crate) enum Effect {
     /// Nothing.
     Reads,
-    /// It adds readings of sessions, whose journal says who sent what, or keeps them open.
+    /// It adds readings of sessions, whose journal says who sent what.
     Touches,
     /// It changes something, and goes into the audit log.
     Changes,
@@ -106,7 +106,7 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("events", ALL, Reads),
     ("create_session", TOUCHING, Changes),
     ("close_session", TOUCHING, Changes),
-    ("extend_session", TOUCHING, Touches),
+    ("extend_session", TOUCHING, Changes),
     ("delete_session", TOUCHING, Changes),
     ("add_readings", TOUCHING, Touches),
     ("list_session_readings", ALL, Reads),
@@ -119,6 +119,9 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("create_key", RULING, Changes),
     ("revoke_key", RULING, Changes),
     ("rotate_key", RULING, Changes),
+    ("list_robots", LOOKING, Reads),
+    ("bind_robot", RULING, Changes),
+    ("release_robot", RULING, Changes),
     ("list_audit", RULING, Reads),
     ("take_snapshot", RULING, Changes),
 ];

@@ -11,6 +11,7 @@ pub(crate) mod jobs;
 pub(crate) mod keys;
 pub(crate) mod maps;
 pub(crate) mod objects;
+pub(crate) mod robots;
 pub(crate) mod sensors;
 pub(crate) mod sessions;
 pub(crate) mod site;
@@ -78,6 +79,8 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(keys::get_key, keys::revoke_key))
         .routes(routes!(keys::rotate_key))
         .routes(routes!(keys::whoami))
+        .routes(routes!(robots::list_robots))
+        .routes(routes!(robots::bind_robot, robots::release_robot))
         .routes(routes!(audit::list_audit))
         .routes(routes!(snapshots::take_snapshot))
 }

@@ -46,6 +46,7 @@ pub struct Server {
     serving: JoinHandle<()>,
     working: JoinHandle<()>,
     sessions: Arc<Sessions>,
+    audit: Arc<Audit>,
     engine: Arc<SledEngine>,
     scheme: &'static str,
     admin_key: Option<String>,
@@ -158,6 +159,7 @@ impl Server {
         let store = database(Arc::clone(&engine), config.migrate).await?;
         let (keys, admin_key) =
             Keys::open(store.clone(), config.access, config.new_admin_key).await?;
+        let keys = Arc::new(keys);
         if is_exposed && !keys.required() {
             return Err(StartError::InsecureBind { address });
         }
@@ -167,6 +169,7 @@ impl Server {
                  `--tls-key`, or a proxy that speaks TLS"
             );
         }
+        let time_keeper = Arc::clone(&keys);
         let checked = store.clone();
         let session_kept = config.session_kept;
         let (app, jobs) = assemble(config, store, keys, stopping.clone()).await?;
@@ -175,6 +178,9 @@ impl Server {
         tokio::spawn(telemetry::tidy(stopping.clone()));
         let working = tokio::spawn(jobs.work(stopping.clone()));
         tokio::spawn(Arc::clone(&sessions).watch(stopping.clone()));
+        let audit = Arc::clone(app.audit());
+        tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
+        tokio::spawn(time_keeper.keep_time(stopping.clone()));
         if let Some(keep) = session_kept {
             tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
         }
@@ -190,7 +196,7 @@ impl Server {
         }
         let serving = tokio::spawn(door.serve(router(app), stopping));
         tracing::info!("Listening at {scheme}://{local_addr}");
-        Ok(Self { local_addr, stop, serving, working, sessions, engine, scheme, admin_key })
+        Ok(Self { local_addr, stop, serving, working, sessions, audit, engine, scheme, admin_key })
     }
 
     /// The server's address as clients write it, such as `http://127.0.0.1:7411`.
@@ -223,6 +229,8 @@ impl Server {
         if (&mut self.working).await.is_err() {
             tracing::error!("The worker of training jobs panicked");
         }
+        self.audit.store().await;
+        drop(self.audit);
         let sessions = self.sessions;
         if tokio::task::spawn_blocking(move || sessions.store_beliefs()).await.is_err() {
             tracing::error!("Storing checkpoints of beliefs panicked");
@@ -275,7 +283,7 @@ async fn close(engine: Arc<SledEngine>) {
 async fn assemble(
     config: Config,
     store: Database,
-    keys: Keys,
+    keys: Arc<Keys>,
     stopping: watch::Receiver<bool>,
 ) -> Result<(App, Arc<Jobs>), StartError> {
     let pool = Pool::start(config.compute_threads, config.compute_queue_max)?;
@@ -300,6 +308,7 @@ async fn assemble(
         Arc::clone(&catalogues),
         Arc::clone(&sensors),
         pool.clone(),
+        Arc::clone(&keys),
         &config,
     ));
     let counted = Arc::clone(&sessions);
@@ -307,9 +316,10 @@ async fn assemble(
     counted
         .map_err(std::io::Error::other)?
         .map_err(|refusal| StartError::Sessions { reason: refusal.to_string() })?;
-    let (log, entries_max) = (store.clone(), config.audit_entries_max);
-    let log = tokio::task::spawn_blocking(move || log.audit(entries_max)).await;
-    let audit = Arc::new(Audit::new(log.map_err(std::io::Error::other)??));
+    let (log, sizes) = (store.clone(), config.audit_entries_max);
+    let log = tokio::task::spawn_blocking(move || log.audit(sizes)).await;
+    let log = log.map_err(std::io::Error::other)??;
+    let audit = Arc::new(Audit::new(log, config.failed_changes_per_minute));
     let admission = Admission::new(&config);
     let rates = config.rate_per_second.map(Rates::new);
     let working = Arc::clone(&jobs);

@@ -32,6 +32,7 @@ use crate::checkpoints::Checkpoints;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
+use crate::keys::Keys;
 use crate::live::{Live, Total};
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
@@ -51,6 +52,7 @@ pub(crate) struct Sessions {
     catalogues: Arc<Catalogues>,
     sensors: Arc<Sensors>,
     pool: Pool,
+    keys: Arc<Keys>,
     live: DashMap<Uuid, Arc<Live>>,
     uses: AtomicU64,
     open: Open,
@@ -71,6 +73,7 @@ impl Sessions {
         catalogues: Arc<Catalogues>,
         sensors: Arc<Sensors>,
         pool: Pool,
+        keys: Arc<Keys>,
         config: &Config,
     ) -> Self {
         Self {
@@ -78,6 +81,7 @@ impl Sessions {
             catalogues,
             sensors,
             pool,
+            keys,
             live: DashMap::new(),
             uses: AtomicU64::new(0),
             open: Open::new(config.sessions_open_max),
@@ -103,6 +107,9 @@ impl Sessions {
         let using = self.sensors.using().await;
         let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
         live.check(&readings)?;
+        let ids = readings.iter().enumerate();
+        let ids = ids.filter_map(|(place, reading)| Some((place, reading.id.as_ref()?)));
+        self.keys.claim_robots(asker::Asker::current().key(), ids).await?;
         let sessions = Arc::clone(self);
         let is_followed = live.is_followed();
         let adding = async move {
@@ -238,7 +245,7 @@ impl Sessions {
     fn show(&self, session: &Session) -> Result<wire::Session, Refusal> {
         let status = status(&self.store, session, now_ms())?;
         let catalogue = self.catalogues.name(session.catalogue)?;
-        Ok(convert::session::session(session, &catalogue, status))
+        Ok(convert::session::session(session, &catalogue, status, &self.keys))
     }
 
     /// The session's entry in memory, made from the store if need be.

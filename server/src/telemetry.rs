@@ -17,6 +17,7 @@ use tracing::Instrument;
 use tracing_opentelemetry::OpenTelemetrySpanExt;
 use uuid::Uuid;
 
+use crate::keys::secret::redacted;
 use crate::problem;
 
 /// The header that names a request, in requests and answers.
@@ -69,7 +70,7 @@ pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
     let id = request_id(&request);
     let header = HeaderValue::from_str(&id).expect("request ids are visible ASCII");
     request.headers_mut().insert(REQUEST_ID, header.clone());
-    let path = request.uri().path().to_owned();
+    let path = redacted(request.uri().path()).into_owned();
     let method = request.method().clone();
     let matched = request.extensions().get::<MatchedPath>();
     let route = matched.map_or("(none)", MatchedPath::as_str).to_owned();

@@ -24,6 +24,7 @@ pub(crate) mod training;
 use palpate_schemas::PageQuery;
 use uuid::Uuid;
 
+use crate::keys::secret;
 use crate::refusal::Refusal;
 
 /// The largest integer that every JSON reader keeps exactly.
@@ -63,14 +64,31 @@ pub(crate) fn name(name: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Checks a text's length in characters.
+/// Checks a free text: its length in characters, and that it can be shown as it is.
 pub(crate) fn text(pointer: &str, text: &str, max: usize) -> Result<(), Refusal> {
+    if let Some(found) = text.chars().find(|c| is_control(*c)) {
+        let found = found.escape_unicode();
+        let detail = format!("the control character {found} came, expected text that can be shown");
+        return Err(Refusal::field(pointer, detail));
+    }
+    if secret::is_in(text) {
+        let detail =
+            "an API key came: keys are sent in the header `Authorization`, and nowhere else";
+        return Err(Refusal::field(pointer, detail));
+    }
     match text.chars().count() {
         found if found > max => {
             Err(Refusal::field(pointer, format!("{found} characters came, expected at most {max}")))
         }
         _ => Ok(()),
     }
+}
+
+/// Whether a character does something to a screen instead of standing on it: control characters,
+/// ends of lines among them, and marks that turn the direction of writing.
+pub(crate) fn is_control(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// Checks an integer against its range.

@@ -1,34 +1,59 @@
-//! The audit log: who changed what, in the order in which it was asked for.
+//! The audit log: who changed what, in the order in which it was asked for, in three rings.
 //!
-//! An entry is durable before the change is made, without a status; the status is added
-//! afterwards. An entry without one says that the change may or may not have been made: the
-//! server stopped, or the caller went away. The log keeps the newest entries, as many as it is
-//! opened for. Sequence numbers go up and are never used again; times never go down.
+//! Changes, what was refused to holders of keys, and what strangers tried have rings with sizes
+//! of their own, so that none pushes out what is in another. An entry of a change is durable
+//! before the change is made, without a status; it is settled afterwards, and leaves the ring of
+//! changes when nothing was changed. An entry without a status says that the change may or may
+//! not have been made: the server stopped, or the caller went away. Sequence numbers count over
+//! all rings, go up and are never used again; times never go down.
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use uuid::Uuid;
 
 use crate::access::Role;
-use crate::engine::{Commit, CommitError, Engine, EngineError};
-use crate::error::StoreError;
+use crate::engine::{Commit, Engine};
+use crate::error::{StoreError, unconditional};
 use crate::key::{self, Space};
-use crate::pieces::{self, Limit};
+use crate::pieces;
 use crate::record;
 
-/// How many old entries an append removes at most, when the log was opened for fewer.
+/// How many old entries one commit removes at most, when the log was opened for fewer.
 const TRIM_MAX: u64 = 1000;
-/// How many entries are read at once.
-const WINDOW: u64 = 256;
+/// How many keys are read at once.
+const KEYS_PER_SCAN: usize = 1024;
 /// An entry's key: the space's letter and its number.
 const KEY_BYTES: usize = 9;
 
-/// Something that was asked for.
+/// A part of the log with a size of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ring {
+    /// What changed something, or may have.
+    Changes,
+    /// What was refused to the holder of a key, or failed.
+    Refused,
+    /// What was refused to others, or failed.
+    Strangers,
+}
+
+/// How many entries each ring keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RingSizes {
+    /// Of [`Ring::Changes`].
+    pub changes: u64,
+    /// Of [`Ring::Refused`].
+    pub refused: u64,
+    /// Of [`Ring::Strangers`].
+    pub strangers: u64,
+}
+
+/// Something that was asked for, once or several times.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditEntry {
-    /// Its place in the log, from 1; set by [`AuditLog::append`].
+    /// Its place in the log, from 1; set by the log.
     pub seq: u64,
-    /// When, not before the entry before it; set by [`AuditLog::append`].
+    /// When, the first time; not before the entry before it. Set by the log.
     pub at_ms: u64,
     /// The key that asked, by id and name; `None` when there was none, or none that is known.
     pub key: Option<(Uuid, String)>,
@@ -38,7 +63,7 @@ pub struct AuditEntry {
     pub address: String,
     /// The operation, by its id in the API's description.
     pub operation: String,
-    /// What it was about: a path of the API.
+    /// What it was about: a path of the API; the first one, when it was asked several times.
     pub resource: String,
     /// The HTTP status of the answer; `None` as long as it is not known.
     pub status: Option<u16>,
@@ -46,146 +71,261 @@ pub struct AuditEntry {
     pub request_id: String,
     /// How many refusals before this one were left out.
     pub n_left_out: u32,
+    /// How often it was asked with this outcome.
+    pub n: u32,
+    /// When, the last time.
+    pub last_at_ms: u64,
+}
+
+impl AuditEntry {
+    /// The ring that an entry with this outcome belongs to.
+    #[must_use]
+    pub fn ring(&self) -> Ring {
+        match (self.status, &self.key) {
+            (None | Some(..400), _) => Ring::Changes,
+            (Some(_), Some(_)) => Ring::Refused,
+            (Some(_), None) => Ring::Strangers,
+        }
+    }
+}
+
+impl Ring {
+    const ALL: [Self; 3] = [Self::Changes, Self::Refused, Self::Strangers];
+
+    fn space(self) -> Space {
+        match self {
+            Self::Changes => Space::Audit,
+            Self::Refused => Space::AuditRefused,
+            Self::Strangers => Space::AuditStrangers,
+        }
+    }
 }
 
 /// The log. Open one for a database, and share it.
 pub struct AuditLog {
     engine: Arc<dyn Engine>,
-    entries_max: u64,
-    ends: Mutex<Ends>,
+    sizes: RingSizes,
+    known: Mutex<Known>,
 }
 
-/// The numbers of the oldest entry and of the next, and the newest time.
-#[derive(Clone, Copy, Debug)]
-struct Ends {
-    first: u64,
+/// What is in the log, without the entries themselves.
+#[derive(Debug)]
+struct Known {
     next: u64,
     last_ms: u64,
+    /// The numbers in each ring, in the order of [`Ring::ALL`].
+    rings: [BTreeSet<u64>; 3],
+    /// Entries that are not settled yet: they push nothing out.
+    pending: BTreeSet<u64>,
 }
 
 impl AuditLog {
-    /// Finds the ends of the log. Blocks.
-    pub(crate) fn open(engine: Arc<dyn Engine>, entries_max: u64) -> Result<Self, StoreError> {
-        let ends = Mutex::new(Ends { first: 1, next: 1, last_ms: 0 });
-        let log = Self { engine, entries_max: entries_max.max(1), ends };
-        let first = log.after(0, 1)?.first().map_or(1, |entry| entry.seq);
-        let next = log.next()?;
-        let last_ms = log.after(next.saturating_sub(2), 1)?.first().map_or(0, |entry| entry.at_ms);
-        *log.ends() = Ends { first, next, last_ms };
+    /// Reads which entries there are. Blocks.
+    pub(crate) fn open(engine: Arc<dyn Engine>, sizes: RingSizes) -> Result<Self, StoreError> {
+        let mut rings: [BTreeSet<u64>; 3] = Default::default();
+        for ring in Ring::ALL {
+            rings[ring as usize] = numbers(&*engine, ring)?;
+        }
+        let newest = Ring::ALL
+            .into_iter()
+            .filter_map(|ring| rings[ring as usize].last().map(|seq| (*seq, ring)))
+            .max_by_key(|(seq, _)| *seq);
+        let next = newest.map_or(1, |(seq, _)| seq + 1);
+        let pending = BTreeSet::new();
+        let known = Mutex::new(Known { next, last_ms: 0, rings, pending });
+        let log = Self { engine, sizes, known };
+        if let Some((seq, ring)) = newest {
+            let last = log.read(ring, seq)?;
+            log.known().last_ms = last.map_or(0, |entry| entry.at_ms);
+        }
         Ok(log)
     }
 
-    /// Stores an entry with the next number, and removes the oldest above the bound; durable
+    /// Stores the entry of a change that is about to be made, without a status, with the next
+    /// number; durable when it returns. It has to be settled or discarded.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn begin(&self, entry: AuditEntry) -> Result<AuditEntry, StoreError> {
+        let (entry, pending) = {
+            let mut known = self.known();
+            let entry = AuditEntry { status: None, ..known.numbered(entry) };
+            known.pending.insert(entry.seq);
+            known.rings[Ring::Changes as usize].insert(entry.seq);
+            let commit = put(Commit::new(), Ring::Changes, &entry);
+            (entry, self.engine.commit(commit))
+        };
+        pending.await.map_err(unconditional)?;
+        Ok(entry)
+    }
+
+    /// Stores an entry whose outcome is known with the next number, and removes the oldest of
+    /// its ring above the bound; durable when it returns.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn add(&self, entry: AuditEntry) -> Result<AuditEntry, StoreError> {
+        let (entry, pending) = {
+            let mut known = self.known();
+            let entry = known.numbered(entry);
+            let ring = entry.ring();
+            known.rings[ring as usize].insert(entry.seq);
+            let commit = put(Commit::new(), ring, &entry);
+            (entry, self.engine.commit(self.trim(commit, &mut known, ring)))
+        };
+        pending.await.map_err(unconditional)?;
+        Ok(entry)
+    }
+
+    /// Writes down what became of an entry that was begun, and brings it into its ring; durable
     /// when it returns.
     ///
     /// # Errors
     /// The engine's.
-    pub async fn append(&self, entry: AuditEntry) -> Result<AuditEntry, StoreError> {
-        let (entry, pending) = {
-            // Numbers are given and commits are sent in the same order.
-            let mut ends = self.ends();
-            let at_ms = entry.at_ms.max(ends.last_ms);
-            let entry = AuditEntry { seq: ends.next, at_ms, ..entry };
-            let mut commit = put(Commit::new(), &entry);
-            let above = (ends.next + 1 - ends.first).saturating_sub(self.entries_max);
-            for seq in (ends.first..).take(above.min(TRIM_MAX) as usize) {
-                commit = commit.remove(key_of(seq));
-                ends.first = seq + 1;
-            }
-            (ends.next, ends.last_ms) = (entry.seq + 1, at_ms);
-            (entry, self.engine.commit(commit))
-        };
-        pending.await.map_err(engine_error)?;
-        Ok(entry)
-    }
-
-    /// Writes down what became of an entry that was appended; durable when it returns.
-    ///
-    /// # Errors
-    /// The engine's.
-    pub async fn finish(&self, entry: &AuditEntry) -> Result<(), StoreError> {
+    pub async fn settle(&self, entry: &AuditEntry) -> Result<(), StoreError> {
         let pending = {
-            let ends = self.ends();
-            // It has left the log meanwhile.
-            if entry.seq < ends.first {
-                return Ok(());
+            let mut known = self.known();
+            known.pending.remove(&entry.seq);
+            let ring = entry.ring();
+            let mut commit = Commit::new();
+            if ring != Ring::Changes {
+                known.rings[Ring::Changes as usize].remove(&entry.seq);
+                commit = commit.remove(key_of(Ring::Changes, entry.seq));
             }
-            self.engine.commit(put(Commit::new(), entry))
+            known.rings[ring as usize].insert(entry.seq);
+            let commit = put(commit, ring, entry);
+            self.engine.commit(self.trim(commit, &mut known, ring))
         };
-        pending.await.map_err(engine_error)?;
+        pending.await.map_err(unconditional)?;
         Ok(())
     }
 
-    /// Up to `limit` entries with a number below `seq` (all, when it is `None`), newest first.
+    /// Removes an entry that was begun: another one tells of it.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn discard(&self, entry: &AuditEntry) -> Result<(), StoreError> {
+        let pending = {
+            let mut known = self.known();
+            known.pending.remove(&entry.seq);
+            known.rings[Ring::Changes as usize].remove(&entry.seq);
+            self.engine.commit(Commit::new().remove(key_of(Ring::Changes, entry.seq)))
+        };
+        pending.await.map_err(unconditional)?;
+        Ok(())
+    }
+
+    /// Stores an entry anew that is settled, unless it has left the log; durable when it returns.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn update(&self, entry: &AuditEntry) -> Result<(), StoreError> {
+        let pending = {
+            let known = self.known();
+            let ring = entry.ring();
+            if !known.rings[ring as usize].contains(&entry.seq) {
+                return Ok(());
+            }
+            self.engine.commit(put(Commit::new(), ring, entry))
+        };
+        pending.await.map_err(unconditional)?;
+        Ok(())
+    }
+
+    /// Up to `limit` entries with a number below `seq` (all, when it is `None`), newest first,
+    /// of all rings.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
     pub fn before(&self, seq: Option<u64>, limit: usize) -> Result<Vec<AuditEntry>, StoreError> {
-        let Ends { first, next, .. } = *self.ends();
-        let mut end = seq.map_or(next, |seq| seq.min(next));
-        let mut found = Vec::new();
-        while found.len() < limit && end > first {
-            let begin = end.saturating_sub(WINDOW).max(first);
-            let window = self.after(begin - 1, (end - begin) as usize)?;
-            found.extend(window.into_iter().filter(|entry| entry.seq < end).rev());
-            end = begin;
+        let (mut end, mut found) = (seq, Vec::new());
+        while found.len() < limit {
+            let wanted = self.known().before(end, limit - found.len());
+            let Some((last, _)) = wanted.last() else { break };
+            end = Some(*last);
+            for (seq, ring) in wanted {
+                // One that is gone now has left the log while we looked.
+                found.extend(self.read(ring, seq)?);
+            }
         }
-        found.truncate(limit);
         Ok(found)
     }
 
-    /// Up to `limit` entries with a number above `seq`, oldest first.
-    fn after(&self, seq: u64, limit: usize) -> Result<Vec<AuditEntry>, StoreError> {
-        // Behind all pieces of the entry.
-        let mut behind = key_of(seq);
-        behind.extend_from_slice(&[0xff; 5]);
-        let (space, prefix) = (Space::Audit, key::space(Space::Audit));
-        let records = pieces::scan(
-            &*self.engine,
-            space,
-            &prefix,
-            KEY_BYTES,
-            Some(behind),
-            Limit::records(limit),
-        )?;
-        let decoded: Result<Vec<_>, _> =
-            records.iter().map(|(_, bytes)| record::decode(bytes)).collect();
+    fn read(&self, ring: Ring, seq: u64) -> Result<Option<AuditEntry>, StoreError> {
+        let space = ring.space();
+        let bytes = pieces::read(&*self.engine, space, &key_of(ring, seq))?;
+        let decoded = bytes.map(|bytes| record::decode(&bytes)).transpose();
         decoded.map_err(StoreError::damaged(space))
     }
 
-    /// The number behind the newest entry, by halving: nobody has to keep a count.
-    fn next(&self) -> Result<u64, StoreError> {
-        let (mut low, mut high) = (0, u64::MAX - 1);
-        while low < high {
-            let middle = low + (high - low) / 2;
-            if self.engine.scan(&key::space(Space::Audit), Some(&key_of(middle)), 1)?.is_empty() {
-                high = middle;
-            } else {
-                low = middle + 1;
-            }
-        }
-        Ok(low + 1)
+    /// Adds the removal of a ring's oldest settled entries above its bound.
+    fn trim(&self, commit: Commit, known: &mut Known, ring: Ring) -> Commit {
+        let size = match ring {
+            Ring::Changes => self.sizes.changes,
+            Ring::Refused => self.sizes.refused,
+            Ring::Strangers => self.sizes.strangers,
+        };
+        let Known { rings, pending, .. } = known;
+        let numbers = &mut rings[ring as usize];
+        let n_pending = if ring == Ring::Changes { pending.len() as u64 } else { 0 };
+        let above = (numbers.len() as u64).saturating_sub(n_pending + size.max(1));
+        let settled = numbers.iter().filter(|seq| !pending.contains(seq)).copied();
+        let old: Vec<u64> = settled.take(above.min(TRIM_MAX) as usize).collect();
+        old.into_iter().fold(commit, |commit, seq| {
+            numbers.remove(&seq);
+            commit.remove(key_of(ring, seq))
+        })
     }
 
-    fn ends(&self) -> MutexGuard<'_, Ends> {
+    fn known(&self) -> MutexGuard<'_, Known> {
         // Numbers are changed together, after everything that could panic.
-        self.ends.lock().unwrap_or_else(PoisonError::into_inner)
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn key_of(seq: u64) -> Vec<u8> {
-    let mut key = key::space(Space::Audit);
+impl Known {
+    /// The entry with the next number and a time that does not go down.
+    fn numbered(&mut self, entry: AuditEntry) -> AuditEntry {
+        let at_ms = entry.at_ms.max(self.last_ms);
+        let seq = self.next;
+        (self.next, self.last_ms) = (seq + 1, at_ms);
+        AuditEntry { seq, at_ms, last_at_ms: entry.last_at_ms.max(at_ms), ..entry }
+    }
+
+    /// The `limit` largest numbers below `end`, largest first, with their rings.
+    fn before(&self, end: Option<u64>, limit: usize) -> Vec<(u64, Ring)> {
+        let below = |ring: Ring| {
+            let numbers = &self.rings[ring as usize];
+            let numbers = numbers.range(..end.unwrap_or(u64::MAX)).rev().take(limit);
+            numbers.map(move |seq| (*seq, ring))
+        };
+        let mut found: Vec<_> = Ring::ALL.into_iter().flat_map(below).collect();
+        found.sort_unstable_by_key(|(seq, _)| std::cmp::Reverse(*seq));
+        found.truncate(limit);
+        found
+    }
+}
+
+/// The numbers of the entries in a ring.
+fn numbers(engine: &dyn Engine, ring: Ring) -> Result<BTreeSet<u64>, StoreError> {
+    let prefix = key::space(ring.space());
+    let (mut found, mut after) = (BTreeSet::new(), None::<Vec<u8>>);
+    loop {
+        let page = engine.scan(&prefix, after.as_deref(), KEYS_PER_SCAN)?;
+        let Some((last, _)) = page.last() else { return Ok(found) };
+        after = Some(last.clone());
+        let heads = page.iter().filter(|(key, _)| key.len() == KEY_BYTES);
+        let number = |key: &[u8]| key[1..].try_into().map(u64::from_be_bytes).ok();
+        found.extend(heads.filter_map(|(key, _)| number(key)));
+    }
+}
+
+fn key_of(ring: Ring, seq: u64) -> Vec<u8> {
+    let mut key = key::space(ring.space());
     key.extend_from_slice(&seq.to_be_bytes());
     key
 }
 
-fn put(commit: Commit, entry: &AuditEntry) -> Commit {
-    pieces::put(commit, &key_of(entry.seq), &record::encode(entry), None)
-}
-
-fn engine_error(error: CommitError) -> EngineError {
-    match error {
-        CommitError::Engine(error) => error,
-        CommitError::Conflict { .. } => unreachable!("commits of the log expect nothing"),
-    }
+fn put(commit: Commit, ring: Ring, entry: &AuditEntry) -> Commit {
+    pieces::put(commit, &key_of(ring, entry.seq), &record::encode(entry), None)
 }

@@ -7,20 +7,21 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::access::AccessKey;
-use crate::audit::AuditLog;
+use crate::audit::{AuditLog, RingSizes};
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
 use crate::engine::{
     Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, OpenError,
 };
 use crate::entity::{Job, Object, Sensor, Session};
-use crate::error::{RecordError, StoreError};
+use crate::error::{RecordError, StoreError, unconditional};
 use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
 use crate::memory::MemoryEngine;
 use crate::mesh::Meshes;
 use crate::pieces;
-use crate::record::{self, LayoutV1};
+use crate::record::{self, ClockV1, LayoutV1};
+use crate::robot::RobotHolders;
 use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
 
@@ -192,12 +193,38 @@ impl Database {
         Table::new(Arc::clone(&self.engine))
     }
 
-    /// The audit log, which keeps its newest `entries_max` entries. Open it once. Blocks.
+    /// The latest time that was stored, milliseconds since 1970; 0 when there is none.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
-    pub fn audit(&self, entries_max: u64) -> Result<AuditLog, StoreError> {
-        AuditLog::open(Arc::clone(&self.engine), entries_max)
+    pub fn latest_time(&self) -> Result<u64, StoreError> {
+        let Some(bytes) = self.engine.get(&key::space(Space::Clock))? else { return Ok(0) };
+        let clock: ClockV1 = record::decode(&bytes).map_err(StoreError::damaged(Space::Clock))?;
+        Ok(clock.latest_ms)
+    }
+
+    /// Stores the latest time that was seen; durable when it returns.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn store_latest_time(&self, latest_ms: u64) -> Result<(), StoreError> {
+        let clock = record::encode(&ClockV1 { latest_ms });
+        let commit = Commit::new().put(key::space(Space::Clock), clock);
+        Ok(self.engine.commit(commit).await.map_err(unconditional)?)
+    }
+
+    /// The names of robots, and the keys that they belong to.
+    #[must_use]
+    pub fn robots(&self) -> RobotHolders {
+        RobotHolders::new(Arc::clone(&self.engine))
+    }
+
+    /// The audit log, whose rings keep this many of their newest entries. Open it once. Blocks.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn audit(&self, sizes: RingSizes) -> Result<AuditLog, StoreError> {
+        AuditLog::open(Arc::clone(&self.engine), sizes)
     }
 
     /// Removes an object, then its mesh and training readings; `false` when there was none.

@@ -54,6 +54,10 @@ pub enum Kind {
     Audit = 17,
     /// Which entry of a journal withdraws another one.
     JournalRetraction = 20,
+    /// Which API key a robot's name belongs to.
+    RobotHolder = 21,
+    /// The latest time that was seen.
+    Clock = 22,
     /// How many commits there were, and the sum of all records.
     Tally = 30,
 }

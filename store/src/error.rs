@@ -166,3 +166,11 @@ pub(crate) fn conflict(error: CommitError) -> Result<usize, EngineError> {
         CommitError::Engine(error) => Err(error),
     }
 }
+
+/// What went wrong with a commit that expects nothing.
+pub(crate) fn unconditional(error: CommitError) -> EngineError {
+    match error {
+        CommitError::Engine(error) => error,
+        CommitError::Conflict { .. } => unreachable!("the commit expects nothing"),
+    }
+}

@@ -52,6 +52,8 @@ pub struct NewEntry {
     pub received_at_ms: u64,
     /// What it says.
     pub event: Event,
+    /// The key that it was written with; `None` when nobody was asked for one.
+    pub written_by: Option<Uuid>,
 }
 
 /// An entry of a journal.
@@ -65,6 +67,9 @@ pub struct Entry {
     pub received_at_ms: u64,
     /// What it says.
     pub event: Event,
+    /// The key that it was written with; `None` when that was not recorded, or nobody was asked
+    /// for one.
+    pub written_by: Option<Uuid>,
 }
 
 /// Why entries were not appended.
@@ -125,7 +130,8 @@ pub(crate) struct JournalSpaces {
 
 /// What a new entry takes that only one entry may have.
 enum Claim<'entry> {
-    Robot(&'entry ReadingId),
+    /// A robot's number, among those of a key.
+    Robot(&'entry ReadingId, Option<Uuid>),
     Retraction(u64),
 }
 
@@ -188,8 +194,8 @@ impl Journal {
         expected: u64,
     ) -> Result<AppendError, StoreError> {
         Ok(match claim {
-            Claim::Robot(id) => {
-                let at = self.find(owner, id)?.unwrap_or(expected);
+            Claim::Robot(id, key) => {
+                let at = self.find(owner, id, *key)?.unwrap_or(expected);
                 AppendError::Repeated { robot: id.robot.clone(), seq: id.seq, at }
             }
             Claim::Retraction(seq) => {
@@ -214,16 +220,27 @@ impl Journal {
         self.append(owner, expected, entries).await.map(|()| expected)
     }
 
-    /// The entry that has a robot's own number.
+    /// The entry that has a robot's own number among those that a key wrote, or among those whose
+    /// key was not recorded: they may be of any.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
-    pub fn find(&self, owner: Uuid, id: &ReadingId) -> Result<Option<u64>, StoreError> {
+    pub fn find(
+        &self,
+        owner: Uuid,
+        id: &ReadingId,
+        written_by: Option<Uuid>,
+    ) -> Result<Option<u64>, StoreError> {
         if id.robot.len() > ROBOT_BYTES_MAX {
             return Ok(None);
         }
-        let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq);
-        let Some(bytes) = self.engine.get(&key)? else { return Ok(None) };
+        let number = |key| key::robot(self.spaces.robots, owner, &id.robot, id.seq, key);
+        let own = written_by.map(|key| self.engine.get(&number(Some(key)))).transpose()?.flatten();
+        let found = match own {
+            Some(bytes) => Some(bytes),
+            None => self.engine.get(&number(None))?,
+        };
+        let Some(bytes) = found else { return Ok(None) };
         let found: JournalRobotV1 =
             record::decode(&bytes).map_err(StoreError::damaged(self.spaces.robots))?;
         Ok(Some(found.seq))
@@ -357,8 +374,8 @@ impl Journal {
         let mut taken: HashMap<Vec<u8>, u64> = HashMap::new();
         for (seq, entry) in (expected..).zip(entries) {
             let key = key::numbered(self.spaces.entries, owner, seq);
-            let NewEntry { reading_id, received_at_ms, event } = entry.clone();
-            let numbered = Entry { seq, reading_id, received_at_ms, event };
+            let NewEntry { reading_id, received_at_ms, event, written_by } = entry.clone();
+            let numbered = Entry { seq, reading_id, received_at_ms, event, written_by };
             commit = pieces::put(commit, &key, &record::encode(&numbered), None);
             let Some(found) = self.claim(owner, seq, entry)? else { continue };
             let StoredClaim { claim, key, record } = found;
@@ -390,8 +407,8 @@ impl Journal {
         if id.robot.len() > ROBOT_BYTES_MAX {
             return Err(AppendError::RobotLength { found: id.robot.len() });
         }
-        let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq);
+        let key = key::robot(self.spaces.robots, owner, &id.robot, id.seq, entry.written_by);
         let record = record::encode(&JournalRobotV1 { seq });
-        Ok(Some(StoredClaim { claim: Claim::Robot(id), key, record }))
+        Ok(Some(StoredClaim { claim: Claim::Robot(id, entry.written_by), key, record }))
     }
 }

@@ -50,8 +50,16 @@ pub enum Space {
     Block = b'b',
     /// API keys by id.
     AccessKey = b'a',
-    /// The audit log, by sequence.
+    /// What changed something, of the audit log, by sequence.
     Audit = b'l',
+    /// What was refused to holders of keys, of the audit log, by sequence.
+    AuditRefused = b'd',
+    /// What strangers tried, of the audit log, by sequence.
+    AuditStrangers = b'q',
+    /// Which API key a robot's name belongs to, by name.
+    RobotHolder = b'h',
+    /// The latest time that was seen.
+    Clock = b'y',
 }
 
 /// The bytes of an id inside a key: the space's letter and 16 bytes.
@@ -104,13 +112,29 @@ pub fn name(kind: Space, name: &str) -> Vec<u8> {
     key
 }
 
-/// The key of a robot's own number under an id. `robot` has at most 64 bytes.
+/// The key of a robot's own number under an id, among those that an API key wrote; without one,
+/// among those whose key is not known. `robot` has at most 64 bytes.
 #[must_use]
-pub fn robot(space: Space, owner: Uuid, robot: &str, seq: u64) -> Vec<u8> {
+pub fn robot(
+    space: Space,
+    owner: Uuid,
+    robot: &str,
+    seq: u64,
+    written_by: Option<Uuid>,
+) -> Vec<u8> {
     let mut key = id(space, owner);
     key.push(u8::try_from(robot.len()).unwrap_or(u8::MAX));
     key.extend_from_slice(robot.as_bytes());
     key.extend_from_slice(&seq.to_be_bytes());
+    key.extend_from_slice(written_by.as_ref().map_or(&[][..], |key| key.as_bytes()));
+    key
+}
+
+/// The key of a robot's name in the fleet. `robot` has at most 64 bytes.
+#[must_use]
+pub fn robot_name(robot: &str) -> Vec<u8> {
+    let mut key = space(Space::RobotHolder);
+    key.extend_from_slice(robot.as_bytes());
     key
 }
 

@@ -22,7 +22,9 @@ pub mod entity;
 
 pub mod access;
 
+pub mod private;
 pub mod record;
+pub mod robot;
 
 mod pieces;
 

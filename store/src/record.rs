@@ -354,6 +354,12 @@ pub(crate) struct NameV1 {
     pub(crate) id: IdV1,
 }
 
+/// The latest time that was seen, milliseconds since 1970.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub(crate) struct ClockV1 {
+    pub(crate) latest_ms: u64,
+}
+
 /// The layout number of the database and who made it.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct LayoutV1 {
@@ -380,6 +386,10 @@ impl Plain for JournalRetractionV1 {
 
 impl Plain for NameV1 {
     const KIND: Kind = Kind::Name;
+}
+
+impl Plain for ClockV1 {
+    const KIND: Kind = Kind::Clock;
 }
 
 impl Plain for LayoutV1 {

@@ -15,7 +15,7 @@ mod room;
 mod tally;
 mod writer;
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::ops::Bound;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -27,6 +27,7 @@ use std::thread::JoinHandle;
 use futures::channel::oneshot;
 
 use crate::engine::{Commit, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending};
+use crate::private;
 use cut::{Memory, SledCut};
 use mark::Mark;
 use opening::{lock_folder, open_sled, set_derived_aside, verify};
@@ -110,7 +111,8 @@ impl SledEngine {
             let path = path.to_owned();
             move |source| OpenError::Io { path, source }
         };
-        fs::create_dir_all(folder).map_err(io(folder))?;
+        private::create_folder(folder).map_err(io(folder))?;
+        private::tighten(folder);
         let lock = lock_folder(folder)?;
         let sled_folder = folder.join(SLED_FOLDER);
         let db = match open_sled(folder, &sled_folder, options) {
@@ -119,6 +121,7 @@ impl SledEngine {
             }
             other => other?,
         };
+        private::tighten(folder);
         let data_path = sled_folder.join(DATA_FILE);
         let data = File::open(&data_path).map_err(io(&data_path))?;
         for made in [sled_folder.as_path(), folder] {

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::engine::EngineError;
-pub use reading::{restore, verify};
+pub use reading::{KeysFrom, keys, restore, verify};
 pub use writing::SnapshotWriter;
 
 /// The first bytes of a snapshot.

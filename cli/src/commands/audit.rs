@@ -1,7 +1,7 @@
 //! `palpate audit`: who changed what, newest first.
 
-use clap::Args;
-use palpate_client::schemas::{AuditEntry, AuditPage, AuditQuery};
+use clap::{Args, ValueEnum};
+use palpate_client::schemas::{AuditEntry, AuditPage, AuditQuery, AuditRing};
 
 use super::Context;
 use crate::output;
@@ -24,15 +24,40 @@ pub(crate) struct AuditArgs {
     /// This operation, by its id in the API's description.
     #[arg(long, value_name = "ID")]
     operation: Option<String>,
+    /// Only what changed something, what was refused to holders of keys, or what strangers tried.
+    #[arg(long, value_name = "RING")]
+    ring: Option<RingChoice>,
     /// How many entries at most.
     #[arg(short, long, value_name = "N", default_value_t = 100)]
     n: usize,
 }
 
+/// A part of the log.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RingChoice {
+    /// What changed something, or may have.
+    Changes,
+    /// What was refused to the holder of a key, or failed.
+    Refused,
+    /// What was refused to callers without a key, or failed.
+    Strangers,
+}
+
+impl From<RingChoice> for AuditRing {
+    fn from(choice: RingChoice) -> Self {
+        match choice {
+            RingChoice::Changes => Self::Changes,
+            RingChoice::Refused => Self::Refused,
+            RingChoice::Strangers => Self::Strangers,
+        }
+    }
+}
+
 /// Shows the entries.
 pub(crate) async fn run(args: AuditArgs, context: &Context) -> anyhow::Result<()> {
-    let AuditArgs { since, until, by, operation, n } = args;
-    let mut query = AuditQuery { since, until, key: by, operation, ..AuditQuery::default() };
+    let AuditArgs { since, until, by, operation, ring, n } = args;
+    let ring = ring.map(AuditRing::from);
+    let mut query = AuditQuery { since, until, key: by, operation, ring, ..AuditQuery::default() };
     let mut items: Vec<AuditEntry> = Vec::new();
     let next_cursor = loop {
         query.limit = u32::try_from((n - items.len()).clamp(1, 1000)).ok();
@@ -64,8 +89,13 @@ fn table(entries: &[AuditEntry]) -> String {
 
 fn outcome(entry: &AuditEntry) -> String {
     let status = entry.status.map_or_else(|| "not known".to_owned(), |status| status.to_string());
-    match entry.n_left_out {
-        0 => status,
-        n => format!("{status} ({n} refusals before it left out)"),
-    }
+    let times = match entry.n {
+        1 => String::new(),
+        n => format!(", {n} times until {}", entry.last_at),
+    };
+    let left_out = match entry.n_left_out {
+        0 => String::new(),
+        n => format!(" ({n} refusals before it left out)"),
+    };
+    format!("{status}{times}{left_out}")
 }

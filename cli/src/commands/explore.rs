@@ -309,7 +309,9 @@ async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Sessio
 
 /// Sends one reading; sent twice into the same session it counts once.
 async fn send(session: &Session, reading: Reading, context: &Context) -> anyhow::Result<Belief> {
-    let reading = Reading { frame_id: session.frame_id.clone(), ..reading };
+    // Only the key that a robot's name belongs to may post with it.
+    let robot = reading.robot.as_ref().map(|name| context.robot(name));
+    let reading = Reading { frame_id: session.frame_id.clone(), robot, ..reading };
     let readings = AddReadings { readings: vec![reading] };
     let query = ReadingsQuery { belief: Some(BeliefDetail::Full) };
     let added = context.client.add_readings(session.id, &readings, query).await?;

@@ -1,15 +1,20 @@
 //! `palpate serve`: the service, until Ctrl-C or a supervisor's SIGTERM.
 
+use std::io::IsTerminal as _;
 use std::net::SocketAddr;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use palpate_server::tls::TlsFiles;
 use palpate_server::{Access, Config, Server};
+use palpate_store::audit::RingSizes;
+use palpate_store::private;
 use serde_json::json;
 
+use crate::admin_key::AdminKeyFile;
 use crate::args::DEFAULT_LISTEN;
 use crate::output::Output;
 
@@ -28,13 +33,26 @@ pub(crate) struct ServeArgs {
     /// Allow an address that other machines can reach, though nobody is asked for a key.
     #[arg(long)]
     insecure_bind: bool,
+    /// With --insecure-bind, a name that this machine has in the network; may be given several
+    /// times. Requests for other names are refused, addresses are always taken.
+    #[arg(
+        long = "host-name",
+        env = "PALPATE_HOST_NAME",
+        value_name = "NAME",
+        value_delimiter = ','
+    )]
+    host_names: Vec<String>,
     /// Whether requests need an API key: `auto` as soon as one is stored, `keys` always (the
-    /// first admin's key is made and printed), `open` never.
+    /// first admin's key is made), `open` never.
     #[arg(long, env = "PALPATE_ACCESS", value_name = "HOW", default_value = "auto")]
     access: AccessChoice,
-    /// Make one more admin's key and print it, for those who have lost theirs.
+    /// Make one more admin's key, for those who have lost theirs.
     #[arg(long)]
     new_admin_key: bool,
+    /// Write an admin's key that is made at the start to this file, which only its owner may
+    /// read [default: printed on a terminal, else DIR/admin.key].
+    #[arg(long, env = "PALPATE_ADMIN_KEY_FILE", value_name = "FILE")]
+    admin_key_file: Option<PathBuf>,
     /// Let everybody read /metrics, also without a key.
     #[arg(long, env = "PALPATE_OPEN_METRICS")]
     open_metrics: bool,
@@ -56,15 +74,36 @@ pub(crate) struct ServeArgs {
         value_delimiter = ','
     )]
     cors_origins: Vec<String>,
-    /// How many entries the audit log keeps; older ones go.
+    /// How many entries of what changed something the audit log keeps; older ones go.
     #[arg(
         long,
         env = "PALPATE_AUDIT_ENTRIES",
         value_name = "N",
         default_value_t = 100_000,
-        value_parser = clap::value_parser!(u64).range(1..=100_000_000)
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000)
     )]
     audit_entries: u64,
+    /// How many entries it keeps of what was refused to holders of keys, or failed.
+    #[arg(
+        long,
+        env = "PALPATE_AUDIT_REFUSED",
+        value_name = "N",
+        default_value_t = 20_000,
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000)
+    )]
+    audit_refused: u64,
+    /// How many entries it keeps of what callers without a key tried.
+    #[arg(
+        long,
+        env = "PALPATE_AUDIT_STRANGERS",
+        value_name = "N",
+        default_value_t = 10_000,
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000)
+    )]
+    audit_strangers: u64,
+    /// How many changes of one key may fail within a minute; after that it has to wait (429).
+    #[arg(long, env = "PALPATE_FAILED_CHANGES", value_name = "N", default_value = "300")]
+    failed_changes: NonZeroU32,
     /// Memory for the models that sessions recognise by, in MB. Of a version the part is loaded
     /// that a session's method needs; what was not used for longest leaves. A model that needs
     /// more by itself is refused (503).
@@ -199,27 +238,43 @@ enum AccessChoice {
 
 /// How often to look whether the files of the certificate changed.
 const CERTIFICATE_LOOK_EVERY: Duration = Duration::from_secs(30);
-const ADMIN_KEY: &str = "\nAn admin's key was made. It is shown this once; keep it, and make others \
+const ADMIN_KEY: &str = "An admin's key was made. It is shown this once; keep it, and make others \
     with it:\n`PALPATE_KEY=… palpate keys create NAME --role robot`";
+/// Where an admin's key goes in the folder of data when nobody reads a terminal.
+const ADMIN_KEY_FILE: &str = "admin.key";
 
 /// Serves until told to stop.
 pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     let data = args.data.clone();
+    let key_file = key_file(&args)?;
     let mut server = Server::start(config(args)).await?;
     let address = server.address();
     let mut started = json!({ "server": address, "docs": format!("{address}/docs"), "data": data });
     let admin_key = server.take_admin_key();
-    if let Some(key) = &admin_key {
-        started["admin_key"] = json!(key);
+    let (mut written, mut shown) = (None, None);
+    match (key_file, admin_key) {
+        (Some(file), Some(key)) => {
+            let path = file.write(&key)?;
+            started["admin_key_file"] = json!(path);
+            written = Some(path);
+        }
+        (None, Some(key)) => {
+            started["admin_key"] = json!(key);
+            shown = Some(key);
+        }
+        (_, None) => {}
     }
     output.answer(&started, |_| {
         let data = data.display();
         let serving = format!(
             "serving {address}, documentation at {address}/docs, data in {data}; Ctrl-C stops"
         );
-        match &admin_key {
-            Some(key) => format!("{serving}\n{ADMIN_KEY}\n\n{key}\n"),
-            None => serving,
+        match (&shown, &written) {
+            (Some(key), _) => format!("{serving}\n\n{ADMIN_KEY}\n\n{key}\n"),
+            (None, Some(file)) => {
+                format!("{serving}\n\nAn admin's key was made and written to {}", file.display())
+            }
+            (None, None) => serving,
         }
     })?;
     let stopped = until_told_to_stop().await;
@@ -229,6 +284,24 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
         _ = tokio::signal::ctrl_c() => {}
     }
     stopped
+}
+
+/// Where an admin's key goes that is made; `None`: to the terminal that the answer goes to.
+fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
+    let path = match &args.admin_key_file {
+        Some(path) => path.clone(),
+        None if std::io::stdout().is_terminal() => return Ok(None),
+        None => {
+            private::create_folder(&args.data)
+                .with_context(|| format!("cannot make {}", args.data.display()))?;
+            args.data.join(ADMIN_KEY_FILE)
+        }
+    };
+    // Without access by keys no key is made.
+    match args.access {
+        AccessChoice::Open if !args.new_admin_key => Ok(None),
+        _ => AdminKeyFile::prepare(&path).map(Some),
+    }
 }
 
 /// The settings that the arguments are.
@@ -243,6 +316,7 @@ fn config(args: ServeArgs) -> Config {
     Config {
         listen: args.listen,
         insecure_bind: args.insecure_bind,
+        host_names: args.host_names,
         access,
         new_admin_key: args.new_admin_key,
         open_metrics: args.open_metrics,
@@ -252,7 +326,12 @@ fn config(args: ServeArgs) -> Config {
             look_every: CERTIFICATE_LOOK_EVERY,
         }),
         cors_origins: args.cors_origins,
-        audit_entries_max: args.audit_entries,
+        audit_entries_max: RingSizes {
+            changes: args.audit_entries,
+            refused: args.audit_refused,
+            strangers: args.audit_strangers,
+        },
+        failed_changes_per_minute: args.failed_changes,
         model_memory_bytes_max: args.model_memory_mb * 1_000_000,
         belief_memory_bytes_max: args.belief_memory_mb as usize * 1_000_000,
         bodies_bytes_max: (args.body_memory_mb as usize) << 20,

@@ -126,6 +126,7 @@ enum Action {
 struct Shown {
     session: Session,
     belief: Belief,
+    written: Vec<history::Written>,
 }
 
 /// Does what was asked.
@@ -160,9 +161,11 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             let belief =
                 client.belief(session, BeliefQuery { poses: Some(poses), at: None }).await?;
             let session = client.session(session).await?;
-            output.answer(&Shown { session, belief }, |shown| {
+            let written = history::writers(&history::readings(client, session.id).await?);
+            output.answer(&Shown { session, belief, written }, |shown| {
                 let session = table(std::slice::from_ref(&shown.session));
-                format!("{session}\n\n{}", belief_words(&shown.belief))
+                let written = history::writers_words(&shown.written);
+                format!("{session}\n\n{}\n\n{written}", belief_words(&shown.belief))
             })
         }
         Action::Watch { session } => watch(session, context).await,

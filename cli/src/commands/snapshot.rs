@@ -4,14 +4,18 @@
 use std::fs::{self, File};
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use futures::StreamExt;
 use palpate_client::Client;
+use palpate_store::access::AccessKey;
+use palpate_store::database::Database;
 use palpate_store::fsck::Report;
+use palpate_store::private;
 use palpate_store::sled::{SledEngine, SledOptions};
-use palpate_store::snapshot::{SnapshotManifest, restore, verify};
+use palpate_store::snapshot::{KeysFrom, SnapshotManifest, keys, restore, verify};
 use serde_json::{Value, json};
 
 use crate::commands::Context;
@@ -23,7 +27,8 @@ use crate::output::Output;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate snapshot create monday.snapshot\n  \
     palpate snapshot verify monday.snapshot\n  \
-    palpate snapshot restore monday.snapshot --data ./restored\n  \
+    palpate snapshot restore monday.snapshot --data ./restored --keys newer \
+    --current ./palpate-data\n  \
     palpate serve --data ./restored")]
 pub(crate) struct SnapshotArgs {
     #[command(subcommand)]
@@ -49,7 +54,26 @@ enum Action {
         /// The folder; it must not exist, or be empty.
         #[arg(long, value_name = "DIR")]
         data: PathBuf,
+        /// What to do with the snapshot's API keys; must be said when it has some that were not
+        /// revoked when it was taken.
+        #[arg(long, value_name = "WHICH")]
+        keys: Option<KeysChoice>,
+        /// The folder that the snapshot replaces, for `--keys newer`; no server may have it open.
+        #[arg(long, value_name = "DIR", required_if_eq("keys", "newer"))]
+        current: Option<PathBuf>,
     },
+}
+
+/// Which API keys a restored folder has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum KeysChoice {
+    /// Those of the snapshot: what was revoked since is let in again.
+    Keep,
+    /// None: the first administrator's key is made when a server starts with `--access keys`.
+    Drop,
+    /// Those of the folder that the snapshot replaces (`--current`): what was revoked, rotated or
+    /// made since stays so.
+    Newer,
 }
 
 /// Takes, verifies or restores.
@@ -64,9 +88,15 @@ pub(crate) async fn run(
             let (manifest, report) = blocking(move || verified(&file)).await?;
             said(&manifest, &report, output)
         }
-        Action::Restore { file, data } => {
-            let manifest = blocking(move || restored(&file, &data)).await?;
-            output.answer(&shown(&manifest), |_| "restored; serve it with --data".to_owned())
+        Action::Restore { file, data, keys, current } => {
+            let (manifest, held) =
+                blocking(move || restored(&file, &data, keys, current.as_deref())).await?;
+            let mut answer = shown(&manifest);
+            answer["keys"] = json!(held.iter().map(|key| &key.name).collect::<Vec<_>>());
+            output.answer(&answer, |_| {
+                let names = names(&held);
+                format!("restored, with {} keys{names}; serve it with --data", held.len())
+            })
         }
     }
 }
@@ -102,7 +132,7 @@ async fn create(file: &Path, client: &Client, output: Output) -> anyhow::Result<
 async fn receive(part: &Path, client: &Client) -> anyhow::Result<()> {
     let mut stream = client.snapshot().await?;
     let context = || format!("cannot write {}", part.display());
-    let mut to = File::create(part).with_context(context)?;
+    let mut to = private::create(part).with_context(context)?;
     while let Some(chunk) = stream.next().await {
         to.write_all(&chunk?).with_context(context)?;
     }
@@ -113,8 +143,14 @@ fn verified(file: &Path) -> anyhow::Result<(SnapshotManifest, Report)> {
     Ok(verify(opened(file)?)?)
 }
 
-/// Restores beside the folder, which gets its name when all is there.
-fn restored(file: &Path, data: &Path) -> anyhow::Result<SnapshotManifest> {
+/// Restores beside the folder, which gets its name when all is there. Gives the keys that are let
+/// in from then on as well.
+fn restored(
+    file: &Path,
+    data: &Path,
+    choice: Option<KeysChoice>,
+    current: Option<&Path>,
+) -> anyhow::Result<(SnapshotManifest, Vec<AccessKey>)> {
     let is_free = match fs::read_dir(data) {
         Ok(mut entries) => entries.next().is_none(),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
@@ -124,6 +160,32 @@ fn restored(file: &Path, data: &Path) -> anyhow::Result<SnapshotManifest> {
         bail!("{} is not empty, expected a new or empty folder", data.display());
     }
     verify(opened(file)?)?;
+    let mut held = keys(opened(file)?)?;
+    held.retain(|key| key.revoked_at_ms.is_none());
+    let choice = match choice {
+        Some(choice) => choice,
+        None if held.is_empty() => KeysChoice::Keep,
+        None => bail!(
+            "the snapshot would bring back {} keys{}, also what was revoked since it was taken: \
+             expected --keys keep, --keys drop, or --keys newer with --current DIR",
+            held.len(),
+            names(&held)
+        ),
+    };
+    let current = current.filter(|_| choice == KeysChoice::Newer);
+    let current = current.map(opened_folder).transpose()?;
+    if let Some(engine) = &current {
+        held = Database::with_engine(Arc::<SledEngine>::clone(engine))?.keys().all()?;
+        held.retain(|key| key.revoked_at_ms.is_none());
+    }
+    let from = match (choice, &current) {
+        (KeysChoice::Drop, _) => KeysFrom::Nowhere,
+        (_, Some(engine)) => KeysFrom::Engine(&**engine),
+        (_, None) => KeysFrom::Snapshot,
+    };
+    if choice == KeysChoice::Drop {
+        held.clear();
+    }
     let mut name = data.file_name().context("expected the name of a folder")?.to_owned();
     name.push(".restoring");
     let beside = data.with_file_name(name);
@@ -132,7 +194,7 @@ fn restored(file: &Path, data: &Path) -> anyhow::Result<SnapshotManifest> {
     }
     let outcome = SledEngine::open(&beside, &SledOptions::default())
         .map_err(anyhow::Error::from)
-        .and_then(|engine| Ok(restore(opened(file)?, &engine)?))
+        .and_then(|engine| Ok(restore(opened(file)?, &engine, from)?))
         .and_then(|manifest| {
             fs::rename(&beside, data)
                 .with_context(|| format!("cannot make {}", data.display()))
@@ -142,7 +204,26 @@ fn restored(file: &Path, data: &Path) -> anyhow::Result<SnapshotManifest> {
         // What is there is not the whole.
         let _ = fs::remove_dir_all(&beside);
     }
-    outcome
+    outcome.map(|manifest| (manifest, held))
+}
+
+/// A folder that is there and that no server has open.
+fn opened_folder(folder: &Path) -> anyhow::Result<Arc<SledEngine>> {
+    if !folder.is_dir() {
+        bail!("there is no folder {}, expected the one that is replaced", folder.display());
+    }
+    Ok(Arc::new(SledEngine::open(folder, &SledOptions::default())?))
+}
+
+/// Names of keys, as the end of a sentence's part.
+fn names(keys: &[AccessKey]) -> String {
+    match keys {
+        [] => String::new(),
+        keys => {
+            let named = keys.iter().map(|key| key.name.as_str()).collect::<Vec<_>>();
+            format!(" ({})", named.join(", "))
+        }
+    }
 }
 
 fn opened(file: &Path) -> anyhow::Result<BufReader<File>> {

@@ -155,7 +155,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     if is_appearance(method) {
         robot = robot.without_poses();
     }
-    let mut session = client.touch_session(&session, "simulated").await?;
+    let mut session = client.touch_session(&session, &context.robot("simulated")).await?;
     if let Some(reason) = calibrated::reason_of(method, &version.report) {
         output.say(calibrated::note(reason));
     }

@@ -8,7 +8,6 @@ use std::time::Duration;
 use palpate_store::access::AccessKey;
 
 use super::Keys;
-use crate::clock::now_ms;
 
 /// The longest time between two looks at the clock, which may be set.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
@@ -16,14 +15,14 @@ const LOOK_EVERY: Duration = Duration::from_secs(60);
 impl Keys {
     /// Returns when the key, as it was when it was let in, is not any more.
     pub(crate) async fn until_refused(&self, admitted: AccessKey) {
-        let admitted_at_ms = now_ms();
+        let admitted_at_ms = self.now_ms();
         let mut changes = self.changes.subscribe();
         loop {
             changes.borrow_and_update();
             let stored = self.find_id(admitted.id);
             let end_ms =
                 stored.map_or(Some(0), |stored| end_ms(&stored, &admitted, admitted_at_ms));
-            let now = now_ms();
+            let now = self.now_ms();
             if end_ms.is_some_and(|end| end <= now) {
                 return;
             }

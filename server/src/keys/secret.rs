@@ -3,6 +3,7 @@
 //! The prefix lets scanners of repositories and logs find keys that leaked; the id says which
 //! one to revoke. The bits come from the operating system.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use uuid::Uuid;
@@ -12,6 +13,10 @@ const PREFIX: &str = "palpate_";
 const SECRET_BYTES: usize = 32;
 /// Digits of an id.
 const ID_DIGITS: usize = 32;
+/// Bytes of a key as it is sent.
+const SENT_BYTES: usize = PREFIX.len() + ID_DIGITS + 1 + 2 * SECRET_BYTES;
+/// What stands where a key stood.
+const REDACTED: &str = "palpate_(a key)";
 
 /// A key as it was sent: which one it claims to be, and the proof.
 pub(super) struct Presented {
@@ -46,6 +51,40 @@ pub(super) fn parse(sent: &str) -> Option<Presented> {
     Some(Presented { id: Uuid::try_parse(id).ok()?, hash: hash(&bytes) })
 }
 
+/// The text without secrets in it: where it has something that is written like a key, what proves
+/// it is left out. A request that names a secret by mistake is answered and logged without it.
+pub(crate) fn redacted(text: &str) -> Cow<'_, str> {
+    let Some(mut at) = find(text, 0) else { return Cow::Borrowed(text) };
+    let (mut shown, mut from) = (String::with_capacity(text.len()), 0);
+    loop {
+        shown.push_str(&text[from..at]);
+        shown.push_str(REDACTED);
+        from = at + SENT_BYTES;
+        match find(text, from) {
+            Some(next) => at = next,
+            None => break,
+        }
+    }
+    shown.push_str(&text[from..]);
+    Cow::Owned(shown)
+}
+
+/// Whether a text has something in it that is written like a key.
+pub(crate) fn is_in(text: &str) -> bool {
+    find(text, 0).is_some()
+}
+
+/// Where something that is written like a key begins, from a byte on.
+fn find(text: &str, from: usize) -> Option<usize> {
+    let candidates = text[from..].match_indices(PREFIX).map(|(at, _)| from + at);
+    let is_hex = |part: &[u8]| part.iter().all(u8::is_ascii_hexdigit);
+    candidates.into_iter().find(|at| {
+        let Some(sent) = text.as_bytes().get(*at..at + SENT_BYTES) else { return false };
+        let (id, secret) = sent[PREFIX.len()..].split_at(ID_DIGITS);
+        is_hex(id) && secret[0] == b'_' && is_hex(&secret[1..])
+    })
+}
+
 fn hash(secret: &[u8; SECRET_BYTES]) -> [u8; 32] {
     *blake3::hash(secret).as_bytes()
 }
@@ -70,6 +109,20 @@ mod tests {
         assert_eq!((presented.id, presented.hash), (id, hash));
         assert_eq!(sent.len(), 8 + 32 + 1 + 64);
         assert_ne!(draw(id).unwrap().0, sent);
+    }
+
+    #[test]
+    fn keys_in_a_text_are_left_out() {
+        let (sent, _) = draw(Uuid::from_u128(7)).unwrap();
+        let text = format!("/v1/é/{sent}/x{sent}{}/palpate_{sent}", sent.to_uppercase());
+        let upper = sent.to_uppercase();
+        let expected =
+            format!("/v1/é/palpate_(a key)/xpalpate_(a key){upper}/palpate_palpate_(a key)");
+        assert_eq!(redacted(&text), expected);
+        assert!(is_in(&text) && !is_in(&expected));
+        for fine in ["", "palpate_", "/v1/keys/arm-3", &sent[..104]] {
+            assert_eq!(redacted(fine), fine);
+        }
     }
 
     #[test]

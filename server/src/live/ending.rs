@@ -5,6 +5,7 @@ use palpate_store::database::Database;
 use palpate_store::journal::{Event, NewEntry};
 
 use super::{Live, answer};
+use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::sessions::Tools;
@@ -18,7 +19,8 @@ impl Live {
         if status.end.is_some() {
             return Ok(());
         }
-        let closed = NewEntry { reading_id: None, received_at_ms: now, event: Event::Closed };
+        let (event, written_by) = (Event::Closed, Asker::current().key());
+        let closed = NewEntry { reading_id: None, received_at_ms: now, event, written_by };
         store.journal().append(self.session.id, status.length, &[closed]).await?;
         let table = store.sessions();
         let noted = table.update(self.session.id, |session| {

@@ -183,7 +183,13 @@ mod tests {
             object_moved: None,
         });
         let reading_id = id.map(|(robot, seq)| ReadingId { robot: robot.to_owned(), seq });
-        Entry { seq: chronicle.len() as u64, reading_id, received_at_ms: 0, event }
+        Entry {
+            seq: chronicle.len() as u64,
+            reading_id,
+            received_at_ms: 0,
+            event,
+            written_by: None,
+        }
     }
 
     fn take(chronicle: &mut Chronicle, entry: &Entry) -> usize {
@@ -199,6 +205,7 @@ mod tests {
         let entry = Entry {
             seq: chronicle.len() as u64,
             reading_id: None,
+            written_by: None,
             received_at_ms: 0,
             event: Event::Retraction { seq },
         };

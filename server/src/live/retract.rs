@@ -5,6 +5,7 @@ use palpate_schemas::BeliefDetail;
 use palpate_store::journal::{Event, NewEntry};
 
 use super::{Live, past, shown};
+use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::sessions::{POSES, Tools};
@@ -34,7 +35,8 @@ impl Live {
         let place = self.place(tools, detail)?;
         if before.is_none() {
             let event = Event::Retraction { seq: number };
-            let entry = NewEntry { reading_id: None, received_at_ms: now, event };
+            let written_by = Asker::current().key();
+            let entry = NewEntry { reading_id: None, received_at_ms: now, event, written_by };
             journal.append(session, status.length, &[entry]).await?;
             tracing::info!(session.id = %session, reading.number = number,
                 "Withdrew reading {number} of session {session}");

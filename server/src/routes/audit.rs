@@ -14,8 +14,10 @@ use crate::refusal::Refusal;
 /// List who changed what
 ///
 /// Every request that changes something (readings of sessions aside, which their journals
-/// have), with its outcome, and requests that were refused for want of a key or a role, up to
-/// a rate. Newest first. The log keeps the newest entries, as many as the server is set to.
+/// have), with its outcome, and requests that were refused for want of a key or a role. Newest
+/// first. What changed something, what was refused to holders of keys and what strangers tried
+/// are three rings, each of which keeps its newest entries; repetitions of what failed within an
+/// hour are counted in one entry.
 #[utoipa::path(get, path = "/v1/audit", operation_id = "list_audit", tag = "keys",
     params(AuditQuery),
     responses((status = 200, description = "A page of entries, newest first", body = AuditPage)))]
@@ -25,5 +27,6 @@ pub(crate) async fn list_audit(
 ) -> Result<Json<AuditPage>, Refusal> {
     check_operation(&query)?;
     let audit = Arc::clone(app.audit());
+    audit.store().await;
     Ok(Json(app.pool().place()?.run_long(move || audit.list(&query)).await??))
 }

@@ -7,7 +7,6 @@ use axum::response::Response;
 use palpate_schemas::{ApiKey, ApiKeyPage, CreateKey, NewApiKey, PageQuery, RotateKey, Whoami};
 
 use crate::app::App;
-use crate::clock::now_ms;
 use crate::extract::{JsonBody, Params, Segment1};
 use crate::guard::Caller;
 use crate::openapi::Conflict;
@@ -51,7 +50,7 @@ pub(crate) async fn get_key(
     State(app): State<App>,
     Segment1(key): Segment1,
 ) -> Result<Json<ApiKey>, Refusal> {
-    Ok(Json(access::key(&app.keys().get(&key)?, now_ms())))
+    Ok(Json(access::key(&app.keys().get(&key)?, app.keys().now_ms())))
 }
 
 /// Revoke a key
@@ -93,6 +92,6 @@ pub(crate) async fn whoami(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
 ) -> Json<Whoami> {
-    let key = caller.key.as_ref().map(|key| access::key(key, now_ms()));
+    let key = caller.key.as_ref().map(|key| access::key(key, app.keys().now_ms()));
     Json(Whoami { keys_required: app.keys().required(), role: caller.role(), key })
 }

@@ -127,7 +127,7 @@ pub(crate) async fn list_object_readings(
     Segment1(object): Segment1,
     Params(query): Params<PageQuery>,
 ) -> Result<Json<StoredReadingPage>, Refusal> {
-    Ok(Json(app.apart(move |app| app.objects().readings(&object, &query)).await?))
+    Ok(Json(app.apart(move |app| app.objects().readings(&object, &query, app.keys())).await?))
 }
 
 /// Add training readings of an object

@@ -27,11 +27,19 @@ pub(crate) async fn livez() -> Json<Liveness> {
 
 /// Whether the server does its work
 ///
-/// 503 tells a load balancer to look elsewhere; its problem names the checks that failed.
+/// 503 tells a load balancer to look elsewhere; its problem names the checks that failed. Where
+/// keys are asked for, the figures (`detail`) are for callers with a key; it may have any role.
 #[utoipa::path(get, path = "/readyz", operation_id = "readyz", tag = "site",
     responses((status = 200, description = "All checks passed", body = Readiness)))]
-pub(crate) async fn readyz(State(app): State<App>) -> Result<Json<Readiness>, Refusal> {
-    let readiness = app.readiness();
+pub(crate) async fn readyz(
+    State(app): State<App>,
+    headers: HeaderMap,
+) -> Result<Json<Readiness>, Refusal> {
+    let mut readiness = app.readiness();
+    if !app.keys().admits(&headers) {
+        let shown = |passed| if passed { "passed" } else { "failed" };
+        readiness.checks.iter_mut().for_each(|check| check.detail = shown(check.passed).to_owned());
+    }
     if readiness.ready { Ok(Json(readiness)) } else { Err(Refusal::NotReady(readiness)) }
 }
 

@@ -80,7 +80,7 @@ impl Sessions {
         Ok(wire::FleetSession {
             robots: robots.into_iter().map(str::to_owned).collect(),
             last_reading_at: newest.map(|entry| time(entry.received_at_ms)),
-            session: convert::session::session(&session, &catalogue, status),
+            session: convert::session::session(&session, &catalogue, status, &self.keys),
         })
     }
 }

@@ -33,8 +33,12 @@ impl Sessions {
         let limit = Limit { records: limit, bytes: PAGE_BYTES };
         let entries = journal.page(session, from, limit)?;
         let next = from + entries.len() as u64;
-        let shown = |entry| reading::of_session(entry, withdrawn.get(&entry.seq).copied());
-        let items = entries.iter().filter_map(shown).collect();
+        let mut items = Vec::with_capacity(entries.len());
+        for entry in &entries {
+            let by = withdrawn.get(&entry.seq).map(|by| journal.entry(session, *by));
+            let by = by.transpose()?.flatten();
+            items.extend(reading::of_session(entry, by.as_ref(), &self.keys));
+        }
         let is_last = next >= journal.len(session)?;
         Ok(wire::SessionReadingPage { items, next_cursor: (!is_last).then(|| next.to_string()) })
     }
@@ -62,8 +66,19 @@ impl Sessions {
         let unknown = || no_reading(&format!("{robot}/{seq}"));
         let seq = seq.parse().map_err(|_| unknown())?;
         let reading_id = ReadingId { robot: robot.to_owned(), seq };
-        let number = self.store.journal().find(session, &reading_id)?.ok_or_else(unknown)?;
+        let number = self.number(session, &reading_id)?.ok_or_else(unknown)?;
         self.retract_number(session, number, detail).await
+    }
+
+    /// The entry that has a robot's number: of the caller's own key, else of the key that the
+    /// robot's name belongs to.
+    fn number(&self, session: Uuid, id: &ReadingId) -> Result<Option<u64>, Refusal> {
+        let journal = self.store.journal();
+        let own = journal.find(session, id, asker::Asker::current().key())?;
+        if own.is_some() {
+            return Ok(own);
+        }
+        Ok(journal.find(session, id, self.keys.holder(&id.robot))?)
     }
 
     /// What a session believed, revision by revision.

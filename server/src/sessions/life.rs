@@ -18,7 +18,7 @@ use crate::catalogues::DEFAULT;
 use crate::clock::now_ms;
 use crate::live::Live;
 use crate::refusal::Refusal;
-use crate::wire::life::{set_lease, set_truth};
+use crate::wire::life::{opened_by, set_lease, set_truth};
 use crate::wire::session::Limits;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 
@@ -36,7 +36,7 @@ impl Sessions {
             for session in page.items.iter().filter(|session| session.closed_at_ms.is_none()) {
                 let status = status(&self.store, session, now)?;
                 if status.end.is_none() {
-                    self.open.note(session.id, status.expires_at_ms);
+                    self.open.note(session.id, status.expires_at_ms, opened_by(session));
                 }
             }
             after = page.next;
@@ -57,18 +57,19 @@ impl Sessions {
         let pinned = self.catalogues.pin(name, request.version)?;
         let method = convert::session::method(request, &pinned);
         let model = self.model(pinned.catalogue, pinned.version, method).await?;
-        let limits = Limits { time_to_live: self.time_to_live, now_ms: now_ms() };
+        let (time_to_live, key) = (self.time_to_live, asker::Asker::current().key());
+        let limits = Limits { time_to_live, now_ms: now_ms(), opened_by: key };
         let session =
             convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
         fits(&session, &model, self.belief_bytes_max)?;
         let status = status(&self.store, &session, limits.now_ms)?;
-        self.enter(session.id, status.expires_at_ms)?;
+        self.enter(session.id, status.expires_at_ms, key)?;
         if let Err(error) = self.store.sessions().create(&session).await {
             self.open.leave(session.id);
             return Err(error.into());
         }
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
-        let shown = convert::session::session(&session, &model.name, status);
+        let shown = convert::session::session(&session, &model.name, status, &self.keys);
         self.keep(session.id, Arc::new(Live::new(session, model, &self.beliefs)));
         Ok(shown)
     }
@@ -120,14 +121,14 @@ impl Sessions {
     ) -> Result<wire::Session, Refusal> {
         let id = self.find(id)?.id;
         let lease = convert::life::lease(asked)?;
-        let (store, now) = (self.store.clone(), now_ms());
+        let (store, now, key) = (self.store.clone(), now_ms(), asker::Asker::current().key());
         let until = now.saturating_add(lease.as_millis() as u64);
         let table = self.store.sessions();
         let extended = table.update(id, move |session| {
             if let Some(end) = status(&store, session, now)?.end {
                 return Err(Refusal::SessionEnded { session: id, end });
             }
-            set_lease(session, until);
+            set_lease(session, until, key);
             Ok(())
         });
         let session = extended.await??;
@@ -221,7 +222,7 @@ impl Sessions {
             };
             let status = status(&self.store, &session, now)?;
             if status.end.is_none() {
-                self.open.note(id, status.expires_at_ms);
+                self.open.note(id, status.expires_at_ms, opened_by(&session));
                 continue;
             }
             self.leave(id);
@@ -241,16 +242,21 @@ impl Sessions {
     }
 
     /// Takes a place for a new session, that of an expired one if need be.
-    fn enter(&self, id: Uuid, expires: Option<u64>) -> Result<(), Refusal> {
-        if self.open.enter(id, expires).is_ok() {
+    fn enter(&self, id: Uuid, expires: Option<u64>, key: Option<Uuid>) -> Result<(), Refusal> {
+        if self.open.enter(id, expires, key).is_ok() {
             return Ok(());
         }
         self.sweep()?;
-        self.open.enter(id, expires).map_err(|Full { max, soonest_ms }| {
-            let wait = soonest_ms.map(|soonest| {
-                Duration::from_millis(soonest.saturating_sub(now_ms())).max(SWEEP_EVERY)
-            });
-            Refusal::SessionsFull { max, wait }
+        self.open.enter(id, expires, key).map_err(|full| match full {
+            Full::Total { max, soonest_ms } => {
+                let wait = soonest_ms.map(|soonest| {
+                    Duration::from_millis(soonest.saturating_sub(now_ms())).max(SWEEP_EVERY)
+                });
+                Refusal::SessionsFull { max, wait }
+            }
+            Full::Share { used, max } => {
+                Refusal::ShareFull { name: "sessions", unit: "sessions", used, total: max }
+            }
         })
     }
 }

@@ -1,46 +1,75 @@
-//! Which sessions are open: a bound on how many there are, and who is due to expire.
+//! Which sessions are open: a bound on how many there are, with a share of each key, and who is
+//! due to expire.
 //!
 //! An expiry noted here is never too late, and may be too early: readings and leases that come
 //! later are in the store, which is asked before a session goes.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use uuid::Uuid;
 
-/// The open sessions, oldest first, each with the time at which it expires at the earliest
-/// (ms since 1970); `None` never does.
+use crate::budget::{Budget, Holding, Over};
+use crate::client::Client;
+
+/// The open sessions, oldest first.
 pub(super) struct Open {
-    expiries: Mutex<BTreeMap<Uuid, Option<u64>>>,
-    max: usize,
+    sessions: Mutex<BTreeMap<Uuid, Place>>,
+    places: Arc<Budget>,
 }
 
-/// All places are taken; the first is free again at the earliest at this time.
+/// An open session's place.
+struct Place {
+    /// When it expires at the earliest (ms since 1970); `None` never does.
+    expires: Option<u64>,
+    _holding: Holding,
+}
+
+/// Why there is no place for a new session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Full {
-    pub(super) max: usize,
-    pub(super) soonest_ms: Option<u64>,
+pub(super) enum Full {
+    /// All places are taken; the first is free again at the earliest at this time.
+    Total { max: usize, soonest_ms: Option<u64> },
+    /// The key's share is: of all places this many are taken.
+    Share { used: usize, max: usize },
 }
 
 impl Open {
     pub(super) fn new(max: usize) -> Self {
-        Self { expiries: Mutex::new(BTreeMap::new()), max }
+        Self { sessions: Mutex::default(), places: Budget::new(max) }
     }
 
-    /// Takes a place for a new session.
-    pub(super) fn enter(&self, id: Uuid, expires: Option<u64>) -> Result<(), Full> {
-        let mut expiries = self.lock();
-        if expiries.len() >= self.max {
-            let soonest_ms = expiries.values().flatten().min().copied();
-            return Err(Full { max: self.max, soonest_ms });
-        }
-        expiries.insert(id, expires);
+    /// Takes a place for a new session, which counts to the share of the key that opens it.
+    pub(super) fn enter(
+        &self,
+        id: Uuid,
+        expires: Option<u64>,
+        key: Option<Uuid>,
+    ) -> Result<(), Full> {
+        let mut sessions = self.lock();
+        let max = self.places.total();
+        let taken = self.places.take(key.map(Client::Key), 1);
+        let holding = taken.map_err(|over| match over {
+            Over::Total => {
+                let soonest_ms = sessions.values().filter_map(|place| place.expires).min();
+                Full::Total { max, soonest_ms }
+            }
+            Over::Share => Full::Share { used: self.places.used(), max },
+        })?;
+        sessions.insert(id, Place { expires, _holding: holding });
         Ok(())
     }
 
-    /// Notes a session that is open already, whatever the bound.
-    pub(super) fn note(&self, id: Uuid, expires: Option<u64>) {
-        self.lock().insert(id, expires);
+    /// Notes a session that is open already, whatever the bounds.
+    pub(super) fn note(&self, id: Uuid, expires: Option<u64>, key: Option<Uuid>) {
+        let mut sessions = self.lock();
+        match sessions.get_mut(&id) {
+            Some(place) => place.expires = expires,
+            None => {
+                let holding = self.places.note(key.map(Client::Key), 1);
+                sessions.insert(id, Place { expires, _holding: holding });
+            }
+        }
     }
 
     pub(super) fn leave(&self, id: Uuid) {
@@ -57,22 +86,22 @@ impl Open {
 
     /// The sessions that may have expired.
     pub(super) fn due(&self, now: u64) -> Vec<Uuid> {
-        let is_due = |expires: &Option<u64>| expires.is_some_and(|expires| expires <= now);
-        self.lock().iter().filter(|(_, expires)| is_due(expires)).map(|(id, _)| *id).collect()
+        let is_due = |place: &Place| place.expires.is_some_and(|expires| expires <= now);
+        self.lock().iter().filter(|(_, place)| is_due(place)).map(|(id, _)| *id).collect()
     }
 
     /// Up to `limit` sessions behind `after`, and whether there are more.
     pub(super) fn page(&self, after: Option<Uuid>, limit: usize) -> (Vec<Uuid>, bool) {
-        let expiries = self.lock();
-        let behind = expiries.keys().filter(|id| after.is_none_or(|after| **id > after));
+        let sessions = self.lock();
+        let behind = sessions.keys().filter(|id| after.is_none_or(|after| **id > after));
         let mut page: Vec<Uuid> = behind.take(limit.saturating_add(1)).copied().collect();
         let more = page.len() > limit;
         page.truncate(limit);
         (page, more)
     }
 
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<Uuid, Option<u64>>> {
-        self.expiries.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<Uuid, Place>> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -87,14 +116,17 @@ mod tests {
     #[test]
     fn places_are_bounded_and_free_again() {
         let open = Open::new(2);
-        open.enter(id(1), Some(70)).unwrap();
-        open.enter(id(2), Some(50)).unwrap();
-        assert_eq!(open.enter(id(3), None), Err(Full { max: 2, soonest_ms: Some(50) }));
+        open.enter(id(1), Some(70), None).unwrap();
+        open.enter(id(2), Some(50), None).unwrap();
+        assert_eq!(
+            open.enter(id(3), None, None),
+            Err(Full::Total { max: 2, soonest_ms: Some(50) })
+        );
         assert_eq!((open.due(49), open.due(50)), (vec![], vec![id(2)]));
         open.leave(id(2));
-        open.enter(id(3), None).unwrap();
+        open.enter(id(3), None, None).unwrap();
         assert_eq!(open.due(u64::MAX), [id(1)], "the other never expires");
-        open.note(id(4), None);
+        open.note(id(4), None, None);
         assert_eq!(open.len(), 3, "what is open stays, whatever the bound");
     }
 
@@ -102,10 +134,26 @@ mod tests {
     fn pages_go_on_where_the_last_ended() {
         let open = Open::new(5);
         for n in [3, 1, 2] {
-            open.enter(id(n), None).unwrap();
+            open.enter(id(n), None, None).unwrap();
         }
         assert_eq!(open.page(None, 2), (vec![id(1), id(2)], true));
         assert_eq!(open.page(Some(id(2)), 2), (vec![id(3)], false));
         assert_eq!(open.page(None, 3), (vec![id(1), id(2), id(3)], false));
+    }
+
+    #[test]
+    fn a_key_holds_its_share_and_leaves_places_for_others() {
+        let (open, [greedy, other]) = (Open::new(40), [1, 2].map(|key| Some(id(key))));
+        let n = (1..).take_while(|n| open.enter(id(*n), None, greedy).is_ok()).count();
+        assert_eq!(n, 30, "three quarters");
+        assert_eq!(open.enter(id(99), None, greedy), Err(Full::Share { used: 30, max: 40 }));
+        open.enter(id(100), None, other).unwrap();
+        // What was open before a restart counts too.
+        let again = Open::new(40);
+        (1..=30).for_each(|n| again.note(id(n), Some(5), greedy));
+        again.note(id(1), Some(6), greedy);
+        assert_eq!(again.enter(id(99), None, greedy), Err(Full::Share { used: 30, max: 40 }));
+        again.leave(id(1));
+        again.enter(id(99), None, greedy).unwrap();
     }
 }

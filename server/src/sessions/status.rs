@@ -83,11 +83,17 @@ mod tests {
             approach: 0.0,
             object_moved: None,
         });
-        let entry = NewEntry { reading_id: None, received_at_ms: 5900, event: reading };
+        let entry =
+            NewEntry { reading_id: None, received_at_ms: 5900, event: reading, written_by: None };
         store.journal().append(session.id, 0, &[entry]).await.unwrap();
         assert_eq!(end(&store, &session, 6899), None);
         assert_eq!(end(&store, &session, 9000), Some((6900, EndReason::Expired)));
-        let entry = NewEntry { reading_id: None, received_at_ms: 6100, event: Event::Closed };
+        let entry = NewEntry {
+            reading_id: None,
+            received_at_ms: 6100,
+            event: Event::Closed,
+            written_by: None,
+        };
         store.journal().append(session.id, 1, &[entry]).await.unwrap();
         assert_eq!(end(&store, &session, 9000), Some((6100, EndReason::Closed)));
     }

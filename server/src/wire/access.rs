@@ -2,7 +2,7 @@
 
 use palpate_schemas as wire;
 use palpate_store::access::{AccessKey, Role};
-use palpate_store::audit::AuditEntry;
+use palpate_store::audit::{AuditEntry, Ring};
 
 use super::time;
 use crate::keys::is_active;
@@ -26,6 +26,11 @@ pub(crate) fn key(key: &AccessKey, now_ms: u64) -> wire::ApiKey {
 
 /// An entry of the audit log as the wire has it.
 pub(crate) fn audit_entry(entry: AuditEntry) -> wire::AuditEntry {
+    let ring = match entry.ring() {
+        Ring::Changes => wire::AuditRing::Changes,
+        Ring::Refused => wire::AuditRing::Refused,
+        Ring::Strangers => wire::AuditRing::Strangers,
+    };
     let (key_id, key_name) = entry.key.unzip();
     wire::AuditEntry {
         seq: entry.seq,
@@ -39,6 +44,9 @@ pub(crate) fn audit_entry(entry: AuditEntry) -> wire::AuditEntry {
         status: entry.status,
         request_id: entry.request_id,
         n_left_out: entry.n_left_out,
+        ring,
+        n: entry.n,
+        last_at: time(entry.last_at_ms),
     }
 }
 

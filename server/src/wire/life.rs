@@ -5,6 +5,8 @@ use std::time::Duration;
 use palpate_schemas as wire;
 use palpate_store::entity::Session;
 
+use uuid::Uuid;
+
 use crate::catalogues::Model;
 use crate::refusal::Refusal;
 use crate::wire::session::{TTL_MAX, options, written};
@@ -66,10 +68,17 @@ pub(crate) fn lease(asked: wire::ExtendSession) -> Result<Duration, Refusal> {
 }
 
 /// Keeps a session open until then at least; a lease that lasts longer stays as it is.
-pub(crate) fn set_lease(session: &mut Session, until_ms: u64) {
+pub(crate) fn set_lease(session: &mut Session, until_ms: u64, key: Option<Uuid>) {
     let mut options = options(session);
-    options.leased_until_ms = options.leased_until_ms.max(Some(until_ms));
+    if options.leased_until_ms < Some(until_ms) {
+        (options.leased_until_ms, options.leased_by) = (Some(until_ms), key);
+    }
     session.options = written(&options);
+}
+
+/// The key that opened a session; `None` when that was not recorded, or nobody was asked for one.
+pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
+    options(session).opened_by
 }
 
 /// Notes what a session's object was; whether it was not known before.

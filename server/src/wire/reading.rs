@@ -9,7 +9,10 @@ use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, Sensor, StoredReading};
 use palpate_store::journal::{Entry, Event, NewEntry, ROBOT_BYTES_MAX};
 
+use uuid::Uuid;
+
 use crate::hints::{Judged, of_readings};
+use crate::keys::Keys;
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::wire::{INTEGER_MAX, sensor};
@@ -53,9 +56,9 @@ impl Incoming {
     }
 
     /// The reading as a journal's entry.
-    pub(crate) fn entry(&self, received_at_ms: u64) -> NewEntry {
+    pub(crate) fn entry(&self, received_at_ms: u64, written_by: Option<Uuid>) -> NewEntry {
         let event = Event::Reading(self.stored.clone());
-        NewEntry { reading_id: self.id.clone(), received_at_ms, event }
+        NewEntry { reading_id: self.id.clone(), received_at_ms, event, written_by }
     }
 }
 
@@ -191,12 +194,13 @@ pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Loosene
 }
 
 /// A stored training reading for the wire; `None` for entries that are not readings.
-pub(crate) fn stored(entry: &Entry) -> Option<wire::StoredReading> {
+pub(crate) fn stored(entry: &Entry, keys: &Keys) -> Option<wire::StoredReading> {
     let Event::Reading(reading) = &entry.event else { return None };
     Some(wire::StoredReading {
         index: super::count(entry.seq),
         robot: entry.reading_id.as_ref().map(|id| id.robot.clone()),
         seq: entry.reading_id.as_ref().map(|id| id.seq),
+        written_by: entry.written_by.map(|key| keys.writer(key)),
         sensor: reading.sensor,
         stamp: reading.stamp_ns.map(stamp),
         pose: reading.session_from_sensor.as_ref().map(sensor::pose),
@@ -208,7 +212,11 @@ pub(crate) fn stored(entry: &Entry) -> Option<wire::StoredReading> {
 
 /// A stored reading of a session for the wire, with the entry that withdraws it; `None` for
 /// entries that are not readings.
-pub(crate) fn of_session(entry: &Entry, withdrawn_by: Option<u64>) -> Option<wire::SessionReading> {
+pub(crate) fn of_session(
+    entry: &Entry,
+    withdrawn_by: Option<&Entry>,
+    keys: &Keys,
+) -> Option<wire::SessionReading> {
     let Event::Reading(reading) = &entry.event else { return None };
     let moved =
         |moved: Looseness| wire::Looseness { position_m: moved.position, angle_rad: moved.angle };
@@ -219,7 +227,11 @@ pub(crate) fn of_session(entry: &Entry, withdrawn_by: Option<u64>) -> Option<wir
         sensor: reading.sensor,
         stamp: reading.stamp_ns.map(stamp),
         received_at: super::time(entry.received_at_ms),
-        retracted_by: withdrawn_by.map(|by| super::count(by + 1)),
+        written_by: entry.written_by.map(|key| keys.writer(key)),
+        retracted_by: withdrawn_by.map(|by| super::count(by.seq + 1)),
+        retraction_written_by: withdrawn_by
+            .and_then(|by| by.written_by)
+            .map(|key| keys.writer(key)),
         pose: reading.session_from_sensor.as_ref().map(sensor::pose),
         image: reading.pressures.clone(),
         calibration: (reading.calibration > 0).then_some(reading.calibration),
@@ -284,12 +296,18 @@ fn reading_id(pointer: &str, given: &wire::Reading) -> Result<Option<ReadingId>,
             return Err(Refusal::field(format!("{pointer}/robot"), detail));
         }
     };
-    if robot.is_empty() || robot.len() > ROBOT_BYTES_MAX || robot.chars().any(char::is_control) {
-        let detail = format!("came {robot:?}, expected 1 to {ROBOT_BYTES_MAX} printable bytes");
-        return Err(Refusal::field(format!("{pointer}/robot"), detail));
-    }
+    self::robot(&format!("{pointer}/robot"), &robot)?;
     super::within(&format!("{pointer}/seq"), seq, 0, INTEGER_MAX)?;
     Ok(Some(ReadingId { robot, seq }))
+}
+
+/// Checks a robot's name.
+pub(crate) fn robot(pointer: &str, robot: &str) -> Result<(), Refusal> {
+    if robot.is_empty() || robot.len() > ROBOT_BYTES_MAX || robot.chars().any(super::is_control) {
+        let detail = format!("came {robot:?}, expected 1 to {ROBOT_BYTES_MAX} printable bytes");
+        return Err(Refusal::field(pointer, detail));
+    }
+    Ok(())
 }
 
 fn frame(pointer: &str, given: &wire::Reading, expected: Option<&str>) -> Result<(), Refusal> {

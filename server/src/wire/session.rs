@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use crate::catalogues::{Model, Pinned};
+use crate::keys::Keys;
 use crate::refusal::Refusal;
 use crate::wire::life::{EndReason, Status};
 use crate::wire::reading::looseness;
@@ -61,6 +62,12 @@ pub(crate) struct Options {
     /// Until when a lease keeps the session open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) leased_until_ms: Option<u64>,
+    /// The key that opened the session.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) opened_by: Option<Uuid>,
+    /// The key that asked for the lease.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) leased_by: Option<Uuid>,
     /// What the object was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) truth: Option<wire::Truth>,
@@ -71,10 +78,17 @@ pub(crate) struct Options {
 pub(crate) struct Limits {
     pub(crate) time_to_live: Duration,
     pub(crate) now_ms: u64,
+    /// The key that opens it.
+    pub(crate) opened_by: Option<Uuid>,
 }
 
 /// A session for the wire.
-pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wire::Session {
+pub(crate) fn session(
+    session: &Session,
+    catalogue: &str,
+    status: Status,
+    keys: &Keys,
+) -> wire::Session {
     let is_open = status.end.is_none();
     let options = options(session);
     let is_hybrid = matches!(options.method, Method::Hybrid);
@@ -100,6 +114,7 @@ pub(crate) fn session(session: &Session, catalogue: &str, status: Status) -> wir
         ttl_s: (session.time_to_live_ms > 0).then(|| count(session.time_to_live_ms / 1000)),
         expires_at: status.expires_at_ms.filter(|_| is_open).map(time),
         leased_until: status.leased_until_ms.map(time),
+        leased_by: options.leased_by.map(|key| keys.writer(key)),
         created_at: time(session.created_at_ms),
         closed_at: status.end.map(|end| time(end.at_ms)),
         ended: status.end.map(|end| match end.reason {
@@ -178,7 +193,8 @@ pub(crate) fn new_session(
         Some(ttl) => Duration::from_secs(super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX)?),
         None => limits.time_to_live,
     };
-    let options = checked_options(request, method, model)?;
+    let opened_by = limits.opened_by;
+    let options = Options { opened_by, ..checked_options(request, method, model)? };
     let (method, is_geometric) = (options.method, is_geometric(options.method));
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     Ok(Session {

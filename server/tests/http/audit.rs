@@ -1,5 +1,9 @@
 //! The audit log: what was changed by whom, what was refused, and how it is asked.
 
+use std::num::NonZeroU32;
+
+use palpate_server::Access;
+use palpate_store::audit::RingSizes;
 use reqwest::Method;
 use serde_json::{Value, json};
 
@@ -70,7 +74,7 @@ async fn changes_are_written_down_with_who_made_them_and_what_came_of_it() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn pages_of_the_log_lead_from_the_newest_to_the_oldest() {
-    let it = Harness::start_with(|config| config.audit_entries_max = 5).await;
+    let it = Harness::start_with(|config| config.audit_entries_max.changes = 5).await;
     for number in 0..7 {
         it.post("/v1/objects", &json!({"name": format!("object-{number}")})).await.expect(201);
     }
@@ -107,15 +111,102 @@ async fn readings_are_not_in_the_log_and_sessions_are() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_storm_of_refusals_does_not_wash_the_log_out() {
-    let it = Harness::guarded().await;
+async fn a_flood_of_strangers_is_one_entry_and_hides_no_named_key() {
+    let mut it = Harness::guarded().await;
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
+    let robot = it.new_key("arm", "robot").await;
     for _ in 0..60 {
         it.send_as(None, Method::GET, "/v1/objects").await.problem(401, "unauthenticated", None);
     }
+    let refused = it.send_as(Some(&robot), Method::GET, "/v1/objects").await;
+    refused.problem(403, "forbidden", None);
     let found = entries(&it, "").await;
-    assert_eq!(found.iter().filter(|entry| entry["status"] == 401).count(), 30);
-    assert_eq!(found.last().unwrap()["operation"], "create_object");
+    let expected = [
+        ("list_objects", "arm", 403),
+        ("list_objects", "-", 401),
+        ("create_key", "admin", 201),
+        ("create_object", "admin", 201),
+    ];
+    assert_eq!(brief(&found), expected);
+    assert_eq!(found[1]["n"], 60);
+    assert!(found[1]["last_at"].as_str() >= found[1]["at"].as_str());
+    for (place, ring) in ["refused", "strangers", "changes", "changes"].into_iter().enumerate() {
+        assert_eq!(found[place]["ring"], ring);
+    }
+    assert_eq!(entries(&it, "?ring=refused").await, found[..1]);
+    assert_eq!(entries(&it, "?ring=changes").await, found[2..]);
+
+    // What was counted outlives a restart.
+    it = it.restart().await;
+    assert_eq!(entries(&it, "").await, found);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn failed_changes_of_a_robot_wash_nothing_out_and_are_slowed() {
+    let it = Harness::start_with(|config| {
+        config.access = Access::Keys;
+        config.audit_entries_max = RingSizes { changes: 3, refused: 5, strangers: 5 };
+        config.failed_changes_per_minute = NonZeroU32::new(10).unwrap();
+    })
+    .await;
+    it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
+    let robot = it.new_key("arm", "robot").await;
+    let delete = |path: String| {
+        let robot = robot.clone();
+        let it = &it;
+        async move { it.send_as(Some(&robot), Method::DELETE, &path).await }
+    };
+    for number in 0..10 {
+        let path = format!("/v1/sessions/0198a0d0-0000-7000-8000-00000000000{number}");
+        delete(path).await.problem(404, "not-found", None);
+    }
+    let slowed = delete("/v1/sessions/0198a0d0-0000-7000-8000-000000000000".to_owned()).await;
+    slowed.problem(429, "too-many-requests", None);
+    assert!(slowed.headers.contains_key("retry-after"));
+    assert!(slowed.headers["ratelimit"].to_str().unwrap().starts_with("\"failed-changes\";r=0"));
+    // What only reads is not slowed, nor is another key.
+    it.send_as(Some(&robot), Method::GET, "/v1/sessions").await.expect(200);
+    it.send(Method::DELETE, "/v1/objects/mug", None).await.expect(204);
+    let found = entries(&it, "").await;
+    let expected = [
+        ("delete_object", "admin", 204),
+        ("delete_session", "arm", 429),
+        ("delete_session", "arm", 404),
+        ("create_key", "admin", 201),
+        ("create_object", "admin", 201),
+    ];
+    assert_eq!(brief(&found), expected);
+    assert_eq!(found[2]["n"], 10);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn sessions_that_are_kept_open_are_in_the_log_counted() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    for _ in 0..3 {
+        let path = format!("/v1/sessions/{session}/lease");
+        it.post(&path, &json!({"seconds": 60})).await.expect(200);
+    }
+    let found = entries(&it, "?limit=2").await;
+    assert_eq!(brief(&found), [("extend_session", "-", 200), ("create_session", "-", 201)]);
+    assert_eq!(found[0]["n"], 3);
+    assert_eq!(found[0]["resource"], format!("/v1/sessions/{session}/lease"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn readiness_tells_figures_to_holders_of_keys_only() {
+    let it = Harness::guarded().await;
+    let figures = |readiness: &Value| {
+        let checks = readiness["checks"].as_array().unwrap();
+        checks.iter().filter(|check| check["detail"] != "passed").count()
+    };
+    assert_eq!(figures(&it.send_as(None, Method::GET, "/readyz").await.expect(200)), 0);
+    let wrong = it.send_as(Some("palpate_x"), Method::GET, "/readyz").await;
+    assert_eq!(figures(&wrong.expect(200)), 0, "it stays open to supervisors");
+    assert_eq!(figures(&it.get("/readyz").await.expect(200)), 6);
+    let open = Harness::start().await;
+    assert_eq!(figures(&open.get("/readyz").await.expect(200)), 6);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -128,6 +219,7 @@ async fn a_question_that_is_wrong_is_refused_by_name() {
         ("limit=0", "?limit"),
         ("cursor=x", "?cursor"),
         ("who=me", "?who"),
+        ("ring=all", "?ring"),
     ] {
         let answer = it.get(&format!("/v1/audit?{query}")).await;
         answer.problem(422, "invalid-value", Some(pointer));

@@ -8,7 +8,7 @@ use palpate_server::{FreeSpace, Server};
 use palpate_store::database::Database;
 use palpate_store::engine::{Commit, Engine};
 use palpate_store::sled::{SledEngine, SledOptions};
-use palpate_store::snapshot::{restore, verify};
+use palpate_store::snapshot::{KeysFrom, restore, verify};
 use serde_json::{Value, json};
 
 use crate::harness::{CUBE, Harness, config, quiet_reading, touches};
@@ -151,7 +151,7 @@ async fn a_snapshot_of_the_running_service_restores_to_the_same_beliefs() {
     let folder = tempfile::tempdir().unwrap();
     {
         let engine = SledEngine::open(folder.path(), &SledOptions::default()).unwrap();
-        restore(&bytes[..], &engine).unwrap();
+        restore(&bytes[..], &engine, KeysFrom::Snapshot).unwrap();
     }
     let server = Server::start(config(folder.path())).await.unwrap();
     let url = |path: &str| format!("http://{}{path}", server.local_addr());

@@ -37,4 +37,5 @@ mod tables;
 mod tls;
 mod training;
 mod warnings;
+mod who;
 mod words;

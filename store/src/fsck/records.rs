@@ -15,8 +15,9 @@ use crate::journal::Entry;
 use crate::key;
 use crate::mesh::MeshInfo;
 use crate::record::{
-    self, JournalHeadV1, JournalRetractionV1, JournalRobotV1, LayoutV1, NameV1, Record,
+    self, ClockV1, JournalHeadV1, JournalRetractionV1, JournalRobotV1, LayoutV1, NameV1, Record,
 };
+use crate::robot::RobotHolder;
 
 /// A record that has all its pieces and is whole.
 pub(super) enum Whole {
@@ -66,7 +67,9 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'k' => ("calibration", Some(25), "readings that it applies to cannot be used"),
         b'b' => ("block", Some(33), "versions with it cannot be recognised with"),
         b'a' => ("key", Some(17), "whoever holds the key is not let in"),
-        b'l' => ("audit entry", Some(9), "the audit log lacks the entry"),
+        b'y' => ("clock", Some(1), "a key that has expired is let in when the clock is set back"),
+        b'h' => ("robot", None, "the robot's name belongs to nobody"),
+        b'l' | b'd' | b'q' => ("audit entry", Some(9), "the audit log lacks the entry"),
         _ => ("other", None, "it is not known to this version of Palpate"),
     }
 }
@@ -82,16 +85,23 @@ pub(super) fn words(key: &[u8]) -> String {
         bytes.map_or(0, u64::from_be_bytes)
     };
     match (key.first(), key.len()) {
-        (Some(b'!'), 1) => "of the whole".to_owned(),
+        (Some(b'!' | b'y'), 1) => "of the whole".to_owned(),
         (Some(b's' | b'o' | b'm' | b'T' | b'j' | b'e' | b'R' | b'c' | b'a'), 17..) => id(1),
         (Some(b't' | b'r' | b'x'), 25..) => format!("{} entry {}", id(1), number(17)),
         (Some(b'v' | b'k'), 25..) => format!("{} number {}", id(1), number(17)),
-        (Some(b'l'), 9..) => format!("number {}", number(1)),
+        (Some(b'l' | b'd' | b'q'), 9..) => format!("number {}", number(1)),
         (Some(b'f'), 33..) => format!("{} upload {}", id(1), id(17)),
         (Some(b'n'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
+        (Some(b'h'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
         (Some(b'u' | b'w'), 26..) => {
-            let robot = String::from_utf8_lossy(&key[18..key.len() - 8]);
-            format!("{} robot {robot:?} number {}", id(1), number(key.len() - 8))
+            let end = (18 + usize::from(key[17])).min(key.len() - 8);
+            let robot = String::from_utf8_lossy(&key[18..end]);
+            let by = if key.len() == end + 24 {
+                format!(" of key {}", id(end + 8))
+            } else {
+                String::new()
+            };
+            format!("{} robot {robot:?} number {}{by}", id(1), number(end))
         }
         _ => hex(key),
     }
@@ -224,7 +234,9 @@ impl Assembly {
             b'v' => decoded(bytes, Whole::Version),
             b'k' => decoded(bytes, Whole::Calibration),
             b'a' => decoded(bytes, |_: AccessKey| Whole::Alone),
-            b'l' => decoded(bytes, |_: AuditEntry| Whole::Alone),
+            b'y' => decoded(bytes, |_: ClockV1| Whole::Alone),
+            b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),
+            b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),
             b'f' => self.raw(Kind::MeshFile),
             b'b' => self.raw(Kind::Block),
             _ => envelope::open_any(bytes).map(|_| Whole::Other).map_err(|error| error.to_string()),

@@ -1,4 +1,5 @@
-//! API keys and entries of the audit log as they are stored.
+//! API keys, the names of robots that belong to them, and entries of the audit log as they are
+//! stored.
 
 use bincode::{Decode, Encode};
 use uuid::Uuid;
@@ -8,6 +9,7 @@ use crate::access::{AccessKey, PreviousSecret, Role};
 use crate::audit::AuditEntry;
 use crate::envelope::Kind;
 use crate::error::RecordError;
+use crate::robot::RobotHolder;
 
 const ROLES: [Role; 4] = [Role::Robot, Role::Trainer, Role::Viewer, Role::Admin];
 
@@ -60,6 +62,30 @@ impl Record for AccessKey {
 }
 
 #[derive(Encode, Decode)]
+struct RobotHolderRecordV1 {
+    robot: String,
+    key: IdV1,
+    since_ms: u64,
+}
+
+impl Record for RobotHolder {
+    const KIND: Kind = Kind::RobotHolder;
+
+    fn to_payload(&self) -> Vec<u8> {
+        write(&RobotHolderRecordV1 {
+            robot: self.robot.clone(),
+            key: self.key.into_bytes(),
+            since_ms: self.since_ms,
+        })
+    }
+
+    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
+        let RobotHolderRecordV1 { robot, key, since_ms } = read(payload)?;
+        Ok(Self { robot, key: Uuid::from_bytes(key), since_ms })
+    }
+}
+
+#[derive(Encode, Decode)]
 struct AuditRecordV1 {
     seq: u64,
     at_ms: u64,
@@ -73,11 +99,20 @@ struct AuditRecordV1 {
     n_left_out: u32,
 }
 
+/// Schema 1 with how often it was asked, and when the last time.
+#[derive(Encode, Decode)]
+struct AuditRecordV2 {
+    first: AuditRecordV1,
+    n: u32,
+    last_at_ms: u64,
+}
+
 impl Record for AuditEntry {
     const KIND: Kind = Kind::Audit;
+    const SCHEMA: u16 = 2;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&AuditRecordV1 {
+        let first = AuditRecordV1 {
             seq: self.seq,
             at_ms: self.at_ms,
             key: self.key.as_ref().map(|(id, name)| (id.into_bytes(), name.clone())),
@@ -88,23 +123,35 @@ impl Record for AuditEntry {
             status: self.status,
             request_id: self.request_id.clone(),
             n_left_out: self.n_left_out,
-        })
+        };
+        write(&AuditRecordV2 { first, n: self.n, last_at_ms: self.last_at_ms })
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: AuditRecordV1 = read(payload)?;
-        let role = stored.role.map(|role| coded(&ROLES, "role", role)).transpose()?;
-        Ok(Self {
-            seq: stored.seq,
-            at_ms: stored.at_ms,
-            key: stored.key.map(|(id, name)| (Uuid::from_bytes(id), name)),
-            role,
-            address: stored.address,
-            operation: stored.operation,
-            resource: stored.resource,
-            status: stored.status,
-            request_id: stored.request_id,
-            n_left_out: stored.n_left_out,
-        })
+        let AuditRecordV2 { first, n, last_at_ms } = read(payload)?;
+        Ok(Self { n, last_at_ms, ..once(first)? })
     }
+
+    fn from_older(_schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        once(read(payload)?)
+    }
+}
+
+/// An entry of schema 1: it was asked once.
+fn once(stored: AuditRecordV1) -> Result<AuditEntry, RecordError> {
+    let role = stored.role.map(|role| coded(&ROLES, "role", role)).transpose()?;
+    Ok(AuditEntry {
+        seq: stored.seq,
+        at_ms: stored.at_ms,
+        key: stored.key.map(|(id, name)| (Uuid::from_bytes(id), name)),
+        role,
+        address: stored.address,
+        operation: stored.operation,
+        resource: stored.resource,
+        status: stored.status,
+        request_id: stored.request_id,
+        n_left_out: stored.n_left_out,
+        n: 1,
+        last_at_ms: stored.at_ms,
+    })
 }

@@ -1,7 +1,8 @@
-//! Journal entries as they are stored: schema 4.
+//! Journal entries as they are stored: schema 5, which is schema 4 and the key that wrote them.
 //!
-//! Schemas 1 to 3 are those of layout 1; `migrations` turns them into schema 4, and nothing else
-//! reads them.
+//! Entries of schema 4 are read as ones whose key was not recorded, and stay as they are. Schemas
+//! 1 to 3 are those of layout 1; `migrations` turns them into later ones, and nothing else reads
+//! them.
 
 use bincode::{Decode, Encode};
 use palpate_core::pose::Pose;
@@ -13,6 +14,12 @@ use crate::entity::{ReadingId, StoredReading};
 use crate::envelope::Kind;
 use crate::error::RecordError;
 use crate::journal::{Entry, Event};
+
+#[derive(Encode, Decode)]
+struct JournalEntryV5 {
+    entry: JournalEntryV4,
+    written_by: Option<IdV1>,
+}
 
 #[derive(Encode, Decode)]
 struct JournalEntryV4 {
@@ -44,7 +51,7 @@ enum EventV4 {
 
 impl Record for Entry {
     const KIND: Kind = Kind::JournalEntry;
-    const SCHEMA: u16 = 4;
+    const SCHEMA: u16 = 5;
 
     fn to_payload(&self) -> Vec<u8> {
         let event = match &self.event {
@@ -64,20 +71,30 @@ impl Record for Entry {
             Event::Closed => EventV4::Closed,
         };
         let reading_id = self.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
-        write(&JournalEntryV4 {
+        let entry = JournalEntryV4 {
             seq: self.seq,
             received_at_ms: self.received_at_ms,
             reading_id,
             event,
-        })
+        };
+        write(&JournalEntryV5 { entry, written_by: self.written_by.map(Uuid::into_bytes) })
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        entry(read(payload)?)
+        let JournalEntryV5 { entry, written_by } = read(payload)?;
+        Ok(Self { written_by: written_by.map(Uuid::from_bytes), ..unsigned(entry)? })
+    }
+
+    fn from_older(schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        match schema {
+            4 => unsigned(read(payload)?),
+            found => Err(RecordError::Schema { found, known: Self::SCHEMA }),
+        }
     }
 }
 
-fn entry(stored: JournalEntryV4) -> Result<Entry, RecordError> {
+/// An entry of schema 4, whose key was not recorded.
+fn unsigned(stored: JournalEntryV4) -> Result<Entry, RecordError> {
     let event = match stored.event {
         EventV4::Reading {
             sensor,
@@ -106,7 +123,8 @@ fn entry(stored: JournalEntryV4) -> Result<Entry, RecordError> {
         EventV4::Closed => Event::Closed,
     };
     let reading_id = stored.reading_id.map(|(robot, seq)| ReadingId { robot, seq });
-    Ok(Entry { seq: stored.seq, received_at_ms: stored.received_at_ms, reading_id, event })
+    let JournalEntryV4 { seq, received_at_ms, .. } = stored;
+    Ok(Entry { seq, received_at_ms, reading_id, event, written_by: None })
 }
 
 /// A pose bit by bit as it was stored: checked, but not normalised again, so that a reading

@@ -6,12 +6,14 @@ use std::io::{ErrorKind, Read};
 use super::{
     END, FORM, MADE_BY_BYTES_MAX, MAGIC, PAIR, SnapshotError, SnapshotHeader, SnapshotManifest,
 };
+use crate::access::AccessKey;
 use crate::database::LAYOUT;
 use crate::engine::{
     Commit, CommitError, Engine, EngineError, KEY_BYTES_MAX, Pair, VALUE_BYTES_MAX,
 };
 use crate::fsck::{Checker, Report};
-use crate::key::{self, Space};
+use crate::key::{self, ID_KEY_BYTES, Space};
+use crate::record;
 
 /// How many pairs one commit of a restoration carries.
 const PAIRS_PER_COMMIT: usize = 256;
@@ -43,12 +45,72 @@ pub fn verify(source: impl Read) -> Result<(SnapshotManifest, Report), SnapshotE
     }
 }
 
+/// The API keys in a snapshot that was verified, oldest first; damaged ones are left out.
+///
+/// # Errors
+/// [`SnapshotError`] says what is wrong with the stream.
+pub fn keys(source: impl Read) -> Result<Vec<AccessKey>, SnapshotError> {
+    let (mut reader, mut found) = (Reader::new(source)?, Vec::new());
+    while let Some((key, value)) = reader.next()? {
+        if key.first() == Some(&(Space::AccessKey as u8)) && key.len() == ID_KEY_BYTES {
+            found.extend(record::decode::<AccessKey>(&value).ok());
+        }
+    }
+    reader.finish()?;
+    Ok(found)
+}
+
+/// Where a restored database has its keys from, with the names of robots that belong to them.
+#[derive(Clone, Copy)]
+pub enum KeysFrom<'engine> {
+    /// From the snapshot.
+    Snapshot,
+    /// It has none.
+    Nowhere,
+    /// From this database, with its latest time.
+    Engine(&'engine dyn Engine),
+}
+
+impl KeysFrom<'_> {
+    /// Whether a pair of the snapshot is restored.
+    fn takes(self, key: &[u8]) -> bool {
+        let is_of = |spaces: &[Space]| spaces.iter().any(|space| key[0] == *space as u8);
+        match self {
+            Self::Snapshot => true,
+            Self::Nowhere => !is_of(&OF_KEYS),
+            Self::Engine(_) => !is_of(&OF_KEYS) && !is_of(&[Space::Clock]),
+        }
+    }
+}
+
+/// What belongs to keys.
+const OF_KEYS: [Space; 2] = [Space::AccessKey, Space::RobotHolder];
+
+/// Copies keys, and what belongs to them, from another database.
+fn copy_keys(from: &dyn Engine, engine: &dyn Engine) -> Result<(), EngineError> {
+    for space in OF_KEYS.into_iter().chain([Space::Clock]) {
+        let mut after: Option<Vec<u8>> = None;
+        loop {
+            let page = from.scan(&key::space(space), after.as_deref(), PAIRS_PER_COMMIT)?;
+            let Some((last, _)) = page.last() else { break };
+            after = Some(last.clone());
+            let put = |commit: Commit, (key, value)| commit.put(key, value);
+            write(engine, page.into_iter().fold(Commit::new(), put))?;
+        }
+    }
+    Ok(())
+}
+
 /// Writes a snapshot into an empty engine, the layout's number last: a database without it is
 /// refused, so an interrupted restoration is never taken for a whole one. Blocks.
 ///
 /// # Errors
 /// [`SnapshotError`]; the engine may hold a part then, without a layout.
-pub fn restore(source: impl Read, engine: &dyn Engine) -> Result<SnapshotManifest, SnapshotError> {
+pub fn restore(
+    source: impl Read,
+    engine: &dyn Engine,
+    from: KeysFrom<'_>,
+) -> Result<SnapshotManifest, SnapshotError> {
     if !engine.scan(&[], None, 1)?.is_empty() {
         return Err(SnapshotError::NotEmpty);
     }
@@ -60,6 +122,9 @@ pub fn restore(source: impl Read, engine: &dyn Engine) -> Result<SnapshotManifes
             layout = Some(value);
             continue;
         }
+        if !from.takes(&key) {
+            continue;
+        }
         commit = commit.put(key, value);
         if commit.writes.len() == PAIRS_PER_COMMIT {
             write(engine, std::mem::take(&mut commit))?;
@@ -68,6 +133,9 @@ pub fn restore(source: impl Read, engine: &dyn Engine) -> Result<SnapshotManifes
     let at = reader.at;
     let manifest = reader.finish()?;
     write(engine, commit)?;
+    if let KeysFrom::Engine(other) = from {
+        copy_keys(other, engine)?;
+    }
     let fault = "it has no layout";
     let layout = layout.ok_or(SnapshotError::Damaged { at, fault })?;
     write(engine, Commit::new().put(layout_key, layout))?;

@@ -1,11 +1,12 @@
 //! Keys and the audit log: their frozen bytes, and what the log promises on both engines.
 //!
-//! `golden/access_v1.txt` was written by this test's `written` and is never changed.
+//! `golden/access_v1.txt` was written by this test's `written` when entries of the audit log had
+//! schema 1, `golden/access_v2.txt` is written by it today. They are never changed.
 
 use std::sync::Arc;
 
 use palpate_store::access::{AccessKey, PreviousSecret, Role};
-use palpate_store::audit::{AuditEntry, AuditLog};
+use palpate_store::audit::{AuditEntry, AuditLog, Ring, RingSizes};
 use palpate_store::database::Database;
 use palpate_store::engine::Engine;
 use palpate_store::memory::MemoryEngine;
@@ -15,7 +16,12 @@ use uuid::Uuid;
 use crate::bytes::{lines, thawed};
 use crate::samples::wait;
 
-const GOLDEN: &str = include_str!("golden/access_v1.txt");
+/// Entries of the audit log of schema 1.
+const GOLDEN_V1: &str = include_str!("golden/access_v1.txt");
+/// Of schema 2.
+const GOLDEN: &str = include_str!("golden/access_v2.txt");
+
+const SIZES: RingSizes = RingSizes { changes: 10, refused: 10, strangers: 10 };
 
 fn key(id: u128) -> AccessKey {
     AccessKey {
@@ -43,6 +49,8 @@ fn asked(at_ms: u64) -> AuditEntry {
         status: None,
         request_id: "r-1".to_owned(),
         n_left_out: 3,
+        n: 1,
+        last_at_ms: at_ms,
     }
 }
 
@@ -51,18 +59,32 @@ fn written() -> String {
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
     wait(async {
         database.keys().create(&key(80)).await.unwrap();
-        let log = database.audit(10).unwrap();
-        log.append(asked(1_700_000_000_025)).await.unwrap();
+        let log = database.audit(SIZES).unwrap();
+        log.begin(asked(1_700_000_000_025)).await.unwrap();
+        log.add(refused(1_700_000_000_026)).await.unwrap();
+        log.add(AuditEntry { key: None, role: None, ..refused(1_700_000_000_027) }).await.unwrap();
     });
     lines(&*engine)
 }
 
-fn append(log: &AuditLog, at_ms: u64) -> AuditEntry {
-    wait(log.append(asked(at_ms))).unwrap()
+fn refused(at_ms: u64) -> AuditEntry {
+    AuditEntry { status: Some(403), n: 4, last_at_ms: at_ms + 5, ..asked(at_ms) }
+}
+
+/// A change that was made.
+fn change(log: &AuditLog, at_ms: u64) -> AuditEntry {
+    let entry = wait(log.begin(asked(at_ms))).unwrap();
+    let entry = AuditEntry { status: Some(204), ..entry };
+    wait(log.settle(&entry)).unwrap();
+    entry
 }
 
 fn numbers(log: &AuditLog) -> Vec<u64> {
     log.before(None, 1000).unwrap().iter().map(|entry| entry.seq).collect()
+}
+
+fn of(changes: u64) -> RingSizes {
+    RingSizes { changes, ..SIZES }
 }
 
 #[test]
@@ -74,17 +96,31 @@ fn todays_bytes_are_the_frozen_bytes() {
 fn frozen_bytes_are_read() {
     let database = thawed(GOLDEN);
     assert_eq!(database.keys().all().unwrap(), [key(80)]);
+    let found = database.audit(SIZES).unwrap().before(None, 10).unwrap();
+    let stranger = AuditEntry { key: None, role: None, ..refused(1_700_000_000_027) };
+    let expected = [stranger, refused(1_700_000_000_026), asked(1_700_000_000_025)];
+    let seqs = (1..=3).rev();
+    let expected = expected.into_iter().zip(seqs).map(|(entry, seq)| AuditEntry { seq, ..entry });
+    assert_eq!(found, expected.collect::<Vec<_>>());
+}
+
+#[test]
+fn frozen_bytes_of_schema_1_are_read() {
+    let database = thawed(GOLDEN_V1);
+    assert_eq!(database.keys().all().unwrap(), [key(80)]);
+    let log = database.audit(SIZES).unwrap();
     let entry = AuditEntry { seq: 1, ..asked(1_700_000_000_025) };
-    assert_eq!(database.audit(10).unwrap().before(None, 10).unwrap(), [entry]);
+    assert_eq!(log.before(None, 10).unwrap(), [entry]);
+    assert_eq!(change(&log, 0).seq, 2);
 }
 
 #[test]
 fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
     let law = |database: &Database| {
-        let log = database.audit(3).unwrap();
+        let log = database.audit(of(3)).unwrap();
         assert_eq!(numbers(&log), []);
         for at_ms in 1..=5 {
-            append(&log, at_ms);
+            change(&log, at_ms);
         }
         assert_eq!(numbers(&log), [5, 4, 3]);
         let pages = |seq| log.before(seq, 2).unwrap().iter().map(|e| e.seq).collect::<Vec<_>>();
@@ -93,8 +129,8 @@ fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
         assert_eq!(pages(Some(3)), []);
 
         // Opened anew, for fewer: numbers go on, times do not go back.
-        let log = database.audit(2).unwrap();
-        let entry = append(&log, 0);
+        let log = database.audit(of(2)).unwrap();
+        let entry = change(&log, 0);
         assert_eq!((entry.seq, entry.at_ms), (6, 5));
         assert_eq!(numbers(&log), [6, 5]);
     };
@@ -104,24 +140,60 @@ fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
 }
 
 #[test]
-fn a_status_is_added_unless_the_entry_has_left_the_log() {
+fn refusals_and_failures_push_no_change_out() {
     let database = Database::in_memory();
-    let log = database.audit(2).unwrap();
-    let first = append(&log, 1);
-    wait(log.finish(&AuditEntry { status: Some(204), ..first.clone() })).unwrap();
-    assert_eq!(log.before(None, 1).unwrap()[0].status, Some(204));
-    append(&log, 2);
-    append(&log, 3);
-    wait(log.finish(&AuditEntry { status: Some(500), ..first })).unwrap();
-    assert_eq!(numbers(&log), [3, 2]);
-    assert_eq!(numbers(&database.audit(2).unwrap()), [3, 2]);
+    let sizes = RingSizes { changes: 2, refused: 2, strangers: 1 };
+    let log = database.audit(sizes).unwrap();
+    let changes = [change(&log, 1), change(&log, 2)];
+    for at_ms in 3..=9 {
+        let entry = wait(log.begin(asked(at_ms))).unwrap();
+        wait(log.settle(&AuditEntry { status: Some(404), ..entry })).unwrap();
+        let entry = wait(log.begin(asked(at_ms))).unwrap();
+        wait(log.discard(&entry)).unwrap();
+        wait(log.add(AuditEntry { key: None, ..refused(at_ms) })).unwrap();
+    }
+    let law = |log: &AuditLog| {
+        let rings: Vec<Ring> = log.before(None, 9).unwrap().iter().map(AuditEntry::ring).collect();
+        let (refused, stranger) = (Ring::Refused, Ring::Strangers);
+        assert_eq!(rings, [stranger, refused, refused, Ring::Changes, Ring::Changes]);
+        assert_eq!(log.before(None, 9).unwrap()[4], changes[0]);
+    };
+    law(&log);
+    law(&database.audit(sizes).unwrap());
+}
+
+#[test]
+fn an_entry_that_is_not_settled_pushes_nothing_out() {
+    let log = Database::in_memory().audit(of(2)).unwrap();
+    let first = wait(log.begin(asked(1))).unwrap();
+    for at_ms in 2..=4 {
+        change(&log, at_ms);
+    }
+    assert_eq!(numbers(&log), [4, 3, 1]);
+    wait(log.settle(&AuditEntry { status: Some(204), ..first })).unwrap();
+    assert_eq!(numbers(&log), [4, 3]);
+}
+
+#[test]
+fn an_entry_is_counted_up_unless_it_has_left_the_log() {
+    let database = Database::in_memory();
+    let sizes = RingSizes { refused: 1, ..SIZES };
+    let log = database.audit(sizes).unwrap();
+    let first = wait(log.add(refused(1))).unwrap();
+    wait(log.update(&AuditEntry { n: 9, last_at_ms: 70, ..first.clone() })).unwrap();
+    let found = log.before(None, 1).unwrap();
+    assert_eq!((found[0].n, found[0].last_at_ms), (9, 70));
+    wait(log.add(refused(2))).unwrap();
+    wait(log.update(&AuditEntry { n: 10, ..first })).unwrap();
+    assert_eq!(numbers(&log), [2]);
+    assert_eq!(numbers(&database.audit(sizes).unwrap()), [2]);
 }
 
 #[test]
 fn a_log_of_more_than_one_window_is_read_whole() {
-    let log = Database::in_memory().audit(1000).unwrap();
+    let log = Database::in_memory().audit(of(1000)).unwrap();
     for at_ms in 0..600 {
-        append(&log, at_ms);
+        change(&log, at_ms);
     }
     assert_eq!(numbers(&log), (1..=600).rev().collect::<Vec<_>>());
 }

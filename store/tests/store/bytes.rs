@@ -3,7 +3,7 @@
 //! `golden/records_v1.txt` was written by this test's `current` on layout 1 and is never
 //! changed: what it holds must be readable for ever. A new schema adds a file:
 //! `golden/records_v2.txt` has journal entries of schema 2 and calibrations,
-//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4,
+//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4, `golden/records_v5.txt` of schema 5,
 //! `golden/retractions_v1.txt` what withdraws a reading.
 
 use std::fmt::Write;
@@ -19,6 +19,7 @@ use palpate_store::entity::{Object, ReadingId, StoredReading};
 use palpate_store::journal::{Entry, Event, NewEntry};
 use palpate_store::memory::MemoryEngine;
 use palpate_store::record::{decode, encode};
+use palpate_store::robot::RobotHolder;
 use proptest::prelude::*;
 use uuid::Uuid;
 
@@ -28,6 +29,8 @@ const GOLDEN: &str = include_str!("golden/records_v1.txt");
 const GOLDEN_V2: &str = include_str!("golden/records_v2.txt");
 const GOLDEN_V3: &str = include_str!("golden/records_v3.txt");
 const GOLDEN_V4: &str = include_str!("golden/records_v4.txt");
+/// Of schema 5, and of robots' names.
+const GOLDEN_V5: &str = include_str!("golden/records_v5.txt");
 const GOLDEN_RETRACTIONS: &str = include_str!("golden/retractions_v1.txt");
 
 /// Every key and value of a filled database, a line each in hexadecimal; values above 500
@@ -75,12 +78,28 @@ fn current_v4() -> String {
     lines(&*engine)
 }
 
+/// The same of a database with what schema 5 brought: who wrote an entry, and a robot's name.
+fn current_v5() -> String {
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    let database = Database::with_engine(Arc::clone(&engine)).unwrap();
+    let closed = NewEntry { event: Event::Closed, ..samples::entry("b", 1) };
+    let key = Uuid::from_u128(80);
+    let entries = [NewEntry { written_by: Some(key), ..samples::moved_entry("a", 1) }, closed];
+    let holder = RobotHolder { robot: "arm-3".to_owned(), key, since_ms: 7 };
+    samples::wait(async {
+        database.journal().append(Uuid::from_u128(50), 0, &entries).await.unwrap();
+        database.robots().put(&[holder]).await.unwrap();
+    });
+    lines(&*engine)
+}
+
 /// The same of a database with a reading that is withdrawn.
 fn current_retractions() -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
     let event = Event::Retraction { seq: 0 };
-    let retraction = NewEntry { reading_id: None, received_at_ms: 1_790_000_000_001, event };
+    let (received_at_ms, written_by) = (1_790_000_000_001, None);
+    let retraction = NewEntry { reading_id: None, received_at_ms, event, written_by };
     let entries = [samples::moved_entry("a", 1), retraction];
     samples::wait(async {
         database.journal().append(Uuid::from_u128(50), 0, &entries).await.unwrap();
@@ -113,7 +132,7 @@ fn unhex(text: &str) -> Vec<u8> {
     (0..text.len()).step_by(2).map(digits).collect()
 }
 
-/// Journal entries (`r`, `t`) are written with schema 4 today.
+/// Journal entries (`r`, `t`) are written with schema 5 today.
 fn is_entry(line: &str) -> bool {
     line.starts_with("72") || line.starts_with("74")
 }
@@ -149,14 +168,34 @@ fn todays_bytes_of_schema_3_are_the_frozen_bytes() {
 fn todays_bytes_of_schema_4_are_the_frozen_bytes() {
     let current = current_v4();
     for (now, frozen) in current.lines().zip(GOLDEN_V4.lines()) {
-        assert_eq!(now, frozen);
+        assert!(now == frozen || is_entry(now), "{now}");
     }
     assert_eq!(current.lines().count(), GOLDEN_V4.lines().count(), "\n{current}");
 }
 
 #[test]
+fn todays_bytes_of_schema_5_are_the_frozen_bytes() {
+    assert_eq!(current_v5(), GOLDEN_V5);
+}
+
+#[test]
+fn frozen_bytes_of_schema_5_are_read() {
+    let database = thawed(GOLDEN_V5);
+    let entries = database.journal().entries(Uuid::from_u128(50), 0, 10).unwrap();
+    let events: Vec<_> = entries.iter().map(|entry| (&entry.event, entry.written_by)).collect();
+    let (key, reading) = (Some(Uuid::from_u128(80)), samples::moved_entry("a", 1).event);
+    assert_eq!(events, [(&reading, key), (&Event::Closed, None)]);
+    let holder = RobotHolder { robot: "arm-3".to_owned(), key: Uuid::from_u128(80), since_ms: 7 };
+    assert_eq!(database.robots().all().unwrap(), [holder]);
+}
+
+#[test]
 fn todays_bytes_of_retractions_are_the_frozen_bytes() {
-    assert_eq!(current_retractions(), GOLDEN_RETRACTIONS);
+    let current = current_retractions();
+    for (now, frozen) in current.lines().zip(GOLDEN_RETRACTIONS.lines()) {
+        assert!(now == frozen || is_entry(now), "{now}");
+    }
+    assert_eq!(current.lines().count(), GOLDEN_RETRACTIONS.lines().count(), "\n{current}");
 }
 
 #[test]
@@ -169,6 +208,7 @@ fn frozen_bytes_of_retractions_are_read() {
 #[test]
 fn frozen_bytes_of_schema_4_are_read() {
     let entries = thawed(GOLDEN_V4).journal().entries(Uuid::from_u128(50), 0, 10).unwrap();
+    assert!(entries.iter().all(|entry| entry.written_by.is_none()), "not recorded");
     let events: Vec<Event> = entries.into_iter().map(|entry| entry.event).collect();
     assert_eq!(events, [samples::moved_entry("a", 1).event, Event::Closed]);
 }
@@ -241,6 +281,7 @@ fn entry() -> impl Strategy<Value = Entry> {
             reading_id: id.map(|(robot, seq)| ReadingId { robot, seq }),
             received_at_ms,
             event,
+            written_by: received_at_ms.is_multiple_of(3).then(|| Uuid::from_u128(80)),
         },
     )
 }

@@ -183,7 +183,8 @@ fn a_repeated_reading_is_found_and_not_stored_twice() {
         let twice = wait(journal.append_next(owner, &[entry("c", 1), entry("c", 1)]));
         assert!(matches!(twice, Err(AppendError::Repeated { at: 1, .. })), "{twice:?}");
         assert_eq!(journal.len(owner), Ok(1));
-        let find = |robot: &str, seq| journal.find(owner, &ReadingId { robot: robot.into(), seq });
+        let find =
+            |robot: &str, seq| journal.find(owner, &ReadingId { robot: robot.into(), seq }, None);
         assert_eq!(find("a", 7), Ok(Some(0)));
         assert_eq!(find("b", 1), Ok(None));
         let long = wait(journal.append_next(owner, &[entry(&"r".repeat(65), 1)]));
@@ -199,8 +200,12 @@ fn readings_of_large_sensors_and_other_events_are_kept() {
         let (journal, owner) = (database.journal(), Uuid::from_u128(1));
         let large = Event::Reading(samples::reading(128 * 128));
         let events = [large, Event::Retraction { seq: 0 }, Event::Closed];
-        let entries =
-            events.clone().map(|event| NewEntry { reading_id: None, received_at_ms: 1, event });
+        let entries = events.clone().map(|event| NewEntry {
+            reading_id: None,
+            received_at_ms: 1,
+            event,
+            written_by: None,
+        });
         wait(journal.append(owner, 0, &entries)).unwrap();
         let found = journal.entries(owner, 0, 10).unwrap();
         assert_eq!(found.into_iter().map(|entry| entry.event).collect::<Vec<_>>(), events);
@@ -215,6 +220,7 @@ fn an_entry_is_withdrawn_once() {
         let (journal, owner) = (database.journal(), Uuid::from_u128(1));
         let retraction = |seq| NewEntry {
             reading_id: None,
+            written_by: None,
             received_at_ms: 1,
             event: Event::Retraction { seq },
         };
@@ -358,4 +364,22 @@ fn a_repeated_reading_is_the_same_under_another_calibration() {
     let again = StoredReading { calibration: 3, ..first.clone() };
     assert!(first.is_repeated_by(&again));
     assert!(!first.is_repeated_by(&StoredReading { stamp_ns: None, ..again }));
+}
+
+#[test]
+fn robots_numbers_count_per_key() {
+    let (journal, owner) = (Database::in_memory().journal(), Uuid::from_u128(50));
+    let id = |seq| ReadingId { robot: "a".to_owned(), seq };
+    let [one, other] = [1, 2].map(|key| Some(Uuid::from_u128(key)));
+    let entry = |written_by, seq| NewEntry { written_by, ..samples::entry("a", seq) };
+    let entries = [entry(one, 7), entry(other, 7), entry(None, 9)];
+    samples::wait(journal.append(owner, 0, &entries)).unwrap();
+    assert_eq!(journal.find(owner, &id(7), one), Ok(Some(0)));
+    assert_eq!(journal.find(owner, &id(7), other), Ok(Some(1)));
+    assert_eq!(journal.find(owner, &id(7), None), Ok(None));
+    assert_eq!(journal.find(owner, &id(9), other), Ok(Some(2)), "its key was not recorded");
+    let again = samples::wait(journal.append(owner, 3, &[entry(other, 7)])).unwrap_err();
+    assert_eq!(again, AppendError::Repeated { robot: "a".to_owned(), seq: 7, at: 1 });
+    samples::wait(journal.remove(owner)).unwrap();
+    assert_eq!(journal.find(owner, &id(7), one), Ok(None));
 }

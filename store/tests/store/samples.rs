@@ -141,6 +141,7 @@ pub(crate) fn calibration(sensor: u128) -> StoredCalibration {
 pub(crate) fn entry(robot: &str, seq: u64) -> NewEntry {
     NewEntry {
         reading_id: Some(ReadingId { robot: robot.to_owned(), seq }),
+        written_by: None,
         received_at_ms: 1_700_000_000_008,
         event: Event::Reading(reading(36)),
     }
@@ -214,7 +215,7 @@ pub(crate) fn read_all(database: &Database) -> Result<(), String> {
         same("journal", events == vec![Event::Reading(reading(36)); expected.len()])?;
         for (seq, entry) in (0..).zip(&expected) {
             let id = entry.reading_id.as_ref().unwrap();
-            same("robots", journal.find(owner, id).map_err(text)? == Some(seq))?;
+            same("robots", journal.find(owner, id, entry.written_by).map_err(text)? == Some(seq))?;
         }
     }
     same("jobs", database.jobs().all().map_err(text)? == [job(40)])?;

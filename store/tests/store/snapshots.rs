@@ -2,13 +2,18 @@
 
 use std::sync::Arc;
 
+use palpate_store::access::{AccessKey, Role};
 use palpate_store::database::{Database, LAYOUT};
 use palpate_store::engine::Engine;
 use palpate_store::memory::MemoryEngine;
+use palpate_store::robot::RobotHolder;
 use palpate_store::sled::{SledEngine, SledOptions};
-use palpate_store::snapshot::{SnapshotError, SnapshotHeader, SnapshotWriter, restore, verify};
+use palpate_store::snapshot::{
+    KeysFrom, SnapshotError, SnapshotHeader, SnapshotWriter, keys, restore, verify,
+};
 use proptest::prelude::*;
 use tempfile::TempDir;
+use uuid::Uuid;
 
 use crate::samples;
 
@@ -38,12 +43,61 @@ fn a_restored_database_has_every_byte_of_the_one_before() {
     assert_eq!(manifest.pairs.values().sum::<u64>(), pairs.len() as u64);
     let folder = TempDir::new().unwrap();
     let restored = SledEngine::open(folder.path(), &SledOptions::default()).unwrap();
-    restore(&bytes[..], &restored).unwrap();
+    restore(&bytes[..], &restored, KeysFrom::Snapshot).unwrap();
     assert_eq!(restored.scan(b"", None, 1000).unwrap(), pairs);
-    let again = restore(&bytes[..], &restored).unwrap_err();
+    let again = restore(&bytes[..], &restored, KeysFrom::Snapshot).unwrap_err();
     assert!(matches!(again, SnapshotError::NotEmpty), "{again}");
     let database = Database::with_engine(Arc::new(restored)).unwrap();
     assert_eq!(samples::read_all(&database), Ok(()));
+}
+
+#[test]
+fn keys_of_a_snapshot_are_kept_dropped_or_replaced() {
+    let named = |id, name: &str, revoked_at_ms| AccessKey {
+        id: Uuid::from_u128(id),
+        name: name.to_owned(),
+        role: Role::Robot,
+        hash: [1; 32],
+        previous: None,
+        created_at_ms: 1,
+        expires_at_ms: None,
+        last_used_at_ms: None,
+        revoked_at_ms,
+    };
+    let holder =
+        |key| RobotHolder { robot: "arm".to_owned(), key: Uuid::from_u128(key), since_ms: 1 };
+    let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    let database = Database::with_engine(Arc::clone(&engine)).unwrap();
+    samples::wait(async {
+        database.keys().create(&named(1, "revoked-since", None)).await.unwrap();
+        database.keys().create(&named(2, "forgotten-since", None)).await.unwrap();
+        database.robots().put(&[holder(1)]).await.unwrap();
+        database.store_latest_time(5).await.unwrap();
+    });
+    let bytes = snapshot(&*engine);
+    assert_eq!(keys(&bytes[..]).unwrap().len(), 2);
+    let current: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+    let now = Database::with_engine(Arc::clone(&current)).unwrap();
+    samples::wait(async {
+        now.keys().create(&named(1, "revoked-since", Some(7))).await.unwrap();
+        now.keys().create(&named(3, "made-since", None)).await.unwrap();
+        now.robots().put(&[holder(3)]).await.unwrap();
+        now.store_latest_time(9).await.unwrap();
+    });
+    let restored = |from: KeysFrom<'_>| {
+        let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
+        restore(&bytes[..], &*engine, from).unwrap();
+        let database = Database::with_engine(engine).unwrap();
+        let keys = database.keys().all().unwrap();
+        let keys: Vec<_> = keys.into_iter().map(|key| (key.name, key.revoked_at_ms)).collect();
+        (keys, database.robots().all().unwrap(), database.latest_time().unwrap())
+    };
+    let key = |name: &str, revoked| (name.to_owned(), revoked);
+    let kept = vec![key("revoked-since", None), key("forgotten-since", None)];
+    assert_eq!(restored(KeysFrom::Snapshot), (kept, vec![holder(1)], 5));
+    assert_eq!(restored(KeysFrom::Nowhere), (vec![], vec![], 5));
+    let newer = vec![key("revoked-since", Some(7)), key("made-since", None)];
+    assert_eq!(restored(KeysFrom::Engine(&*current)), (newer, vec![holder(3)], 9));
 }
 
 #[test]
@@ -53,7 +107,7 @@ fn a_snapshot_that_was_cut_off_anywhere_is_refused_and_never_opens() {
         let error = verify(&bytes[..length]).unwrap_err();
         assert!(matches!(error, SnapshotError::CutOff { .. }), "{length}: {error}");
         let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
-        restore(&bytes[..length], &*engine).unwrap_err();
+        restore(&bytes[..length], &*engine, KeysFrom::Snapshot).unwrap_err();
         let is_empty = engine.scan(b"", None, 1).unwrap().is_empty();
         assert!(is_empty || Database::with_engine(engine).is_err(), "{length}");
     }

@@ -47,7 +47,8 @@ export interface paths {
         };
         /**
          * Whether the server does its work
-         * @description 503 tells a load balancer to look elsewhere; its problem names the checks that failed.
+         * @description 503 tells a load balancer to look elsewhere; its problem names the checks that failed. Where
+         *     keys are asked for, the figures (`detail`) are for callers with a key; it may have any role.
          */
         get: operations["readyz"];
         put?: never;
@@ -89,8 +90,10 @@ export interface paths {
         /**
          * List who changed what
          * @description Every request that changes something (readings of sessions aside, which their journals
-         *     have), with its outcome, and requests that were refused for want of a key or a role, up to
-         *     a rate. Newest first. The log keeps the newest entries, as many as the server is set to.
+         *     have), with its outcome, and requests that were refused for want of a key or a role. Newest
+         *     first. What changed something, what was refused to holders of keys and what strangers tried
+         *     are three rings, each of which keeps its newest entries; repetitions of what failed within an
+         *     hour are counted in one entry.
          */
         get: operations["list_audit"];
         put?: never;
@@ -648,6 +651,53 @@ export interface paths {
          */
         post: operations["add_object_readings"];
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List the names of robots that belong to keys
+         * @description A robot's name belongs to the key that used it first in a session's reading, over the whole
+         *     fleet; a reading that another key posts with it is refused (403). Revoking a key releases its
+         *     names. Where nobody is asked for a key, names belong to nobody.
+         */
+        get: operations["list_robots"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots/{robot}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Give a robot's name to a key
+         * @description Whatever key it belonged to. What is stored keeps the key that it was written with. 409 when
+         *     the key was revoked.
+         */
+        put: operations["bind_robot"];
+        post?: never;
+        /**
+         * Release a robot's name
+         * @description It belongs to the key that uses it next.
+         */
+        delete: operations["release_robot"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1334,6 +1384,14 @@ export interface components {
             key_id?: string | null;
             /** @description What the key's holder was called. */
             key_name?: string | null;
+            /** @description When it was asked for the last time. */
+            last_at: string;
+            /**
+             * Format: int32
+             * @description How often it was asked for with this outcome, within an hour. `resource`, `address` and
+             *     `request_id` are of the first time.
+             */
+            n: number;
             /**
              * Format: int32
              * @description How many refusals before this one were not written down, because there were too many.
@@ -1345,6 +1403,8 @@ export interface components {
             request_id: string;
             /** @description What it was about: a path of the API; of something new, its own path. */
             resource: string;
+            /** @description The part of the log that it is in. */
+            ring: components["schemas"]["AuditRing"];
             role?: components["schemas"]["Role"] | null;
             /**
              * Format: int64
@@ -1367,6 +1427,11 @@ export interface components {
             /** @description Where the next page begins; null ends the list. */
             next_cursor?: string | null;
         };
+        /**
+         * @description A part of the audit log with a size of its own: none pushes out what is in another.
+         * @enum {string}
+         */
+        AuditRing: "changes" | "refused" | "strangers";
         /**
          * @description The unit of a coordinate.
          * @enum {string}
@@ -1453,6 +1518,11 @@ export interface components {
              * @description Its probability, 0 to 1.
              */
             probability: number;
+        };
+        /** @description To whom a robot's name is given. */
+        BindRobot: {
+            /** @description The key's id or name. */
+            key: string;
         };
         /**
          * BoundedPosePrior
@@ -3079,6 +3149,18 @@ export interface components {
              */
             number: number;
         };
+        /** @description A robot's name and the key that it belongs to. Only that key may post readings with it. */
+        Robot: {
+            /** @description The key that it belongs to. */
+            holder: components["schemas"]["Writer"];
+            /** @description The robot's name, as its readings have it. */
+            name: string;
+            /**
+             * Format: date-time
+             * @description Since when.
+             */
+            since: string;
+        };
         /** @description A robot whose base is not exactly where its poses say. */
         RobotBase: {
             /** @description How loosely its readings are placed, where the object is. */
@@ -3088,6 +3170,13 @@ export interface components {
              * @example arm-2
              */
             robot: string;
+        };
+        /** @description A page of robots' names. */
+        RobotPage: {
+            /** @description The names that belong to a key, in the order of their bytes. */
+            items: components["schemas"]["Robot"][];
+            /** @description Where the next page begins; null ends the list. */
+            next_cursor?: string | null;
         };
         /**
          * @description What the holder of a key is. `x-palpate-roles` of each operation lists who may call it.
@@ -3253,6 +3342,7 @@ export interface components {
              * @description The session's id.
              */
             id: string;
+            leased_by?: components["schemas"]["Writer"] | null;
             /**
              * Format: date-time
              * @description Until when a lease keeps it open; null without one.
@@ -3363,6 +3453,7 @@ export interface components {
              * @description The revision that withdrew it; null while it counts.
              */
             retracted_by?: number | null;
+            retraction_written_by?: components["schemas"]["Writer"] | null;
             /** @description The robot that took it; null when it came without an id. */
             robot?: string | null;
             /**
@@ -3376,6 +3467,7 @@ export interface components {
              */
             seq?: number | null;
             stamp?: components["schemas"]["Stamp"] | null;
+            written_by?: components["schemas"]["Writer"] | null;
         };
         /** @description A page of a session's readings. */
         SessionReadingPage: {
@@ -3627,6 +3719,7 @@ export interface components {
              */
             seq?: number | null;
             stamp?: components["schemas"]["Stamp"] | null;
+            written_by?: components["schemas"]["Writer"] | null;
         };
         /** @description A page of training readings. */
         StoredReadingPage: {
@@ -3926,6 +4019,16 @@ export interface components {
             keys_required: boolean;
             /** @description What the caller may do as; `admin` when nobody is asked for a key. */
             role: components["schemas"]["Role"];
+        };
+        /** @description A key that wrote something. */
+        Writer: {
+            /**
+             * Format: uuid
+             * @description The key's id.
+             */
+            key_id: string;
+            /** @description What its holder is called; null when the key is forgotten. */
+            key_name?: string | null;
         };
     };
     responses: never;
@@ -4293,6 +4396,8 @@ export interface operations {
                 key?: string;
                 /** @description This operation, by its id in this description, such as `delete_object`. */
                 operation?: string;
+                /** @description Only entries of this part of the log. */
+                ring?: "changes" | "refused" | "strangers";
                 /** @description How many entries at most, 1 to 1000; 100 when not given. */
                 limit?: number;
                 /** @description The `next_cursor` of the page before; its content is the server's business. */
@@ -8760,6 +8865,381 @@ export interface operations {
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description More than the client's share; `Retry-After` says when there is more */
+            429: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The server is at fault, or what is stored is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            503: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    list_robots: {
+        parameters: {
+            query?: {
+                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                limit?: number;
+                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                cursor?: string;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description A page of names */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RobotPage"];
+                };
+            };
+            /** @description No API key came, or none that is let in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is wrong; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "A value is wrong",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description More than the client's share; `Retry-After` says when there is more */
+            429: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The server is at fault, or what is stored is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            503: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    bind_robot: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The robot's name */
+                robot: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["BindRobot"];
+            };
+        };
+        responses: {
+            /** @description The name and its key */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Robot"];
+                };
+            };
+            /** @description The body cannot be read */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description No API key came, or none that is let in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the roles that this needs: admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description There is nothing with this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body did not arrive in time */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description It does not fit the state of things, or something else has its name or number */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The content type is not one of those expected */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A value is wrong; `errors` names it */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    /**
+                     * @example {
+                     *       "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *       "errors": [
+                     *         {
+                     *           "detail": "quaternion has norm 0, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
+                     *           "pointer": "/readings/0/pose/orientation"
+                     *         }
+                     *       ],
+                     *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
+                     *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
+                     *       "status": 422,
+                     *       "title": "A value is wrong",
+                     *       "type": "urn:palpate:problem:invalid-value"
+                     *     }
+                     */
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description More than the client's share; `Retry-After` says when there is more */
+            429: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The server is at fault, or what is stored is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            503: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    release_robot: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The robot's name */
+                robot: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description It belongs to no key */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description No API key came, or none that is let in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the roles that this needs: admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description There is nothing with this id or name */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };

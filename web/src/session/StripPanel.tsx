@@ -43,6 +43,7 @@ export function StripPanel({ model, selected, select }: Props) {
                 <button
                   type="button"
                   class={shade(reading, model.revision.value)}
+                  title={describe(reading, images[i])}
                   {...(reading.number === selected ? { "aria-current": "true" } : {})}
                   onClick={() => select(reading.number === selected ? undefined : reading.number)}
                 >
@@ -74,5 +75,7 @@ function shade(reading: SessionReading, revision: number): string {
 function describe(reading: SessionReading, image: Image | undefined): string {
   const most = Math.max(0, ...(image?.values ?? []).map((value) => value ?? 0));
   const withdrawn = typeof reading.retracted_by === "number" ? ", withdrawn" : "";
-  return `${reading.robot ? `of ${reading.robot}, ` : ""}up to ${kPa(most)}${withdrawn}`;
+  const by = reading.written_by;
+  const writer = by ? `written with ${by.key_name ?? by.key_id}, ` : "";
+  return `${reading.robot ? `of ${reading.robot}, ` : ""}${writer}up to ${kPa(most)}${withdrawn}`;
 }

@@ -3,8 +3,9 @@
 use palpate_client::Client;
 use palpate_client::schemas::{
     BeliefDetail, Explanation, PageQuery, ReadingRetracted, Replay, ReplayQuery, SessionChange,
-    SessionReading, SessionReadingPage,
+    SessionReading, SessionReadingPage, Writer,
 };
+use serde::Serialize;
 use uuid::Uuid;
 
 use super::NONE_OF_THESE;
@@ -68,7 +69,7 @@ pub(super) async fn replay(
 /// Readings, one a line.
 pub(super) fn readings_words(page: &SessionReadingPage) -> String {
     output::table(
-        ["number", "robot", "seq", "stamp", "received", "position (m)", ""],
+        ["number", "robot", "seq", "written by", "stamp", "received", "position (m)", ""],
         page.items.iter().map(|reading| {
             let stamp = reading.stamp.map(|s| format!("{}.{:09}", s.sec, s.nanosec));
             let position = reading.pose.as_ref().map(|pose| {
@@ -79,6 +80,7 @@ pub(super) fn readings_words(page: &SessionReadingPage) -> String {
                 reading.number.to_string(),
                 reading.robot.clone().unwrap_or_default(),
                 reading.seq.map(|seq| seq.to_string()).unwrap_or_default(),
+                output::writer(reading.written_by.as_ref()),
                 stamp.unwrap_or_default(),
                 reading.received_at.clone(),
                 position.unwrap_or_default(),
@@ -89,7 +91,47 @@ pub(super) fn readings_words(page: &SessionReadingPage) -> String {
 }
 
 fn remark(reading: &SessionReading) -> String {
-    reading.retracted_by.map(|by| format!("withdrawn by revision {by}")).unwrap_or_default()
+    let Some(by) = reading.retracted_by else { return String::new() };
+    let who = reading.retraction_written_by.as_ref();
+    let who = who.map(|who| format!(" ({})", output::writer(Some(who)))).unwrap_or_default();
+    format!("withdrawn by revision {by}{who}")
+}
+
+/// Who wrote a session's readings: keys and robots, each with how many.
+pub(super) fn writers(page: &SessionReadingPage) -> Vec<Written> {
+    let mut written: Vec<Written> = Vec::new();
+    for reading in &page.items {
+        let is_same = |it: &&mut Written| it.by == reading.written_by && it.robot == reading.robot;
+        match written.iter_mut().find(is_same) {
+            Some(it) => it.n_readings += 1,
+            None => written.push(Written {
+                by: reading.written_by.clone(),
+                robot: reading.robot.clone(),
+                n_readings: 1,
+            }),
+        }
+    }
+    written
+}
+
+/// Writers, one a line.
+pub(super) fn writers_words(written: &[Written]) -> String {
+    output::table(
+        ["written by", "robot", "readings"],
+        written.iter().map(|it| {
+            let by = output::writer(it.by.as_ref());
+            [by, it.robot.clone().unwrap_or_default(), it.n_readings.to_string()]
+        }),
+    )
+}
+
+/// Readings of one robot that one key wrote.
+#[derive(Debug, Serialize)]
+pub(super) struct Written {
+    /// The key; `None` when that was not recorded.
+    by: Option<Writer>,
+    robot: Option<String>,
+    n_readings: u32,
 }
 
 /// Steps, one a line.

@@ -115,8 +115,9 @@ impl Serving {
         let line = listening.recv_timeout(START_PATIENCE).unwrap_or_default();
         let answer: Option<Value> = serde_json::from_str(&line).ok();
         if let Some(url) = answer.as_ref().and_then(|answer| answer["server"].as_str()) {
-            let admin_key = answer.as_ref().and_then(|answer| answer["admin_key"].as_str());
-            let admin_key = admin_key.map(str::to_owned);
+            let file = answer.as_ref().and_then(|answer| answer["admin_key_file"].as_str());
+            let admin_key = file.map(std::fs::read_to_string).transpose()?;
+            let admin_key = admin_key.map(|key| key.trim().to_owned());
             return Ok(Ok(Self { url: url.to_owned(), admin_key, child: Ending(child), said }));
         }
         let _ = child.kill();

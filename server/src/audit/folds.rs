@@ -1,0 +1,74 @@
+//! Repetitions in the audit log: the same request with the same outcome again is counted in the
+//! entry of the first one, for an hour.
+//!
+//! Counts are kept in memory and stored by [`super::Audit::store`] now and then, so that
+//! repetitions cost no writes of their own.
+
+use std::collections::HashMap;
+
+use palpate_store::audit::AuditEntry;
+
+use crate::client::Client;
+
+/// How long an entry takes repetitions, in milliseconds from its first request.
+pub(super) const FOLD_MS: u64 = 3_600_000;
+/// More entries than this take none; those without news are forgotten.
+const FOLDS_MAX: usize = 100_000;
+
+/// What requests that are told by one entry have in common.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Alike {
+    pub(super) client: Option<Client>,
+    pub(super) operation: &'static str,
+    pub(super) status: u16,
+    /// The path, where it tells requests apart.
+    pub(super) resource: Option<String>,
+}
+
+/// Entries that take repetitions.
+#[derive(Debug, Default)]
+pub(super) struct Folds(HashMap<Alike, Fold>);
+
+#[derive(Debug)]
+struct Fold {
+    entry: AuditEntry,
+    has_news: bool,
+}
+
+impl Folds {
+    /// Counts a request in the entry of those before it; `false` when there is none.
+    pub(super) fn again(&mut self, alike: &Alike, now_ms: u64) -> bool {
+        let Some(fold) = self.0.get_mut(alike).filter(|fold| takes(&fold.entry, now_ms)) else {
+            return false;
+        };
+        fold.entry.n = fold.entry.n.saturating_add(1);
+        fold.entry.last_at_ms = fold.entry.last_at_ms.max(now_ms);
+        fold.has_news = true;
+        true
+    }
+
+    /// Notes an entry that was just stored.
+    pub(super) fn first(&mut self, alike: Alike, entry: AuditEntry) {
+        if self.0.len() >= FOLDS_MAX {
+            self.0.retain(|_, fold| fold.has_news);
+        }
+        if self.0.len() < FOLDS_MAX {
+            self.0.insert(alike, Fold { entry, has_news: false });
+        }
+    }
+
+    /// The entries whose counts are not stored yet. Those that take no more are forgotten.
+    pub(super) fn news(&mut self, now_ms: u64) -> Vec<AuditEntry> {
+        let news = self
+            .0
+            .values_mut()
+            .filter_map(|fold| std::mem::take(&mut fold.has_news).then(|| fold.entry.clone()));
+        let news = news.collect();
+        self.0.retain(|_, fold| takes(&fold.entry, now_ms));
+        news
+    }
+}
+
+fn takes(entry: &AuditEntry, now_ms: u64) -> bool {
+    now_ms < entry.at_ms.saturating_add(FOLD_MS)
+}

@@ -1,0 +1,81 @@
+//! The time by which keys expire: it never goes back, also not over a restart.
+//!
+//! It is the machine's clock, or what was the latest time before and has passed since, by a clock
+//! that nobody sets, when that is later. It is stored every minute, so that a crash gives a minute
+//! back at most.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::watch;
+
+use super::Keys;
+use crate::clock::now_ms;
+
+/// How often the latest time is stored.
+const STORE_EVERY: Duration = Duration::from_secs(60);
+
+/// A time that was the latest, and when that was.
+#[derive(Debug)]
+pub(super) struct Latest(Mutex<(u64, Instant)>);
+
+impl Latest {
+    pub(super) fn new(stored_ms: u64) -> Self {
+        Self(Mutex::new((stored_ms, Instant::now())))
+    }
+
+    /// The latest time, milliseconds since 1970.
+    pub(super) fn now_ms(&self) -> u64 {
+        self.at(now_ms(), Instant::now())
+    }
+
+    /// The latest time, when the machine's clock shows `clock_ms`.
+    fn at(&self, clock_ms: u64, now: Instant) -> u64 {
+        let mut latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let passed = now.saturating_duration_since(latest.1).as_millis();
+        let passed = latest.0.saturating_add(u64::try_from(passed).unwrap_or(u64::MAX));
+        if clock_ms > passed {
+            *latest = (clock_ms, now);
+        }
+        clock_ms.max(passed)
+    }
+}
+
+impl Keys {
+    /// The time by which keys expire, milliseconds since 1970.
+    pub(crate) fn now_ms(&self) -> u64 {
+        self.latest.now_ms()
+    }
+
+    /// Stores the latest time now and then, and when the server stops.
+    pub(crate) async fn keep_time(self: Arc<Self>, mut stopping: watch::Receiver<bool>) {
+        loop {
+            let stops = tokio::select! {
+                () = tokio::time::sleep(STORE_EVERY) => false,
+                _ = stopping.wait_for(|stopping| *stopping) => true,
+            };
+            if let Err(error) = self.store.store_latest_time(self.now_ms()).await {
+                tracing::warn!(%error, "Cannot store the latest time");
+            }
+            if stops {
+                return;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_goes_on_where_the_clock_is_set_back() {
+        let begin = Instant::now();
+        let latest = Latest(Mutex::new((10_000, begin)));
+        let after = |ms| begin + Duration::from_millis(ms);
+        assert_eq!(latest.at(2_000, after(0)), 10_000, "set back before the start");
+        assert_eq!(latest.at(2_500, after(500)), 10_500);
+        assert_eq!(latest.at(20_000, after(600)), 20_000);
+        assert_eq!(latest.at(3_000, after(700)), 20_100, "set back while it runs");
+    }
+}

@@ -1,0 +1,158 @@
+//! Names of robots: each belongs to the key that used it first, over the whole fleet.
+//!
+//! An administrator gives a name to another key, or releases it. Revoking a key releases its
+//! names too: that is an administrator's word as well. A key that has expired keeps them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::PoisonError;
+
+use palpate_schemas as wire;
+use palpate_store::entity::ReadingId;
+use palpate_store::error::StoreError;
+use palpate_store::robot::RobotHolder;
+use uuid::Uuid;
+
+use super::Keys;
+use crate::clock::now_ms;
+use crate::refusal::Refusal;
+use crate::wire::{page_length, reading, time};
+
+/// How many names one key may hold: more than robots, so that it cannot fill the store.
+const NAMES_MAX: usize = 1000;
+
+/// All names that belong to keys.
+pub(super) type Known = BTreeMap<String, RobotHolder>;
+
+impl Keys {
+    pub(super) fn read_robots(
+        store: &palpate_store::database::Database,
+    ) -> Result<Known, StoreError> {
+        let all = store.robots().all()?;
+        Ok(all.into_iter().map(|holder| (holder.robot.clone(), holder)).collect())
+    }
+
+    /// Lets a key post as robots: names that belong to nobody are its own from now on. Each
+    /// reading is given by its place in the request.
+    pub(crate) async fn claim_robots<'a>(
+        &self,
+        key: Option<Uuid>,
+        readings: impl Iterator<Item = (usize, &'a ReadingId)>,
+    ) -> Result<(), Refusal> {
+        let Some(key) = key else { return Ok(()) };
+        let mut first: BTreeMap<&str, usize> = BTreeMap::new();
+        for (place, id) in readings {
+            first.entry(&id.robot).or_insert(place);
+        }
+        if self.unheld(key, &first)?.is_empty() {
+            return Ok(());
+        }
+        let _changing = self.changing.lock().await;
+        let new = self.unheld(key, &first)?;
+        let held = self.robots(|robots| robots.values().filter(|it| it.key == key).count());
+        if held + new.len() > NAMES_MAX {
+            return Err(Refusal::RobotsFull { held, max: NAMES_MAX });
+        }
+        let since_ms = now_ms();
+        let new: Vec<RobotHolder> =
+            new.into_iter().map(|robot| RobotHolder { robot, key, since_ms }).collect();
+        self.hold(new).await
+    }
+
+    /// The names that belong to nobody; refused when one belongs to another key.
+    fn unheld(
+        &self,
+        key: Uuid,
+        names: &BTreeMap<&str, usize>,
+    ) -> Result<BTreeSet<String>, Refusal> {
+        let mut unheld = BTreeSet::new();
+        for (name, place) in names {
+            match self.robots(|robots| robots.get(*name).map(|holder| holder.key)) {
+                Some(holder) if holder == key => {}
+                Some(holder) if self.is_known(holder) => {
+                    return Err(Refusal::RobotHeld {
+                        pointer: format!("/readings/{place}/robot"),
+                        robot: (*name).to_owned(),
+                    });
+                }
+                Some(_) | None => drop(unheld.insert((*name).to_owned())),
+            }
+        }
+        Ok(unheld)
+    }
+
+    /// A page of the names that belong to keys.
+    pub(crate) fn list_robots(&self, query: &wire::PageQuery) -> Result<wire::RobotPage, Refusal> {
+        let limit = page_length(query)?;
+        let after = query.cursor.clone().unwrap_or_default();
+        let mut behind = self.robots(|robots| {
+            let behind = robots.values().filter(|holder| holder.robot > after);
+            behind.take(limit + 1).cloned().collect::<Vec<_>>()
+        });
+        let more = behind.len() > limit;
+        behind.truncate(limit);
+        let next_cursor = behind.last().filter(|_| more).map(|holder| holder.robot.clone());
+        let items = behind.into_iter().map(|holder| self.robot(holder)).collect();
+        Ok(wire::RobotPage { items, next_cursor })
+    }
+
+    /// Gives a robot's name to a key.
+    pub(crate) async fn bind_robot(
+        &self,
+        robot: &str,
+        request: &wire::BindRobot,
+    ) -> Result<wire::Robot, Refusal> {
+        reading::robot("?robot", robot)?;
+        let _changing = self.changing.lock().await;
+        let no_key = |_| Refusal::field("/key", format!("there is no key {:?}", request.key));
+        let key = self.get(&request.key).map_err(no_key)?;
+        if key.revoked_at_ms.is_some() {
+            return Err(Refusal::KeyRefused { name: key.name });
+        }
+        let holder = RobotHolder { robot: robot.to_owned(), key: key.id, since_ms: now_ms() };
+        self.hold(vec![holder.clone()]).await?;
+        Ok(self.robot(holder))
+    }
+
+    /// Releases a robot's name: it belongs to the key that uses it next.
+    pub(crate) async fn release_robot(&self, robot: &str) -> Result<(), Refusal> {
+        let _changing = self.changing.lock().await;
+        if !self.robots(|robots| robots.contains_key(robot)) {
+            return Err(Refusal::NotFound { what: "robot", reference: robot.to_owned() });
+        }
+        self.store.robots().remove(robot).await?;
+        self.holders.write().unwrap_or_else(PoisonError::into_inner).remove(robot);
+        Ok(())
+    }
+
+    /// The key that a robot's name belongs to.
+    pub(crate) fn holder(&self, robot: &str) -> Option<Uuid> {
+        self.robots(|robots| robots.get(robot).map(|holder| holder.key))
+    }
+
+    /// A key for people who ask who wrote something.
+    pub(crate) fn writer(&self, key: Uuid) -> wire::Writer {
+        wire::Writer { key_id: key, key_name: self.find_id(key).map(|key| key.name) }
+    }
+
+    /// Stores names, then lets them count.
+    async fn hold(&self, new: Vec<RobotHolder>) -> Result<(), Refusal> {
+        self.store.robots().put(&new).await?;
+        let mut holders = self.holders.write().unwrap_or_else(PoisonError::into_inner);
+        holders.extend(new.into_iter().map(|holder| (holder.robot.clone(), holder)));
+        Ok(())
+    }
+
+    fn robot(&self, holder: RobotHolder) -> wire::Robot {
+        let RobotHolder { robot, key, since_ms } = holder;
+        wire::Robot { name: robot, holder: self.writer(key), since: time(since_ms) }
+    }
+
+    /// Whether a key is there that was not revoked.
+    fn is_known(&self, key: Uuid) -> bool {
+        self.find_id(key).is_some_and(|key| key.revoked_at_ms.is_none())
+    }
+
+    fn robots<T>(&self, look: impl FnOnce(&Known) -> T) -> T {
+        look(&self.holders.read().unwrap_or_else(PoisonError::into_inner))
+    }
+}

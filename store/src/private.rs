@@ -1,0 +1,72 @@
+//! Files and folders that only their owner may read: what is stored is nobody else's business.
+//!
+//! Where the system knows no such modes, they are made as usual. What belongs to another user
+//! stays as it is, and is said in the log.
+
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::path::Path;
+
+/// Makes a new file, or empties an old one, which only its owner may read and write.
+///
+/// # Errors
+/// The system's.
+pub fn create(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    let file = options.open(path)?;
+    // An old file has kept its mode.
+    tighten_one(path)?;
+    Ok(file)
+}
+
+/// Makes a folder, with those above it that are missing; only its owner may enter it.
+///
+/// # Errors
+/// The system's.
+pub fn create_folder(path: &Path) -> io::Result<()> {
+    let mut builder = fs::DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(path)
+}
+
+/// Takes everything in a folder, and itself, from everybody but its owner. Links are not
+/// followed.
+pub(crate) fn tighten(folder: &Path) {
+    if let Err(error) = tighten_one(folder) {
+        tracing::warn!("Cannot keep other users out of {}: {error}", folder.display());
+        return;
+    }
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        match entry.file_type() {
+            Ok(kind) if kind.is_dir() => tighten(&entry.path()),
+            Ok(kind) if kind.is_file() => {
+                // The folder above keeps others out in any case.
+                let _ = tighten_one(&entry.path());
+            }
+            Ok(_) | Err(_) => {}
+        }
+    }
+}
+
+/// Takes the rights of everybody but the owner from a file or folder.
+#[cfg(unix)]
+fn tighten_one(path: &Path) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    let metadata = fs::metadata(path)?;
+    let mode = metadata.permissions().mode();
+    if mode & 0o077 == 0 {
+        return Ok(());
+    }
+    fs::set_permissions(path, fs::Permissions::from_mode(mode & 0o700))
+}
+
+#[cfg(not(unix))]
+fn tighten_one(_path: &Path) -> io::Result<()> {
+    Ok(())
+}

@@ -1,0 +1,77 @@
+//! Names of robots: which API key each belongs to, over the whole fleet.
+//!
+//! A name that no key has used has no record. Changes are one commit each; who may make them is
+//! the server's business.
+
+use std::sync::Arc;
+
+use uuid::Uuid;
+
+use crate::engine::{Commit, Engine};
+use crate::error::{StoreError, unconditional};
+use crate::key::{self, Space};
+use crate::record;
+
+/// How many records are read at once.
+const RECORDS_PER_SCAN: usize = 1024;
+
+/// A robot's name and the key that it belongs to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RobotHolder {
+    /// The name.
+    pub robot: String,
+    /// The key's id.
+    pub key: Uuid,
+    /// Since when.
+    pub since_ms: u64,
+}
+
+/// The names of all robots.
+#[derive(Clone)]
+pub struct RobotHolders {
+    engine: Arc<dyn Engine>,
+}
+
+impl RobotHolders {
+    pub(crate) fn new(engine: Arc<dyn Engine>) -> Self {
+        Self { engine }
+    }
+
+    /// All names, in the order of their bytes. Blocks.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] and the engine's.
+    pub fn all(&self) -> Result<Vec<RobotHolder>, StoreError> {
+        let prefix = key::space(Space::RobotHolder);
+        let (mut found, mut after) = (Vec::new(), None::<Vec<u8>>);
+        loop {
+            let page = self.engine.scan(&prefix, after.as_deref(), RECORDS_PER_SCAN)?;
+            let Some((last, _)) = page.last() else { return Ok(found) };
+            after = Some(last.clone());
+            for (_, bytes) in &page {
+                let holder = record::decode(bytes);
+                found.push(holder.map_err(StoreError::damaged(Space::RobotHolder))?);
+            }
+        }
+    }
+
+    /// Gives names to keys, whatever keys they belonged to; durable when it returns.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn put(&self, holders: &[RobotHolder]) -> Result<(), StoreError> {
+        let commit = holders.iter().fold(Commit::new(), |commit, holder| {
+            commit.put(key::robot_name(&holder.robot), record::encode(holder))
+        });
+        Ok(self.engine.commit(commit).await.map_err(unconditional)?)
+    }
+
+    /// Releases a name; durable when it returns.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub async fn remove(&self, robot: &str) -> Result<(), StoreError> {
+        let commit = Commit::new().remove(key::robot_name(robot));
+        Ok(self.engine.commit(commit).await.map_err(unconditional)?)
+    }
+}
