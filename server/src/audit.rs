@@ -48,6 +48,23 @@ const DENIED_PAUSE: Duration = Duration::from_secs(60);
 /// How often counts of repetitions are stored.
 const STORE_EVERY: Duration = Duration::from_secs(5);
 
+/// What must work on a full disk: a key that leaked is revoked, and what takes room is removed.
+const ESSENTIAL: [&str; 8] = [
+    "revoke_key",
+    "rotate_key",
+    "close_session",
+    "delete_session",
+    "delete_object",
+    "delete_catalogue",
+    "delete_version",
+    "delete_sensor",
+];
+
+/// Whether an operation, and its entry, may use the room that is kept for such.
+pub(crate) fn is_essential(operation: &str) -> bool {
+    ESSENTIAL.contains(&operation)
+}
+
 /// What somebody asks for.
 #[derive(Clone, Debug)]
 pub(crate) struct Attempt {
@@ -337,6 +354,13 @@ pub(crate) fn check_operation(query: &wire::AuditQuery) -> Result<(), Refusal> {
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn what_is_essential_are_operations() {
+        for operation in super::ESSENTIAL {
+            assert!(crate::roles::rule(operation).is_some(), "{operation}");
+        }
+    }
+
     use super::*;
 
     #[test]

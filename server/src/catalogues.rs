@@ -106,6 +106,8 @@ impl Model {
 pub(crate) struct Catalogues {
     store: Database,
     table: Table,
+    /// The same for removals, which must work on a full disk.
+    removing: Table,
     pool: Pool,
     memory: Memory<Key, Model>,
     /// The memory of what sessions by geometry look up.
@@ -140,6 +142,7 @@ impl Catalogues {
         Self {
             store: store.clone(),
             table: store.catalogues(),
+            removing: store.essential().catalogues(),
             pool,
             memory,
             tables,

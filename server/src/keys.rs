@@ -254,7 +254,7 @@ impl Keys {
             *stored = AccessKey { last_used_at_ms: stored.last_used_at_ms, ..key.clone() };
             Ok::<(), Refusal>(())
         };
-        let stored = self.store.keys().update(key.id, change).await??;
+        let stored = self.store.essential().keys().update(key.id, change).await??;
         self.learn(stored);
         Ok(())
     }

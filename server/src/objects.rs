@@ -114,7 +114,7 @@ impl Objects {
                 return Err(Refusal::ObjectInTraining { object: object.name, job: job.id });
             }
         }
-        self.store.remove_object(object.id).await?;
+        self.store.essential().remove_object(object.id).await?;
         tracing::info!(object.id = %object.id, "Deleted object {:?}", object.name);
         Ok(())
     }

@@ -19,7 +19,7 @@ use tokio::task::JoinHandle;
 
 use crate::admission::Admission;
 use crate::app::{App, Parts, router};
-use crate::audit::Audit;
+use crate::audit::{Audit, is_essential};
 use crate::catalogues::Catalogues;
 use crate::compute::Pool;
 use crate::config::{Access, Config};
@@ -317,7 +317,7 @@ async fn assemble(
         .map_err(std::io::Error::other)?
         .map_err(|refusal| StartError::Sessions { reason: refusal.to_string() })?;
     let (log, sizes) = (store.clone(), config.audit_entries_max);
-    let log = tokio::task::spawn_blocking(move || log.audit(sizes)).await;
+    let log = tokio::task::spawn_blocking(move || log.audit(sizes, is_essential)).await;
     let log = log.map_err(std::io::Error::other)??;
     let audit = Arc::new(Audit::new(log, config.failed_changes_per_minute));
     let admission = Admission::new(&config);

@@ -15,6 +15,7 @@ use uuid::Uuid;
 use crate::access::Role;
 use crate::engine::{Commit, Engine};
 use crate::error::{StoreError, unconditional};
+use crate::essential::Essential;
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
@@ -104,6 +105,9 @@ impl Ring {
 /// The log. Open one for a database, and share it.
 pub struct AuditLog {
     engine: Arc<dyn Engine>,
+    /// The same for entries of what must work on a full disk.
+    essential: Essential,
+    is_essential: fn(&str) -> bool,
     sizes: RingSizes,
     known: Mutex<Known>,
 }
@@ -121,7 +125,11 @@ struct Known {
 
 impl AuditLog {
     /// Reads which entries there are. Blocks.
-    pub(crate) fn open(engine: Arc<dyn Engine>, sizes: RingSizes) -> Result<Self, StoreError> {
+    pub(crate) fn open(
+        engine: Arc<dyn Engine>,
+        sizes: RingSizes,
+        is_essential: fn(&str) -> bool,
+    ) -> Result<Self, StoreError> {
         let mut rings: [BTreeSet<u64>; 3] = Default::default();
         for ring in Ring::ALL {
             rings[ring as usize] = numbers(&*engine, ring)?;
@@ -133,12 +141,18 @@ impl AuditLog {
         let next = newest.map_or(1, |(seq, _)| seq + 1);
         let pending = BTreeSet::new();
         let known = Mutex::new(Known { next, last_ms: 0, rings, pending });
-        let log = Self { engine, sizes, known };
+        let essential = Essential(Arc::clone(&engine));
+        let log = Self { engine, essential, is_essential, sizes, known };
         if let Some((seq, ring)) = newest {
             let last = log.read(ring, seq)?;
             log.known().last_ms = last.map_or(0, |entry| entry.at_ms);
         }
         Ok(log)
+    }
+
+    /// The engine that an entry is written with.
+    fn engine_of(&self, entry: &AuditEntry) -> &dyn Engine {
+        if (self.is_essential)(&entry.operation) { &self.essential } else { &*self.engine }
     }
 
     /// Stores the entry of a change that is about to be made, without a status, with the next
@@ -153,7 +167,8 @@ impl AuditLog {
             known.pending.insert(entry.seq);
             known.rings[Ring::Changes as usize].insert(entry.seq);
             let commit = put(Commit::new(), Ring::Changes, &entry);
-            (entry, self.engine.commit(commit))
+            let engine = self.engine_of(&entry);
+            (entry, engine.commit(commit))
         };
         pending.await.map_err(unconditional)?;
         Ok(entry)
@@ -171,7 +186,8 @@ impl AuditLog {
             let ring = entry.ring();
             known.rings[ring as usize].insert(entry.seq);
             let commit = put(Commit::new(), ring, &entry);
-            (entry, self.engine.commit(self.trim(commit, &mut known, ring)))
+            let engine = self.engine_of(&entry);
+            (entry, engine.commit(self.trim(commit, &mut known, ring)))
         };
         pending.await.map_err(unconditional)?;
         Ok(entry)
@@ -194,7 +210,7 @@ impl AuditLog {
             }
             known.rings[ring as usize].insert(entry.seq);
             let commit = put(commit, ring, entry);
-            self.engine.commit(self.trim(commit, &mut known, ring))
+            self.engine_of(entry).commit(self.trim(commit, &mut known, ring))
         };
         pending.await.map_err(unconditional)?;
         Ok(())
@@ -226,7 +242,7 @@ impl AuditLog {
             if !known.rings[ring as usize].contains(&entry.seq) {
                 return Ok(());
             }
-            self.engine.commit(put(Commit::new(), ring, entry))
+            self.engine_of(entry).commit(put(Commit::new(), ring, entry))
         };
         pending.await.map_err(unconditional)?;
         Ok(())

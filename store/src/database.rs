@@ -15,6 +15,7 @@ use crate::engine::{
 };
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError, unconditional};
+use crate::essential::Essential;
 use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
 use crate::memory::MemoryEngine;
@@ -121,6 +122,13 @@ impl Database {
         }
     }
 
+    /// The same database for what must work on a full disk: what is written through this handle
+    /// may use the last of the reserve.
+    #[must_use]
+    pub fn essential(&self) -> Self {
+        Self { engine: Arc::new(Essential(Arc::clone(&self.engine))) }
+    }
+
     /// All sensors.
     #[must_use]
     pub fn sensors(&self) -> Table<Sensor> {
@@ -219,12 +227,17 @@ impl Database {
         RobotHolders::new(Arc::clone(&self.engine))
     }
 
-    /// The audit log, whose rings keep this many of their newest entries. Open it once. Blocks.
+    /// The audit log, whose rings keep this many of their newest entries. Entries of operations
+    /// that are essential are written on a full disk too. Open it once. Blocks.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
-    pub fn audit(&self, sizes: RingSizes) -> Result<AuditLog, StoreError> {
-        AuditLog::open(Arc::clone(&self.engine), sizes)
+    pub fn audit(
+        &self,
+        sizes: RingSizes,
+        is_essential: fn(&str) -> bool,
+    ) -> Result<AuditLog, StoreError> {
+        AuditLog::open(Arc::clone(&self.engine), sizes, is_essential)
     }
 
     /// Removes an object, then its mesh and training readings; `false` when there was none.

@@ -95,6 +95,8 @@ pub struct Commit {
     pub expectations: Vec<(Vec<u8>, Expected)>,
     /// Keys and their new values; `None` removes the key. The last write of a key wins.
     pub writes: Vec<(Vec<u8>, Option<Vec<u8>>)>,
+    /// Whether it must work on a full disk: it may use room that others may not.
+    pub is_essential: bool,
 }
 
 impl Commit {

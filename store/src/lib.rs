@@ -14,6 +14,8 @@ pub mod memory;
 
 pub mod sled;
 
+mod essential;
+
 pub mod key;
 
 pub mod envelope;

@@ -29,7 +29,7 @@ impl Catalogues {
             return Err(Refusal::Needed { what, by });
         }
         self.expect_unused(&what, &catalogue, Some(version))?;
-        self.table.remove_version(catalogue.id, version).await?;
+        self.removing.remove_version(catalogue.id, version).await?;
         self.damaged.remove(&(catalogue.id, version));
         tracing::info!(catalogue.id = %catalogue.id, version, "Removed {what}");
         Ok(())
@@ -41,7 +41,7 @@ impl Catalogues {
         let catalogue = self.find(name)?;
         let what = format!("catalogue {name:?}");
         self.expect_unused(&what, &catalogue, None)?;
-        self.table.remove(catalogue.id).await?;
+        self.removing.remove(catalogue.id).await?;
         self.damaged.retain(|(id, _), _| *id != catalogue.id);
         tracing::info!(catalogue.id = %catalogue.id, "Removed {what}");
         Ok(())

@@ -49,7 +49,7 @@ impl Sensors {
         let _closed = Closed { sensors: self, id: sensor.id };
         drop(self.using.write().await);
         self.expect_unused(&sensor, pool).await?;
-        self.store.remove_sensor(sensor.id).await?;
+        self.store.essential().remove_sensor(sensor.id).await?;
         self.known.retain(|_, known| known.id != sensor.id);
         tracing::info!(sensor.id = %sensor.id, "Removed sensor {:?}", sensor.name);
         Ok(())

@@ -152,7 +152,7 @@ impl Sessions {
                 let truth = live.judge(&sessions.tools(), truth).await?;
                 sessions.note_truth(id, truth).await?;
             }
-            live.close(&sessions.store).await?;
+            live.close(&sessions.store.essential()).await?;
             sessions.leave(id);
             let session = sessions.show(&sessions.store.sessions().get(id)?)?;
             live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
@@ -165,7 +165,7 @@ impl Sessions {
     async fn note_truth(&self, id: Uuid, truth: wire::Truth) -> Result<(), Refusal> {
         let is_new = Arc::new(AtomicBool::new(false));
         let (noted, told) = (Arc::clone(&is_new), truth.clone());
-        let table = self.store.sessions();
+        let table = self.store.essential().sessions();
         let changed = table.update(id, move |session| {
             noted.store(set_truth(session, &told)?, Ordering::Relaxed);
             Ok::<(), Refusal>(())
@@ -186,12 +186,12 @@ impl Sessions {
         let id = self.find(id)?.id;
         match self.live.get(&id).map(|live| Arc::clone(&live)) {
             Some(live) => {
-                live.delete(&self.store).await?;
+                live.delete(&self.store.essential()).await?;
                 self.live.remove(&id);
                 live.publish(SessionEvent::Deleted { session: id });
             }
             None => {
-                self.store.remove_session(id).await?;
+                self.store.essential().remove_session(id).await?;
             }
         }
         self.leave(id);

@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use palpate_core::pose::Pose;
-use palpate_server::{FreeSpace, Server};
+use palpate_server::{Access, FreeSpace, Server};
 use palpate_store::database::Database;
 use palpate_store::engine::{Commit, Engine};
 use palpate_store::sled::{SledEngine, SledOptions};
 use palpate_store::snapshot::{KeysFrom, restore, verify};
+use reqwest::Method;
 use serde_json::{Value, json};
 
 use crate::harness::{CUBE, Harness, config, quiet_reading, touches};
@@ -127,6 +128,48 @@ async fn a_damaged_version_is_kept_from_use_and_the_rest_serves_on() {
     let checks = ready["checks"].as_array().unwrap();
     let integrity = checks.iter().find(|check| check["name"] == "integrity").unwrap();
     assert_eq!(integrity["passed"], false, "{ready}");
+    it.server.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
+    let free = Arc::new(AtomicU64::new(u64::MAX));
+    let seen = Arc::clone(&free);
+    let it = Harness::start_with(|config| {
+        config.access = Access::Keys;
+        config.free_space = FreeSpace::from_probe(move |_| Ok(seen.load(Ordering::Relaxed)));
+    })
+    .await;
+    it.train().await;
+    let (closed, deleted) = (it.session(json!({})).await, it.session(json!({})).await);
+    for session in [&closed, &deleted] {
+        let path = format!("/v1/sessions/{session}/readings");
+        it.post(&path, &readings(6)).await.expect(200);
+    }
+    it.post("/v1/objects", &json!({"name": "spare"})).await.expect(201);
+    let leaked = it.new_key("leaked", "robot").await;
+    let turned = it.new_key("turned", "robot").await;
+
+    // Less than half of the reserve: not even plain removals would go on.
+    free.store(30 << 20, Ordering::Relaxed);
+    it.post("/v1/objects", &json!({"name": "mug"})).await.problem(507, "storage-full", None);
+    it.send(Method::DELETE, "/v1/keys/leaked", None).await.expect(204);
+    assert_eq!(it.send_as(Some(&leaked), Method::GET, "/v1/whoami").await.status, 401);
+    it.post("/v1/keys/turned/rotate", &json!({})).await.expect(200);
+    assert_eq!(it.send_as(Some(&turned), Method::GET, "/v1/whoami").await.status, 401);
+    it.post(&format!("/v1/sessions/{closed}/close"), &json!({})).await.expect(200);
+    it.send(Method::DELETE, &format!("/v1/sessions/{deleted}"), None).await.expect(204);
+    it.send(Method::DELETE, "/v1/objects/spare", None).await.expect(204);
+    let audit = it.get("/v1/audit?limit=20").await.expect(200);
+    let told: Vec<(&str, u64)> = audit["items"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|entry| (entry["operation"].as_str().unwrap(), entry["status"].as_u64().unwrap()))
+        .collect();
+    for entry in [("revoke_key", 204), ("rotate_key", 200), ("delete_object", 204)] {
+        assert!(told.contains(&entry), "{entry:?} in {told:?}");
+    }
     it.server.shutdown().await;
 }
 

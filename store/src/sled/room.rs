@@ -2,7 +2,8 @@
 //!
 //! A sled that meets a full disk in the middle of a write is lost until it is opened again, and
 //! may not open. So a reserve stays free, and commits that would need it are refused; those
-//! that only remove go on into half of it.
+//! that only remove go on into half of it, and those that must always work, such as revoking a
+//! key, down to a quarter.
 
 use std::fmt;
 use std::io;
@@ -81,7 +82,11 @@ impl Allowance {
         let bytes: usize = commit.writes.iter().map(size).sum();
         let needed = self.taken + COMMIT_BYTES + LOG_GROWTH * bytes as u64;
         let only_removes = commit.writes.iter().all(|(_, value)| value.is_none());
-        let stays = if only_removes { self.reserve / 2 } else { self.reserve };
+        let stays = match (commit.is_essential, only_removes) {
+            (true, _) => self.reserve / 4,
+            (false, true) => self.reserve / 2,
+            (false, false) => self.reserve,
+        };
         if self.free.saturating_sub(needed) < stays {
             return Err(EngineError::Full { free: self.free, reserve: self.reserve });
         }
@@ -95,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_reserve_stays_free_and_removals_may_use_half_of_it() {
+    fn the_reserve_stays_free_but_for_removals_and_what_is_essential() {
         let allowance = |free| Allowance { free, reserve: 1 << 20, taken: 0 };
         let put = Commit::new().put(vec![1; 10], vec![0; 1014]);
         let removal = Commit::new().remove(vec![1; 10]);
@@ -105,6 +110,9 @@ mod tests {
         assert_eq!(allowance((1 << 20) + 8191).take(&put), Err(full));
         assert_eq!(allowance(600 << 10).take(&removal), Ok(()));
         assert!(allowance(512 << 10).take(&removal).is_err());
+        let essential = Commit { is_essential: true, ..put.clone() };
+        assert_eq!(allowance((256 << 10) + 8192).take(&essential), Ok(()));
+        assert!(allowance((256 << 10) + 8191).take(&essential).is_err());
         let mut shared = allowance((1 << 20) + 16_384);
         assert_eq!((shared.take(&put), shared.take(&put)), (Ok(()), Ok(())));
         assert!(shared.take(&put).is_err(), "a group shares what is left");

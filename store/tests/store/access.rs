@@ -59,7 +59,7 @@ fn written() -> String {
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
     wait(async {
         database.keys().create(&key(80)).await.unwrap();
-        let log = database.audit(SIZES).unwrap();
+        let log = database.audit(SIZES, |_| false).unwrap();
         log.begin(asked(1_700_000_000_025)).await.unwrap();
         log.add(refused(1_700_000_000_026)).await.unwrap();
         log.add(AuditEntry { key: None, role: None, ..refused(1_700_000_000_027) }).await.unwrap();
@@ -96,7 +96,7 @@ fn todays_bytes_are_the_frozen_bytes() {
 fn frozen_bytes_are_read() {
     let database = thawed(GOLDEN);
     assert_eq!(database.keys().all().unwrap(), [key(80)]);
-    let found = database.audit(SIZES).unwrap().before(None, 10).unwrap();
+    let found = database.audit(SIZES, |_| false).unwrap().before(None, 10).unwrap();
     let stranger = AuditEntry { key: None, role: None, ..refused(1_700_000_000_027) };
     let expected = [stranger, refused(1_700_000_000_026), asked(1_700_000_000_025)];
     let seqs = (1..=3).rev();
@@ -108,7 +108,7 @@ fn frozen_bytes_are_read() {
 fn frozen_bytes_of_schema_1_are_read() {
     let database = thawed(GOLDEN_V1);
     assert_eq!(database.keys().all().unwrap(), [key(80)]);
-    let log = database.audit(SIZES).unwrap();
+    let log = database.audit(SIZES, |_| false).unwrap();
     let entry = AuditEntry { seq: 1, ..asked(1_700_000_000_025) };
     assert_eq!(log.before(None, 10).unwrap(), [entry]);
     assert_eq!(change(&log, 0).seq, 2);
@@ -117,7 +117,7 @@ fn frozen_bytes_of_schema_1_are_read() {
 #[test]
 fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
     let law = |database: &Database| {
-        let log = database.audit(of(3)).unwrap();
+        let log = database.audit(of(3), |_| false).unwrap();
         assert_eq!(numbers(&log), []);
         for at_ms in 1..=5 {
             change(&log, at_ms);
@@ -129,7 +129,7 @@ fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
         assert_eq!(pages(Some(3)), []);
 
         // Opened anew, for fewer: numbers go on, times do not go back.
-        let log = database.audit(of(2)).unwrap();
+        let log = database.audit(of(2), |_| false).unwrap();
         let entry = change(&log, 0);
         assert_eq!((entry.seq, entry.at_ms), (6, 5));
         assert_eq!(numbers(&log), [6, 5]);
@@ -143,7 +143,7 @@ fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
 fn refusals_and_failures_push_no_change_out() {
     let database = Database::in_memory();
     let sizes = RingSizes { changes: 2, refused: 2, strangers: 1 };
-    let log = database.audit(sizes).unwrap();
+    let log = database.audit(sizes, |_| false).unwrap();
     let changes = [change(&log, 1), change(&log, 2)];
     for at_ms in 3..=9 {
         let entry = wait(log.begin(asked(at_ms))).unwrap();
@@ -159,12 +159,12 @@ fn refusals_and_failures_push_no_change_out() {
         assert_eq!(log.before(None, 9).unwrap()[4], changes[0]);
     };
     law(&log);
-    law(&database.audit(sizes).unwrap());
+    law(&database.audit(sizes, |_| false).unwrap());
 }
 
 #[test]
 fn an_entry_that_is_not_settled_pushes_nothing_out() {
-    let log = Database::in_memory().audit(of(2)).unwrap();
+    let log = Database::in_memory().audit(of(2), |_| false).unwrap();
     let first = wait(log.begin(asked(1))).unwrap();
     for at_ms in 2..=4 {
         change(&log, at_ms);
@@ -178,7 +178,7 @@ fn an_entry_that_is_not_settled_pushes_nothing_out() {
 fn an_entry_is_counted_up_unless_it_has_left_the_log() {
     let database = Database::in_memory();
     let sizes = RingSizes { refused: 1, ..SIZES };
-    let log = database.audit(sizes).unwrap();
+    let log = database.audit(sizes, |_| false).unwrap();
     let first = wait(log.add(refused(1))).unwrap();
     wait(log.update(&AuditEntry { n: 9, last_at_ms: 70, ..first.clone() })).unwrap();
     let found = log.before(None, 1).unwrap();
@@ -186,12 +186,12 @@ fn an_entry_is_counted_up_unless_it_has_left_the_log() {
     wait(log.add(refused(2))).unwrap();
     wait(log.update(&AuditEntry { n: 10, ..first })).unwrap();
     assert_eq!(numbers(&log), [2]);
-    assert_eq!(numbers(&database.audit(sizes).unwrap()), [2]);
+    assert_eq!(numbers(&database.audit(sizes, |_| false).unwrap()), [2]);
 }
 
 #[test]
 fn a_log_of_more_than_one_window_is_read_whole() {
-    let log = Database::in_memory().audit(of(1000)).unwrap();
+    let log = Database::in_memory().audit(of(1000), |_| false).unwrap();
     for at_ms in 0..600 {
         change(&log, at_ms);
     }
