@@ -120,7 +120,7 @@ pub(super) async fn attack(what: Attack, foe: &Foe, prey: &Prey) -> Vec<String> 
         Attack::Downloads => {
             let said = format!(
                 "POST /v1/snapshots HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {}\r\n\
-                 Content-Length: 0\r\n\r\n",
+                 Connection: close\r\nContent-Length: 0\r\n\r\n",
                 foe.admin_key
             );
             many(foe, 4, &said).await
