@@ -3,14 +3,15 @@
 //! Sled knows no such thing. So while a cut is read the writer remembers, before it changes a
 //! key that the reader has not passed yet, what the key held; the reader lays that over what
 //! it finds. Both look under one lock, the reader after it has read: what it may have seen
-//! changed is remembered by then.
+//! changed is remembered by then. A compaction changes which levels there are, not what they
+//! say, so a cut goes on across it.
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::guarded;
 use super::tally::TALLY_KEY;
+use super::{Shared, guarded};
 use crate::engine::{Cut, EngineError, Pair};
 
 /// No more is remembered for a reader, in bytes.
@@ -71,7 +72,7 @@ impl Memory {
 
 /// The reader of a cut.
 pub(super) struct SledCut {
-    pub(super) db: ::sled::Db,
+    pub(super) shared: Arc<Shared>,
     pub(super) memory: Arc<Memory>,
 }
 
@@ -82,9 +83,9 @@ impl Cut for SledCut {
                 Some(remembered) => remembered.passed.clone(),
                 None => return Err(EngineError::Stopped),
             };
-            let start = (Bound::Excluded(from.as_slice()), Bound::Unbounded);
+            let start = Bound::Excluded(from.as_slice());
             let page = guarded("reading for a snapshot", || {
-                self.db.range::<&[u8], _>(start).take(limit.max(1)).collect::<Result<Vec<_>, _>>()
+                self.shared.levels().range(start).take(limit.max(1)).collect::<Result<Vec<_>, _>>()
             })?;
             let is_last = page.len() < limit.max(1);
             let found = self.as_before(page, is_last)?;
@@ -98,18 +99,13 @@ impl Cut for SledCut {
 
 impl SledCut {
     /// The pairs of a page as they were, and the page passed.
-    fn as_before(
-        &self,
-        page: Vec<(::sled::IVec, ::sled::IVec)>,
-        is_last: bool,
-    ) -> Result<Vec<Pair>, EngineError> {
+    fn as_before(&self, page: Vec<Pair>, is_last: bool) -> Result<Vec<Pair>, EngineError> {
         let mut memory = self.memory.lock();
         let remembered = memory.as_mut().ok_or(EngineError::Stopped)?;
         if remembered.bytes > BYTES_MAX {
             return Err(EngineError::CutTooLarge { max: BYTES_MAX });
         }
-        let mut pairs: BTreeMap<Vec<u8>, Vec<u8>> =
-            page.into_iter().map(|(key, value)| (key.to_vec(), value.to_vec())).collect();
+        let mut pairs: BTreeMap<Vec<u8>, Vec<u8>> = page.into_iter().collect();
         let end = pairs.last_key_value().map(|(key, _)| key.clone());
         let behind = match (&end, is_last) {
             (Some(end), false) => remembered.before.split_off(&[end.as_slice(), &[0]].concat()),
