@@ -121,6 +121,7 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("rotate_key", RULING, Changes),
     ("list_audit", RULING, Reads),
     ("take_snapshot", RULING, Changes),
+    ("compact", RULING, Changes),
 ];
 
 /// What a request asks for, as far as the table knows.
