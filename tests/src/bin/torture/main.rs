@@ -1,7 +1,8 @@
 //! `torture`: kills and damages a real server again and again, and counts what it got wrong.
 //!
 //! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change;
-//! `order`: one set of readings is sent in many ways.
+//! `order`: one set of readings is sent in many ways; `soak`: a long mix of records that are kept
+//! and records that are not, and how much of the disk it takes.
 //! The last line of the standard output is one JSON object; every count of faults in it must
 //! be 0, and the exit code is 1 if one is not. Progress goes to the standard error.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
@@ -16,6 +17,7 @@ mod material;
 mod order;
 mod robot;
 mod serving;
+mod soak;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -45,6 +47,27 @@ struct Args {
     /// The command to torture; built by cargo when not given.
     #[arg(long, value_name = "FILE")]
     palpate: Option<PathBuf>,
+    /// With `soak`: for how long.
+    #[arg(long, default_value_t = 30.0)]
+    minutes: f64,
+    /// With `soak`: it also ends after this many acknowledged readings.
+    #[arg(long, default_value_t = 10_000_000)]
+    readings: u64,
+    /// With `soak`: this many readings are stored before it begins and kept to its end.
+    #[arg(long, default_value_t = 0)]
+    kept: u64,
+    /// With `soak`: where the server keeps its data; a folder that is removed when not given.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// With `soak`: `--store-slack-mb` of the server; a huge one turns compaction off.
+    #[arg(long, value_name = "MB", default_value_t = 32)]
+    slack_mb: u64,
+    /// With `soak`: write figures and all samples into this file, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// With `soak`: draw the bytes over time into this file, as SVG.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
     /// Print nothing but the JSON object.
     #[arg(long)]
     json: bool,
@@ -80,7 +103,9 @@ enum Mode {
     Corrupt,
     /// Readings in other orders, in batches, twice, and withdrawn; eight ways a round.
     Order,
-    /// Everything.
+    /// A long mix of records that are kept and records that are not; not part of `all`.
+    Soak,
+    /// Everything but `soak`.
     All,
 }
 
@@ -129,10 +154,24 @@ async fn main() -> ExitCode {
     let args = Args::parse();
     // Reqwest wants a provider although nothing here speaks TLS.
     let _ = rustls::crypto::ring::default_provider().install_default();
-    match run(&args).await {
-        Ok(counts) => {
-            println!("{}", serde_json::to_string(&counts).expect("counts are numbers"));
-            if counts.faults() == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    if args.mode == Mode::Soak {
+        return ended(
+            soak::run(&args).await.map(|figures| (figures.to_string(), figures.faults())),
+        );
+    }
+    let counts = run(&args).await;
+    ended(counts.map(|counts| {
+        let said = serde_json::to_string(&counts).expect("counts are numbers");
+        (said, counts.faults())
+    }))
+}
+
+/// Prints what was found; the exit code says whether there were faults.
+fn ended(found: anyhow::Result<(String, u64)>) -> ExitCode {
+    match found {
+        Ok((said, faults)) => {
+            println!("{said}");
+            if faults == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
         }
         Err(error) => {
             eprintln!("error: {error:#}");

@@ -59,11 +59,22 @@ impl Serving {
         data: &Path,
         access: Access,
     ) -> anyhow::Result<Result<Self, Refused>> {
+        Self::start_with(command, data, access, &[])
+    }
+
+    /// The same with more arguments.
+    pub(crate) fn start_with(
+        command: &Path,
+        data: &Path,
+        access: Access,
+        more: &[String],
+    ) -> anyhow::Result<Result<Self, Refused>> {
         let mut child = Command::new(command)
             .args(["serve", "--listen", "127.0.0.1:0", "--json", "--access"])
             .arg(access.name())
             .arg("--data")
             .arg(data)
+            .args(more)
             .env("RUST_LOG", "error")
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
