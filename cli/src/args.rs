@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::commands::{
-    analyses::AnalysesArgs, audit::AuditArgs, catalogues::CataloguesArgs, config::ConfigArgs,
-    demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs, fsck::FsckArgs,
-    jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs, load::LoadArgs, maps::MapsArgs,
-    migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs, report::ReportArgs,
-    robots::RobotsArgs, sensors::SensorsArgs, serve::ServeArgs, sessions::SessionsArgs,
-    snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
+    analyses::AnalysesArgs, audit::AuditArgs, catalogues::CataloguesArgs, compact::CompactArgs,
+    config::ConfigArgs, demo::DemoArgs, experiment::ExperimentArgs, explore::ExploreArgs,
+    fsck::FsckArgs, jobs::JobsArgs, keys::KeysArgs, letters::LettersArgs, load::LoadArgs,
+    maps::MapsArgs, migrate::MigrateArgs, next_touch::NextTouchArgs, objects::ObjectsArgs,
+    report::ReportArgs, robots::RobotsArgs, sensors::SensorsArgs, serve::ServeArgs,
+    sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
 };
 
 /// Where a server listens when nobody says otherwise.
@@ -146,6 +146,8 @@ pub(crate) enum Command {
     Audit(AuditArgs),
     /// Copies of all that a server has stored: take, verify, restore.
     Snapshot(SnapshotArgs),
+    /// Give back the room on the disk that removed records still take.
+    Compact(CompactArgs),
     /// Check a folder of stored data that no server has open.
     Fsck(FsckArgs),
     /// Bring a folder of stored data to the layout of this version.
@@ -184,6 +186,9 @@ mod tests {
             "palpate fsck --data ./d --collect",
             "palpate fsck --data ./d --accept",
             "palpate migrate --data ./d",
+            "palpate compact",
+            "palpate compact --data ./d --json",
+            "palpate serve --store-slack-mb 8",
             "palpate snapshot create monday.snapshot",
             "palpate snapshot verify monday.snapshot --json",
             "palpate snapshot restore monday.snapshot --data ./restored",

@@ -4,6 +4,7 @@ pub(crate) mod analyses;
 pub(crate) mod audit;
 pub(crate) mod calibrate;
 pub(crate) mod catalogues;
+pub(crate) mod compact;
 pub(crate) mod config;
 pub(crate) mod demo;
 pub(crate) mod experiment;
@@ -108,6 +109,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Whoami => keys::whoami(&context()?).await,
         Command::Audit(args) => audit::run(args, &context()?).await,
         Command::Snapshot(args) => snapshot::run(args, output, context).await,
+        Command::Compact(args) => compact::run(args, output, context).await,
         Command::Fsck(args) => fsck::run(args, output).await,
         Command::Migrate(args) => migrate::run(args, output).await,
         Command::Experiment(args) => experiment::run(args, output).await,

@@ -36,6 +36,7 @@ mod maps;
 
 mod keys;
 
+mod compactions;
 mod sessions;
 mod snapshots;
 

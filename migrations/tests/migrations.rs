@@ -9,7 +9,9 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use palpate_migrations::{MigrateError, Migrated, NEWEST, layout, migrate};
-use palpate_store::engine::{Commit, Cut, Engine, EngineError, EngineStats, Pair, Pending};
+use palpate_store::engine::{
+    Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending,
+};
 use palpate_store::envelope::{Kind, seal};
 use palpate_store::fsck;
 use palpate_store::memory::MemoryEngine;
@@ -71,6 +73,10 @@ impl Engine for Interrupted {
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
         self.inner.cut()
+    }
+
+    fn compact(&self) -> Result<Compacted, EngineError> {
+        self.inner.compact()
     }
 
     fn stats(&self) -> Result<EngineStats, EngineError> {

@@ -10,6 +10,17 @@ pub struct Liveness {
     pub alive: bool,
 }
 
+/// What a compaction of the stored data did.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+pub struct Compacted {
+    /// Bytes on the disk before.
+    pub before_bytes: u64,
+    /// Bytes on the disk after.
+    pub after_bytes: u64,
+    /// Bytes of what is stored: keys and records.
+    pub live_bytes: u64,
+}
+
 /// Whether the server does its work, check by check.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Readiness {

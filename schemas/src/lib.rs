@@ -48,7 +48,7 @@ pub use geometry::{
     MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior, SliceQuery,
     VersionReference,
 };
-pub use health::{Check, Liveness, Readiness, Version};
+pub use health::{Check, Compacted, Liveness, Readiness, Version};
 pub use history::{
     BestObject, ExplainQuery, ExplainedAnswer, Explanation, ReadingContribution, ReadingRetracted,
     Replay, ReplayQuery, ReplayStep, SessionChange, SessionReading, SessionReadingPage,

@@ -1,8 +1,8 @@
 //! Admission: what a request may occupy, from the first byte of its body to the last of its
 //! answer.
 //!
-//! Four budgets, each with a share of every client: bytes of bodies that have arrived, requests
-//! that are worked on, event streams, and bytes of answers that are not read yet. A body arrives
+//! Five budgets, each with a share of every client: bytes of bodies that have arrived, requests
+//! that are worked on, event streams, snapshots, and bytes of answers that are not read yet. A body arrives
 //! before a slot is taken for its request, so a promise of bytes holds nothing. What is over a
 //! bound is told to come back; nothing waits without end. Health checks and metrics are always
 //! answered, for an overloaded server must not look dead.
@@ -15,6 +15,8 @@ use std::sync::Arc;
 use axum::extract::{ConnectInfo, Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use palpate_store::engine::EngineError;
+use palpate_store::sled::CUTS_MAX;
 
 use crate::app::App;
 use crate::asker;
@@ -32,6 +34,7 @@ pub(crate) struct Admission {
     streams: Arc<Budget>,
     bodies: Arc<Budget>,
     answers: Arc<Budget>,
+    snapshots: Arc<Budget>,
     connections: Arc<Connections>,
 }
 
@@ -42,6 +45,7 @@ impl Admission {
             streams: Budget::new(config.streams_max),
             bodies: Budget::new(config.bodies_bytes_max),
             answers: Budget::new(config.answers_bytes_max),
+            snapshots: Budget::new(CUTS_MAX),
             connections: Connections::new(config.connections_max),
         }
     }
@@ -51,6 +55,14 @@ impl Admission {
         self.streams.take(client, 1).map_err(|over| match over {
             Over::Total => Refusal::StreamsFull { open: self.streams.total() },
             Over::Share => share("streams", "streams", &self.streams),
+        })
+    }
+
+    /// Room for one snapshot, for as long as the holding lives.
+    pub(crate) fn snapshot(&self, client: Option<Client>) -> Result<Holding, Refusal> {
+        self.snapshots.take(client, 1).map_err(|over| match over {
+            Over::Total => EngineError::CutsUnderWay { max: self.snapshots.total() }.into(),
+            Over::Share => share("snapshots", "snapshots", &self.snapshots),
         })
     }
 
@@ -70,13 +82,14 @@ impl Admission {
     }
 
     /// What is used of each budget and what there is, by name, for metrics.
-    pub(crate) fn occupied(&self) -> [(&'static str, usize, usize); 5] {
+    pub(crate) fn occupied(&self) -> [(&'static str, usize, usize); 6] {
         let of = |name, budget: &Budget| (name, budget.used(), budget.total());
         [
             ("requests", self.requests.used(), self.requests.total()),
             of("streams", &self.streams),
             of("bodies", &self.bodies),
             of("answers", &self.answers),
+            of("snapshots", &self.snapshots),
             ("connections", self.connections.used(), self.connections.total()),
         ]
     }

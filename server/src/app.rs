@@ -122,7 +122,7 @@ impl App {
     /// Whether the server does its work.
     pub(crate) fn readiness(&self) -> Readiness {
         let (store, room) = match self.0.store.stats() {
-            Ok(stats) => (check("store", true, format!("{} MB", stats.bytes >> 20)), room(&stats)),
+            Ok(stats) => (check("store", true, taken(&stats)), room(&stats)),
             Err(error) => {
                 let unknown = check("room", true, "nobody can tell".to_owned());
                 (check("store", false, error.to_string()), unknown)
@@ -183,6 +183,8 @@ impl App {
         }
         if let Ok(stats) = self.0.store.stats() {
             metrics::gauge!("palpate_store_bytes").set(stats.bytes as f64);
+            metrics::gauge!("palpate_store_live_bytes").set(stats.live_bytes as f64);
+            metrics::counter!("palpate_store_compactions_total").absolute(stats.compactions);
             if let Some(free) = stats.free_bytes {
                 metrics::gauge!("palpate_store_free_bytes").set(free as f64);
             }
@@ -224,6 +226,11 @@ fn room(stats: &EngineStats) -> Check {
         Some(free) => check("room", true, format!("{} MB are free", free >> 20)),
         None => check("room", true, "nobody can tell".to_owned()),
     }
+}
+
+/// The bytes that are stored, and how many of them are live.
+fn taken(stats: &EngineStats) -> String {
+    format!("{} MB, {} MB live", stats.bytes >> 20, stats.live_bytes >> 20)
 }
 
 fn check(name: &str, passed: bool, detail: String) -> Check {

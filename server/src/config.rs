@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use palpate_store::audit::RingSizes;
-use palpate_store::sled::{FreeSpace, RESERVE_BYTES};
+use palpate_store::sled::{FreeSpace, RESERVE_BYTES, SLACK_BYTES};
 
 use crate::door::Patience;
 use crate::tls::TlsFiles;
@@ -67,6 +67,8 @@ pub struct Config {
     pub store_cache_bytes: u64,
     /// Bytes of the disk that stay free: with fewer, writes are refused (507).
     pub disk_reserve_bytes: u64,
+    /// Room beyond 1.5 times the live bytes at which the stored data is compacted by itself.
+    pub store_slack_bytes: u64,
     /// How the free bytes are found.
     pub free_space: FreeSpace,
     /// The longest body of JSON or MessagePack, in bytes.
@@ -146,6 +148,7 @@ impl Config {
             migrate: false,
             store_cache_bytes: 64 << 20,
             disk_reserve_bytes: RESERVE_BYTES,
+            store_slack_bytes: SLACK_BYTES,
             free_space: FreeSpace::of_disk(),
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,

@@ -252,11 +252,13 @@ fn store_kind(error: &StoreError) -> ProblemType {
         }
         StoreError::Engine(EngineError::Full { .. }) => ProblemType::StorageFull,
         StoreError::Engine(
-            EngineError::Busy { .. } | EngineError::CutUnderWay | EngineError::CutTooLarge { .. },
+            EngineError::Busy { .. }
+            | EngineError::CutsUnderWay { .. }
+            | EngineError::CutTooLarge { .. },
         ) => ProblemType::Overloaded,
-        StoreError::Engine(EngineError::Poisoned | EngineError::Stopped) => {
-            ProblemType::Unavailable
-        }
+        StoreError::Engine(
+            EngineError::Poisoned | EngineError::Stopped | EngineError::NoRoomToCompact { .. },
+        ) => ProblemType::Unavailable,
         StoreError::Damaged { .. } | StoreError::Model { .. } => ProblemType::Damaged,
         StoreError::Engine(_) => ProblemType::Internal,
     }

@@ -124,6 +124,7 @@ const TABLE: &[(&str, Who, Effect)] = &[
     ("release_robot", RULING, Changes),
     ("list_audit", RULING, Reads),
     ("take_snapshot", RULING, Changes),
+    ("compact", RULING, Changes),
 ];
 
 /// What a request asks for, as far as the table knows.

@@ -4,6 +4,7 @@
 pub(crate) mod analyses;
 pub(crate) mod audit;
 pub(crate) mod calibrations;
+pub(crate) mod compactions;
 pub(crate) mod events;
 pub(crate) mod fleet;
 pub(crate) mod history;
@@ -83,6 +84,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(robots::bind_robot, robots::release_robot))
         .routes(routes!(audit::list_audit))
         .routes(routes!(snapshots::take_snapshot))
+        .routes(routes!(compactions::compact))
 }
 
 /// The answer to what made something: the thing, and the path that it has from now on.

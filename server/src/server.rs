@@ -245,6 +245,7 @@ async fn open(config: &Config) -> Result<Arc<SledEngine>, StartError> {
     let options = SledOptions {
         reserve_bytes: config.disk_reserve_bytes,
         cache_bytes: config.store_cache_bytes,
+        slack_bytes: config.store_slack_bytes,
         free_space: config.free_space.clone(),
         ..SledOptions::default()
     };

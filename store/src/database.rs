@@ -11,7 +11,7 @@ use crate::audit::{AuditLog, RingSizes};
 use crate::calibration::Calibrations;
 use crate::catalogue::Catalogues;
 use crate::engine::{
-    Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, OpenError,
+    Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected, OpenError,
 };
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError, unconditional};
@@ -277,6 +277,14 @@ impl Database {
     /// The engine's.
     pub fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
         self.engine.cut()
+    }
+
+    /// Gives back the room that removed and replaced records still take. Blocks.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn compact(&self) -> Result<Compacted, EngineError> {
+        self.engine.compact()
     }
 
     /// What the engine holds.

@@ -58,9 +58,17 @@ pub trait Engine: Send + Sync + 'static {
     /// is read. Blocks until the writer has answered what it is at.
     ///
     /// # Errors
-    /// [`EngineError::CutUnderWay`] when another one is being read; [`EngineError`] when the
+    /// [`EngineError::CutsUnderWay`] when too many are being read; [`EngineError`] when the
     /// engine has stopped.
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError>;
+
+    /// Gives back the room that removed and replaced records still take. Reads, writes and cuts
+    /// go on. Blocks until it is done; joins a compaction that is under way.
+    ///
+    /// # Errors
+    /// [`EngineError::NoRoomToCompact`]; [`EngineError`] when the engine cannot read or write,
+    /// and then everything stays as it is.
+    fn compact(&self) -> Result<Compacted, EngineError>;
 
     /// What the engine holds.
     ///
@@ -191,13 +199,28 @@ impl Future for Pending {
     }
 }
 
+/// What a compaction did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Compacted {
+    /// Bytes on disk before.
+    pub before_bytes: u64,
+    /// Bytes on disk after.
+    pub after_bytes: u64,
+    /// Bytes of the keys and values that are stored.
+    pub live_bytes: u64,
+}
+
 /// What an engine holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EngineStats {
     /// The engine's name.
     pub engine: &'static str,
-    /// Bytes on disk (or in memory).
+    /// Bytes on disk (or in memory), with those of a compaction that is under way.
     pub bytes: u64,
+    /// Bytes of the keys and values that are stored.
+    pub live_bytes: u64,
+    /// Compactions that came to their end since it was opened.
+    pub compactions: u64,
     /// Bytes that are free where it keeps its files, if it keeps any and can tell.
     pub free_bytes: Option<u64>,
     /// Bytes that must stay free: with fewer, writes are refused.
@@ -318,9 +341,25 @@ pub enum EngineError {
         /// Bytes that must stay free.
         reserve: u64,
     },
-    /// Another cut is being read.
-    #[error("a snapshot is being taken already")]
-    CutUnderWay,
+    /// Too little room is left on the disk for a compaction.
+    #[error(
+        "no room to compact: it needs {} MB, {} MB are free and {} MB must stay free",
+        .needed.div_ceil(1 << 20), .free >> 20, .reserve >> 20
+    )]
+    NoRoomToCompact {
+        /// Bytes that it needs while it runs.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
+        /// Bytes that must stay free.
+        reserve: u64,
+    },
+    /// No further cut can be read now.
+    #[error("{max} snapshots are being taken already")]
+    CutsUnderWay {
+        /// As many as can be.
+        max: usize,
+    },
     /// Too much was written while a cut was read.
     #[error("too much was written while the snapshot was taken, expected at most {max} bytes")]
     CutTooLarge {

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::engine::{Commit, Cut, Engine, EngineError, EngineStats, Pair, Pending};
+use crate::engine::{Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending};
 
 /// The engine behind it, all of whose commits are essential.
 pub(crate) struct Essential(pub(crate) Arc<dyn Engine>);
@@ -28,6 +28,10 @@ impl Engine for Essential {
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
         self.0.cut()
+    }
+
+    fn compact(&self) -> Result<Compacted, EngineError> {
+        self.0.compact()
     }
 
     fn stats(&self) -> Result<EngineStats, EngineError> {

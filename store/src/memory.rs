@@ -5,7 +5,7 @@ use std::ops::Bound;
 use std::sync::Mutex;
 
 use crate::engine::{
-    Commit, CommitError, Cut, Engine, EngineError, EngineStats, Expected, Pair, Pending,
+    Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected, Pair, Pending,
 };
 
 /// Keys and values in a sorted map under one lock.
@@ -79,6 +79,11 @@ impl Engine for MemoryEngine {
         Ok(Box::new(MemoryCut(self.state().pairs.clone())))
     }
 
+    fn compact(&self) -> Result<Compacted, EngineError> {
+        let bytes = self.stats()?.bytes;
+        Ok(Compacted { before_bytes: bytes, after_bytes: bytes, live_bytes: bytes })
+    }
+
     fn stats(&self) -> Result<EngineStats, EngineError> {
         let state = self.state();
         let bytes = state.pairs.iter().map(|(key, value)| key.len() + value.len()).sum::<usize>();
@@ -86,6 +91,8 @@ impl Engine for MemoryEngine {
         Ok(EngineStats {
             engine: "memory",
             bytes: bytes as u64,
+            live_bytes: bytes as u64,
+            compactions: 0,
             free_bytes: None,
             reserve_bytes: 0,
             commits,

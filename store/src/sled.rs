@@ -7,9 +7,16 @@
 //! can panic or drop keys in silence; hence the single thread, the bound on values, the caught
 //! panics, and the sums that are checked at every opening (`tally`, `mark`). A failed write
 //! poisons the engine until it is opened again; so it is refused before the disk is full (`room`).
+//! A sled's file never shrinks, so what is stored is merged into a file without it from time to
+//! time (`compaction`, `levels`, `base`).
 
+mod base;
+mod compaction;
+mod current;
 mod cut;
+mod levels;
 mod mark;
+mod merging;
 mod opening;
 mod room;
 mod tally;
@@ -19,18 +26,25 @@ use std::fs::File;
 use std::ops::Bound;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, PoisonError, RwLock};
 use std::thread::JoinHandle;
 
 use futures::channel::oneshot;
 
-use crate::engine::{Commit, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending};
+use crate::engine::{
+    Commit, Compacted, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending,
+};
 use crate::private;
+use compaction::Compaction;
+pub use compaction::Halt;
+use current::Current;
+pub use cut::CUTS_MAX;
 use cut::{Memory, SledCut};
+use levels::Levels;
 use mark::Mark;
-use opening::{lock_folder, open_sled, set_derived_aside, verify};
+use opening::{Verified, lock_folder, open_levels, unusable, verify};
 pub use room::FreeSpace;
 use room::Room;
 use tally::TALLY_KEY;
@@ -40,8 +54,10 @@ use writer::{Order, Writer};
 const QUEUE_MAX: usize = 4096;
 /// How many bytes of the disk stay free when nobody says otherwise.
 pub const RESERVE_BYTES: u64 = 64 << 20;
-/// sled's folder inside the database's.
-const SLED_FOLDER: &str = "sled";
+/// Room beyond 1.5 times the live bytes when nobody says otherwise. Chosen: with the copy that is
+/// written meanwhile (once the live bytes), what is stored stays below 4 × live + 64 MB; and a
+/// restart reads a base three times as fast as the sled on top of it.
+pub const SLACK_BYTES: u64 = 32 << 20;
 /// sled's data file inside its folder.
 const DATA_FILE: &str = "db";
 /// How an embedded database is opened.
@@ -55,6 +71,11 @@ pub struct SledOptions {
     pub free_space: FreeSpace,
     /// What to do when records are missing.
     pub on_damage: OnDamage,
+    /// Room beyond 1.5 times the live bytes at which a compaction begins by itself.
+    pub slack_bytes: u64,
+    /// Where a compaction stops for good, as if the process had been killed: for tests.
+    #[doc(hidden)]
+    pub halt: Option<Halt>,
 }
 
 impl Default for SledOptions {
@@ -64,6 +85,8 @@ impl Default for SledOptions {
             reserve_bytes: RESERVE_BYTES,
             free_space: FreeSpace::of_disk(),
             on_damage: OnDamage::Refuse,
+            slack_bytes: SLACK_BYTES,
+            halt: None,
         }
     }
 }
@@ -82,7 +105,6 @@ pub enum OnDamage {
 /// A folder on disk that is open.
 #[derive(Debug)]
 pub struct SledEngine {
-    db: ::sled::Db,
     folder: PathBuf,
     queue: Option<SyncSender<Order>>,
     writer: Option<JoinHandle<()>>,
@@ -93,11 +115,26 @@ pub struct SledEngine {
     _lock: File,
 }
 
-#[derive(Debug, Default)]
+/// What readers and the writer share.
+#[derive(Debug)]
 struct Shared {
+    levels: RwLock<Arc<Levels>>,
     poisoned: AtomicBool,
     commits: AtomicU64,
     flushes: AtomicU64,
+    compactions: AtomicU64,
+    live_bytes: AtomicU64,
+}
+
+impl Shared {
+    /// The levels as they are now, for one operation.
+    fn levels(&self) -> Arc<Levels> {
+        Arc::clone(&self.levels.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn set_levels(&self, levels: Arc<Levels>) {
+        *self.levels.write().unwrap_or_else(PoisonError::into_inner) = levels;
+    }
 }
 
 impl SledEngine {
@@ -114,20 +151,12 @@ impl SledEngine {
         private::create_folder(folder).map_err(io(folder))?;
         private::tighten(folder);
         let lock = lock_folder(folder)?;
-        let sled_folder = folder.join(SLED_FOLDER);
-        let db = match open_sled(folder, &sled_folder, options) {
-            Err(OpenError::Damaged { .. }) if set_derived_aside(folder, &sled_folder)? => {
-                open_sled(folder, &sled_folder, options)?
-            }
-            other => other?,
-        };
+        let current = Current::read(folder).map_err(|error| unusable(folder, folder, error))?;
+        let levels = Arc::new(open_levels(folder, current, options)?);
         private::tighten(folder);
-        let data_path = sled_folder.join(DATA_FILE);
+        let data_path = levels.top.folder.join(DATA_FILE);
         let data = File::open(&data_path).map_err(io(&data_path))?;
-        for made in [sled_folder.as_path(), folder] {
-            File::open(made).and_then(|made_folder| made_folder.sync_all()).map_err(io(made))?;
-        }
-        let (tally, damage) = verify(folder, &db)?;
+        let Verified { tally, live_bytes, damage } = verify(folder, &levels)?;
         if let Some(damage) = damage.as_ref().filter(|_| options.on_damage != OnDamage::Inspect) {
             tracing::error!(%damage, "Records of the database are missing");
         }
@@ -146,12 +175,18 @@ impl SledEngine {
             free_space: options.free_space.clone(),
             reserve: options.reserve_bytes,
         };
-        let shared = Arc::new(Shared::default());
-        shared.poisoned.store(is_read_only, Ordering::Relaxed);
+        let shared = Arc::new(Shared {
+            levels: RwLock::new(Arc::clone(&levels)),
+            poisoned: AtomicBool::new(is_read_only),
+            commits: AtomicU64::new(0),
+            flushes: AtomicU64::new(0),
+            compactions: AtomicU64::new(0),
+            live_bytes: AtomicU64::new(live_bytes),
+        });
         let memory = Arc::new(Memory::default());
         let (queue, orders) = sync_channel(QUEUE_MAX);
         let mut writer = Writer {
-            db: db.clone(),
+            levels,
             data,
             mark,
             tally,
@@ -159,7 +194,13 @@ impl SledEngine {
             is_full: false,
             shared: Arc::clone(&shared),
             memory: Arc::clone(&memory),
+            live_bytes,
+            compaction: Compaction::new(folder, current, options),
         };
+        if damage.is_none() {
+            // What an interrupted compaction left: the database does without it.
+            compaction::tidy(folder, current);
+        }
         if damage.is_some() && !is_read_only {
             writer.accept().map_err(|error| OpenError::Damaged {
                 folder: folder.to_owned(),
@@ -171,7 +212,6 @@ impl SledEngine {
             .spawn(move || writer.run(&orders))
             .map_err(|source| OpenError::Thread { source })?;
         Ok(Self {
-            db,
             folder: folder.to_owned(),
             queue: Some(queue),
             writer: Some(thread),
@@ -210,7 +250,7 @@ impl Engine for SledEngine {
         if key == TALLY_KEY {
             return Ok(None);
         }
-        guarded("reading", || self.db.get(key)).map(|value| value.map(|value| value.to_vec()))
+        guarded("reading", || self.shared.levels().get(key))
     }
 
     fn scan(
@@ -226,12 +266,12 @@ impl Engine for SledEngine {
         };
         guarded("scanning", || {
             let mut found = Vec::new();
-            for pair in self.db.range::<&[u8], _>((start, Bound::Unbounded)).take(limit) {
+            for pair in self.shared.levels().range(start).take(limit) {
                 let (key, value) = pair?;
                 if !key.starts_with(prefix) {
                     break;
                 }
-                found.push((key.to_vec(), value.to_vec()));
+                found.push((key, value));
             }
             Ok(found)
         })
@@ -251,15 +291,24 @@ impl Engine for SledEngine {
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {
         let (answer, answered) = oneshot::channel();
         self.order(Order::Cut(answer))?;
-        futures::executor::block_on(answered).unwrap_or(Err(EngineError::Stopped))?;
-        Ok(Box::new(SledCut { db: self.db.clone(), memory: Arc::clone(&self.memory) }))
+        let number = futures::executor::block_on(answered).unwrap_or(Err(EngineError::Stopped))?;
+        let (shared, memory) = (Arc::clone(&self.shared), Arc::clone(&self.memory));
+        Ok(Box::new(SledCut { shared, memory, number }))
+    }
+
+    fn compact(&self) -> Result<Compacted, EngineError> {
+        let (answer, answered) = oneshot::channel();
+        self.order(Order::Compact(answer))?;
+        futures::executor::block_on(answered).unwrap_or(Err(EngineError::Stopped))
     }
 
     fn stats(&self) -> Result<EngineStats, EngineError> {
-        let bytes = guarded("measuring", || self.db.size_on_disk())?;
+        let bytes = guarded("measuring", || Ok(current::stored_bytes(&self.folder)?))?;
         Ok(EngineStats {
             engine: "sled",
             bytes,
+            live_bytes: self.shared.live_bytes.load(Ordering::Relaxed),
+            compactions: self.shared.compactions.load(Ordering::Relaxed),
             free_bytes: self.room.free(),
             reserve_bytes: self.room.reserve,
             commits: self.shared.commits.load(Ordering::Relaxed),

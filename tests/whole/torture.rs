@@ -84,6 +84,28 @@ fn keys_that_were_given_are_let_in_after_a_kill_and_revoked_ones_are_not() {
 }
 
 #[test]
+fn a_short_soak_loses_nothing_and_gives_room_back() {
+    let figures = torture(&[
+        "soak",
+        "--minutes",
+        "0.1",
+        "--slack-mb",
+        "1",
+        "--writers",
+        "2",
+        "--seed",
+        "101",
+        "--json",
+    ]);
+    let number = |name: &str| figures[name].as_f64().unwrap();
+    assert!(number("acknowledged_lost") < 0.5, "{figures}");
+    assert!(number("readings_written") > 100.0, "{figures}");
+    assert!(number("compactions") > 0.5 && number("samples") > 2.0, "{figures}");
+    let bound = 4.0 * number("live_mb_after_restart") + 64.0;
+    assert!(number("stored_mb_after_restart") <= bound, "{figures}");
+}
+
+#[test]
 fn damaged_files_are_refused_or_named() {
     let counts = torture(&["corrupt", "--rounds", "16", "--seed", "101", "--json"]);
     let number = |name: &str| counts[name].as_u64().unwrap();

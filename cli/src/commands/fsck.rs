@@ -42,8 +42,8 @@ pub(crate) async fn run(args: FsckArgs, output: Output) -> anyhow::Result<()> {
 
 /// Refuses a folder that is not one of stored data, before an engine would make it one.
 pub(crate) fn require_data(data: &Path) -> anyhow::Result<()> {
-    if !data.join("sled").join("db").is_file() {
-        bail!("{} holds no stored data: there is no sled/db in it", data.display());
+    if !data.join("sled").join("db").is_file() && !data.join("current").is_file() {
+        bail!("{} holds no stored data: there is no sled/db and no current in it", data.display());
     }
     Ok(())
 }

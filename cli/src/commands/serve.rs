@@ -223,6 +223,15 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
     )]
     disk_reserve_mb: u64,
+    /// Room on the disk beyond 1.5 times the live data at which it is compacted by itself, in MB.
+    #[arg(
+        long,
+        env = "PALPATE_STORE_SLACK_MB",
+        value_name = "MB",
+        default_value_t = 32,
+        value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
+    )]
+    store_slack_mb: u64,
 }
 
 /// Whether requests need an API key.
@@ -346,6 +355,7 @@ fn config(args: ServeArgs) -> Config {
         compute_queue_max: args.compute_queue as usize,
         migrate: args.migrate,
         disk_reserve_bytes: args.disk_reserve_mb << 20,
+        store_slack_bytes: args.store_slack_mb << 20,
         ..usual
     }
 }

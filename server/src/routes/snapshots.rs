@@ -5,10 +5,12 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use tokio_stream::StreamExt as _;
 use tokio_stream::wrappers::ReceiverStream;
 
 use crate::admission::InMemory;
 use crate::app::App;
+use crate::client::Client;
 use crate::guard::Caller;
 use crate::openapi::SnapshotFile;
 use crate::refusal::Refusal;
@@ -17,17 +19,24 @@ use crate::snapshots::{IN_MEMORY, take};
 /// Take a snapshot
 ///
 /// Everything that is stored and acknowledged by now, as one file, whatever is written while it
-/// is sent. One at a time: 503 while another one is taken. A file that was cut off has no end
-/// and is refused by `palpate snapshot verify` and `restore`.
+/// is sent. Up to four are taken side by side, of which one key never has all (429; 503 when all
+/// are taken). A download ends with its key. A file that was cut off has no end and is refused by
+/// `palpate snapshot verify` and `restore`.
 #[utoipa::path(post, path = "/v1/snapshots", operation_id = "take_snapshot", tag = "admin",
     responses((status = 200, description = "The snapshot", body = SnapshotFile,
         content_type = "application/octet-stream")))]
 pub(crate) async fn take_snapshot(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
+    Extension(client): Extension<Option<Client>>,
 ) -> Result<Response, Refusal> {
+    let held = app.admission().snapshot(client)?;
     let chunks = take(app.store(), caller.until_ended(&app)).await?;
     let content_type = [(header::CONTENT_TYPE, "application/octet-stream")];
-    let body = Body::from_stream(ReceiverStream::new(chunks));
+    let chunks = ReceiverStream::new(chunks).map(move |chunk| {
+        let _held_while_sent = &held;
+        chunk
+    });
+    let body = Body::from_stream(chunks);
     Ok((content_type, Extension(InMemory(IN_MEMORY)), body).into_response())
 }

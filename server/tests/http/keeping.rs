@@ -212,3 +212,23 @@ async fn a_second_server_on_the_same_folder_is_refused_by_name() {
     assert!(error.contains("is in use by another process"), "{error}");
     it.server.shutdown().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_compaction_gives_room_back_and_is_shown_and_audited() {
+    let it = Harness::start().await;
+    it.train().await;
+    let session = it.session(json!({})).await;
+    let path = format!("/v1/sessions/{session}/readings");
+    it.post(&path, &readings(8)).await.expect(200);
+    let done = it.post("/v1/compactions", &json!({})).await.expect(200);
+    let bytes = |name: &str| done[name].as_u64().unwrap();
+    assert!(bytes("live_bytes") > 0 && bytes("after_bytes") < bytes("before_bytes"), "{done}");
+    let again = it.post(&path, &readings(8)).await.expect(200);
+    assert_eq!(again["n_repeated"], 8);
+    let metrics = it.get("/metrics").await.text;
+    assert!(metrics.contains("palpate_store_compactions_total 1"), "{metrics}");
+    assert!(metrics.contains("palpate_store_live_bytes "), "{metrics}");
+    let log = it.get("/v1/audit?operation=compact").await.expect(200);
+    assert_eq!(log["items"].as_array().unwrap().len(), 1, "{log}");
+    it.server.shutdown().await;
+}

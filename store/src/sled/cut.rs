@@ -3,24 +3,34 @@
 //! Sled knows no such thing. So while a cut is read the writer remembers, before it changes a
 //! key that the reader has not passed yet, what the key held; the reader lays that over what
 //! it finds. Both look under one lock, the reader after it has read: what it may have seen
-//! changed is remembered by then.
+//! changed is remembered by then. A compaction changes which levels there are, not what they
+//! say, so a cut goes on across it.
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::guarded;
 use super::tally::TALLY_KEY;
+use super::{Shared, guarded};
 use crate::engine::{Cut, EngineError, Pair};
 
-/// No more is remembered for a reader, in bytes.
+/// No more is remembered for all readers, in bytes: who has most of it is given up.
 const BYTES_MAX: usize = 256 << 20;
+/// No more cuts are read at once.
+pub const CUTS_MAX: usize = 4;
 /// What a remembered key costs besides its bytes.
 const ENTRY_BYTES: usize = 64;
 
-/// What is remembered for the reader of a cut, if there is one.
+/// What is remembered for the readers of cuts.
 #[derive(Debug, Default)]
-pub(super) struct Memory(Mutex<Option<Remembered>>);
+pub(super) struct Memory(Mutex<Readers>);
+
+#[derive(Debug, Default)]
+struct Readers {
+    next: u64,
+    /// By the cut's number.
+    all: BTreeMap<u64, Remembered>,
+}
 
 #[derive(Debug)]
 struct Remembered {
@@ -29,62 +39,77 @@ struct Remembered {
     /// What keys behind it held; `None` is nothing.
     before: BTreeMap<Vec<u8>, Option<Vec<u8>>>,
     bytes: usize,
+    /// Too much was written: what is remembered is not all.
+    is_over: bool,
 }
 
 impl Memory {
-    fn lock(&self) -> MutexGuard<'_, Option<Remembered>> {
+    fn lock(&self) -> MutexGuard<'_, Readers> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins to remember, from the state that the database has now. The writer calls it.
-    pub(super) fn begin(&self) -> Result<(), EngineError> {
-        let mut memory = self.lock();
-        if memory.is_some() {
-            return Err(EngineError::CutUnderWay);
+    /// Begins to remember, from the state that the database has now; the cut's number. The writer
+    /// calls it.
+    pub(super) fn begin(&self) -> Result<u64, EngineError> {
+        let mut readers = self.lock();
+        if readers.all.len() >= CUTS_MAX {
+            return Err(EngineError::CutsUnderWay { max: CUTS_MAX });
         }
-        let passed = TALLY_KEY.to_vec();
-        *memory = Some(Remembered { passed, before: BTreeMap::new(), bytes: 0 });
-        Ok(())
+        let number = readers.next;
+        readers.next += 1;
+        let (passed, before) = (TALLY_KEY.to_vec(), BTreeMap::new());
+        readers.all.insert(number, Remembered { passed, before, bytes: 0, is_over: false });
+        Ok(number)
     }
 
-    /// Ends it.
-    pub(super) fn end(&self) {
-        *self.lock() = None;
+    /// Ends a cut.
+    pub(super) fn end(&self, number: u64) {
+        self.lock().all.remove(&number);
     }
 
     /// Remembers what `key` holds, which is about to change. The writer calls it.
     pub(super) fn note(&self, key: &[u8], value: Option<&[u8]>) {
-        let mut memory = self.lock();
-        let Some(remembered) = memory.as_mut() else { return };
-        if key <= remembered.passed.as_slice() || remembered.before.contains_key(key) {
+        let mut readers = self.lock();
+        for remembered in readers.all.values_mut() {
+            remembered.note(key, value);
+        }
+        if readers.all.values().map(|remembered| remembered.bytes).sum::<usize>() > BYTES_MAX
+            && let Some(most) = readers.all.values_mut().max_by_key(|one| one.bytes)
+        {
+            most.before.clear();
+            (most.bytes, most.is_over) = (0, true);
+        }
+    }
+}
+
+impl Remembered {
+    fn note(&mut self, key: &[u8], value: Option<&[u8]>) {
+        if self.is_over || key <= self.passed.as_slice() || self.before.contains_key(key) {
             return;
         }
-        remembered.bytes += ENTRY_BYTES + key.len() + value.map_or(0, <[u8]>::len);
-        if remembered.bytes <= BYTES_MAX {
-            remembered.before.insert(key.to_vec(), value.map(<[u8]>::to_vec));
-        } else {
-            // The reader finds out by the count.
-            remembered.before.clear();
-        }
+        self.bytes += size(key, value);
+        self.before.insert(key.to_vec(), value.map(<[u8]>::to_vec));
     }
 }
 
 /// The reader of a cut.
 pub(super) struct SledCut {
-    pub(super) db: ::sled::Db,
+    pub(super) shared: Arc<Shared>,
     pub(super) memory: Arc<Memory>,
+    /// The number of the cut.
+    pub(super) number: u64,
 }
 
 impl Cut for SledCut {
     fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError> {
         loop {
-            let from = match self.memory.lock().as_ref() {
+            let from = match self.memory.lock().all.get(&self.number) {
                 Some(remembered) => remembered.passed.clone(),
                 None => return Err(EngineError::Stopped),
             };
-            let start = (Bound::Excluded(from.as_slice()), Bound::Unbounded);
+            let start = Bound::Excluded(from.as_slice());
             let page = guarded("reading for a snapshot", || {
-                self.db.range::<&[u8], _>(start).take(limit.max(1)).collect::<Result<Vec<_>, _>>()
+                self.shared.levels().range(start).take(limit.max(1)).collect::<Result<Vec<_>, _>>()
             })?;
             let is_last = page.len() < limit.max(1);
             let found = self.as_before(page, is_last)?;
@@ -98,18 +123,13 @@ impl Cut for SledCut {
 
 impl SledCut {
     /// The pairs of a page as they were, and the page passed.
-    fn as_before(
-        &self,
-        page: Vec<(::sled::IVec, ::sled::IVec)>,
-        is_last: bool,
-    ) -> Result<Vec<Pair>, EngineError> {
-        let mut memory = self.memory.lock();
-        let remembered = memory.as_mut().ok_or(EngineError::Stopped)?;
-        if remembered.bytes > BYTES_MAX {
+    fn as_before(&self, page: Vec<Pair>, is_last: bool) -> Result<Vec<Pair>, EngineError> {
+        let mut readers = self.memory.lock();
+        let remembered = readers.all.get_mut(&self.number).ok_or(EngineError::Stopped)?;
+        if remembered.is_over {
             return Err(EngineError::CutTooLarge { max: BYTES_MAX });
         }
-        let mut pairs: BTreeMap<Vec<u8>, Vec<u8>> =
-            page.into_iter().map(|(key, value)| (key.to_vec(), value.to_vec())).collect();
+        let mut pairs: BTreeMap<Vec<u8>, Vec<u8>> = page.into_iter().collect();
         let end = pairs.last_key_value().map(|(key, _)| key.clone());
         let behind = match (&end, is_last) {
             (Some(end), false) => remembered.before.split_off(&[end.as_slice(), &[0]].concat()),
@@ -139,6 +159,6 @@ fn size(key: &[u8], value: Option<&[u8]>) -> usize {
 
 impl Drop for SledCut {
     fn drop(&mut self) {
-        self.memory.end();
+        self.memory.end(self.number);
     }
 }

@@ -1,13 +1,18 @@
-//! Opening: the folder's lock, sled itself, and what is there held against what was written.
+//! Opening: the folder's lock, the levels, and what is there held against what was written.
 
 use std::fs::{self, File, OpenOptions};
+use std::io;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use fs4::FileExt;
 
+use super::base::Base;
+use super::current::{Current, base_file, sled_folder};
+use super::levels::{Form, Layer, Levels};
 use super::mark::{self, Found};
-use super::tally::{TALLY_KEY, Tally, sum_of};
+use super::tally::{Contents, TALLY_KEY, Tally, contents};
 use super::{SledOptions, guarded};
 use crate::engine::{EngineError, OpenError};
 
@@ -22,12 +27,17 @@ const OPEN_ATTEMPTS: u32 = 50;
 const NO_ROOM: &str = "No space left on device";
 const OPEN_ATTEMPT_PAUSE: Duration = Duration::from_millis(20);
 
-/// Holds what is there against what was written last: the tally to go on with, and what is
-/// wrong if something is.
-pub(super) fn verify(
-    folder: &Path,
-    db: &::sled::Db,
-) -> Result<(Tally, Option<OpenError>), OpenError> {
+/// What is there, held against what was written last.
+pub(super) struct Verified {
+    /// The tally to go on with.
+    pub(super) tally: Tally,
+    pub(super) live_bytes: u64,
+    /// What is wrong, if something is.
+    pub(super) damage: Option<OpenError>,
+}
+
+/// Holds what is there against what was written last.
+pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenError> {
     let unreadable = |error: EngineError| OpenError::Damaged {
         folder: folder.to_owned(),
         detail: error.to_string(),
@@ -35,8 +45,8 @@ pub(super) fn verify(
     let path = folder.join(mark::MARK_FILE);
     let found_mark =
         mark::read(folder).map_err(|source| OpenError::Io { path: path.clone(), source })?;
-    let record = guarded("reading", || db.get(TALLY_KEY)).map_err(unreadable)?;
-    let (sum, n_pairs) = sum_of(db).map_err(unreadable)?;
+    let record = guarded("reading", || levels.get(&TALLY_KEY)).map_err(unreadable)?;
+    let Contents { sum, n_pairs, live_bytes } = contents(levels).map_err(unreadable)?;
     let tally = record.as_deref().map(Tally::from_record);
     let there = tally.flatten().map_or(0, |tally| tally.commits);
     let acknowledged = match found_mark {
@@ -58,7 +68,56 @@ pub(super) fn verify(
         (Found::Absent | Found::Commits(_), None) => None,
         (Found::Commits(_), Some(_)) => None,
     };
-    Ok((Tally { commits: there.max(acknowledged), sum }, damage))
+    let tally = Tally { commits: there.max(acknowledged), sum };
+    Ok(Verified { tally, live_bytes, damage })
+}
+
+/// Opens the files that are the database.
+pub(super) fn open_levels(
+    folder: &Path,
+    current: Current,
+    options: &SledOptions,
+) -> Result<Levels, OpenError> {
+    let base = match current.base {
+        Some(number) => {
+            let path = base_file(folder, number);
+            Some(Arc::new(Base::open(&path).map_err(|error| unusable(folder, &path, error))?))
+        }
+        None => None,
+    };
+    let frozen = current.frozen.map(|number| open_layer(folder, number, options)).transpose()?;
+    let top = open_layer(folder, current.top, options)?;
+    Ok(Levels { top, frozen, base })
+}
+
+/// Opens the sled with a number, made if it is not there, so that it survives a loss of power.
+pub(super) fn open_layer(
+    folder: &Path,
+    number: u64,
+    options: &SledOptions,
+) -> Result<Layer, OpenError> {
+    let sled_folder = sled_folder(folder, number);
+    let db = match open_sled(folder, &sled_folder, options) {
+        Err(OpenError::Damaged { .. }) if set_derived_aside(folder, &sled_folder)? => {
+            open_sled(folder, &sled_folder, options)?
+        }
+        other => other?,
+    };
+    for made in [sled_folder.as_path(), folder] {
+        let synced = File::open(made).and_then(|made_folder| made_folder.sync_all());
+        synced.map_err(|source| OpenError::Io { path: made.to_owned(), source })?;
+    }
+    Ok(Layer { db, folder: sled_folder, form: Form::of(number) })
+}
+
+/// Damage where the bytes are wrong, else what the operating system says of a file.
+pub(super) fn unusable(folder: &Path, path: &Path, source: io::Error) -> OpenError {
+    match source.kind() {
+        io::ErrorKind::InvalidData | io::ErrorKind::UnexpectedEof => {
+            OpenError::Damaged { folder: folder.to_owned(), detail: source.to_string() }
+        }
+        _ => OpenError::Io { path: path.to_owned(), source },
+    }
 }
 
 /// Takes the lock that says that the folder is in use.
@@ -77,7 +136,7 @@ pub(super) fn lock_folder(folder: &Path) -> Result<File, OpenError> {
 
 /// Moves sled's own snapshots out of its way, which it makes anew from its log; whether there
 /// were any. What it makes of the log is held against tally and mark as always.
-pub(super) fn set_derived_aside(folder: &Path, sled_folder: &Path) -> Result<bool, OpenError> {
+fn set_derived_aside(folder: &Path, sled_folder: &Path) -> Result<bool, OpenError> {
     let io = |path: &Path| {
         let path = path.to_owned();
         move |source| OpenError::Io { path, source }
@@ -99,7 +158,7 @@ pub(super) fn set_derived_aside(folder: &Path, sled_folder: &Path) -> Result<boo
 }
 
 /// Opens sled itself.
-pub(super) fn open_sled(
+fn open_sled(
     folder: &Path,
     sled_folder: &Path,
     options: &SledOptions,

@@ -10,29 +10,36 @@ use std::time::Duration;
 
 use futures::channel::oneshot;
 
+use super::compaction::Compaction;
 use super::cut::Memory;
+use super::levels::Levels;
 use super::mark::Mark;
 use super::room::{Allowance, Room};
 use super::tally::{TALLY_KEY, Tally};
 use super::{Shared, guarded};
-use crate::engine::{Commit, CommitError, EngineError, Expected};
+use crate::engine::{Commit, CommitError, Compacted, EngineError, Expected};
 
 /// How many orders share one flush at most.
 const GROUP_MAX: usize = 1024;
 /// After so long without an order the mark is synced.
 const IDLE: Duration = Duration::from_secs(1);
 
+/// While a compaction is under way the writer looks as often how far it is.
+const TENDING: Duration = Duration::from_millis(20);
+
 /// What the writer is asked to do.
 pub(super) enum Order {
     /// Apply a commit.
     Commit(Commit, oneshot::Sender<Result<(), CommitError>>),
     /// Begin to remember for the reader of a cut.
-    Cut(oneshot::Sender<Result<(), EngineError>>),
+    Cut(oneshot::Sender<Result<u64, EngineError>>),
+    /// Compact.
+    Compact(oneshot::Sender<Result<Compacted, EngineError>>),
 }
 
 /// The one thread that writes.
 pub(super) struct Writer {
-    pub(super) db: ::sled::Db,
+    pub(super) levels: Arc<Levels>,
     pub(super) data: File,
     /// None where nothing is written.
     pub(super) mark: Option<Mark>,
@@ -41,15 +48,22 @@ pub(super) struct Writer {
     pub(super) is_full: bool,
     pub(super) shared: Arc<Shared>,
     pub(super) memory: Arc<Memory>,
+    /// Bytes of all keys and values, without the tally's.
+    pub(super) live_bytes: u64,
+    pub(super) compaction: Compaction,
 }
 
 impl Writer {
     pub(super) fn run(&mut self, orders: &Receiver<Order>) {
         loop {
-            let first = match orders.recv_timeout(IDLE) {
+            self.tend();
+            let is_calm = self.compaction.is_calm();
+            let first = match orders.recv_timeout(if is_calm { IDLE } else { TENDING }) {
                 Ok(first) => first,
                 Err(RecvTimeoutError::Timeout) => {
-                    self.sync_mark();
+                    if is_calm {
+                        self.sync_mark();
+                    }
                     continue;
                 }
                 Err(RecvTimeoutError::Disconnected) => break,
@@ -59,6 +73,7 @@ impl Writer {
             self.do_group(group);
         }
         self.sync_mark();
+        self.compaction.stop();
     }
 
     fn do_group(&mut self, group: Vec<Order>) {
@@ -70,6 +85,7 @@ impl Writer {
                     applied.push((self.apply(commit, &mut allowance), answer));
                 }
                 Order::Cut(answer) => cuts.push(answer),
+                Order::Compact(answer) => self.compaction.ask(answer),
             }
         }
         let written = applied.iter().filter(|(result, _)| result.is_ok()).count();
@@ -83,8 +99,8 @@ impl Writer {
         for answer in cuts {
             let begun = self.memory.begin();
             // A reader that has gone away is not remembered for.
-            if answer.send(begun.clone()).is_err() && begun.is_ok() {
-                self.memory.end();
+            if let (Err(_), Ok(number)) = (answer.send(begun.clone()), begun) {
+                self.memory.end(number);
             }
         }
     }
@@ -94,7 +110,7 @@ impl Writer {
             return Err(EngineError::Poisoned.into());
         }
         for (expectation, (key, expected)) in commit.expectations.iter().enumerate() {
-            let found = guarded("checking a commit", || self.db.get(key))?;
+            let found = guarded("checking a commit", || self.levels.get(key))?;
             let holds = match expected {
                 Expected::Absent => found.is_none(),
                 Expected::Value(value) => found.as_deref() == Some(value.as_slice()),
@@ -109,35 +125,36 @@ impl Writer {
         // The last write of a key wins.
         let writes: BTreeMap<Vec<u8>, Option<Vec<u8>>> = commit.writes.into_iter().collect();
         let mut tally = Tally { commits: self.tally.commits + 1, ..self.tally };
-        let mut batch = ::sled::Batch::default();
+        let (mut batch, mut live_bytes) = (::sled::Batch::default(), self.live_bytes);
         for (key, value) in writes {
-            let before = guarded("reading before a write", || self.db.get(&key))?;
+            let before = guarded("reading before a write", || self.levels.get(&key))?;
             self.memory.note(&key, before.as_deref());
             if let Some(before) = &before {
                 tally.remove(&key, before);
+                live_bytes -= (key.len() + before.len()) as u64;
             }
-            match value {
-                Some(value) => {
-                    tally.add(&key, &value);
-                    batch.insert(key, value);
-                }
-                None => batch.remove(key),
+            if let Some(value) = &value {
+                tally.add(&key, value);
+                live_bytes += (key.len() + value.len()) as u64;
             }
+            guarded("reading before a write", || self.levels.write(&mut batch, key, value))?;
         }
-        batch.insert(&TALLY_KEY, tally.to_record());
-        let applied = guarded("writing", || self.db.apply_batch(batch));
+        batch.insert(&TALLY_KEY, self.levels.top.form.encode(tally.to_record()));
+        let applied = guarded("writing", || self.levels.top.db.apply_batch(batch));
         self.poison_if_failed(applied)?;
         self.tally = tally;
+        self.live_bytes = live_bytes;
+        self.shared.live_bytes.store(live_bytes, Ordering::Relaxed);
         Ok(())
     }
 
     /// Returns when everything applied so far is on the disk, and the mark says so.
-    fn flush(&mut self) -> Result<(), EngineError> {
+    pub(super) fn flush(&mut self) -> Result<(), EngineError> {
         self.shared.flushes.fetch_add(1, Ordering::Relaxed);
         let failed = |doing| {
             move |error: std::io::Error| EngineError::Failed { doing, detail: error.to_string() }
         };
-        let flushed = guarded("flushing", || self.db.flush())
+        let flushed = guarded("flushing", || self.levels.top.db.flush())
             .and_then(|_| self.data.sync_data().map_err(failed("syncing")))
             .and_then(|()| match &mut self.mark {
                 Some(mark) => mark.set(self.tally.commits).map_err(failed("marking a commit")),
@@ -149,9 +166,15 @@ impl Writer {
     /// Takes what is there for the whole: writes the tally of it.
     pub(super) fn accept(&mut self) -> Result<(), EngineError> {
         self.tally.commits += 1;
-        let record = self.tally.to_record();
-        guarded("writing", || self.db.insert(TALLY_KEY, record.as_slice()))?;
+        self.write_tally()?;
         self.flush()
+    }
+
+    /// Writes the tally into the top, by itself.
+    pub(super) fn write_tally(&self) -> Result<(), EngineError> {
+        let top = &self.levels.top;
+        let record = top.form.encode(self.tally.to_record());
+        guarded("writing", || top.db.insert(TALLY_KEY, record)).map(drop)
     }
 
     fn sync_mark(&mut self) {
@@ -174,7 +197,10 @@ impl Writer {
         self.is_full = room.is_err();
     }
 
-    fn poison_if_failed(&self, result: Result<(), EngineError>) -> Result<(), EngineError> {
+    pub(super) fn poison_if_failed(
+        &self,
+        result: Result<(), EngineError>,
+    ) -> Result<(), EngineError> {
         if let Err(error) = &result {
             self.shared.poisoned.store(true, Ordering::Relaxed);
             tracing::error!(%error, "The database takes no more writes until it is opened again");

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use palpate_store::engine::{Commit, CommitError, Cut, Engine, EngineError, OpenError, Pair};
 use palpate_store::memory::MemoryEngine;
-use palpate_store::sled::{FreeSpace, OnDamage, SledEngine, SledOptions};
+use palpate_store::sled::{CUTS_MAX, FreeSpace, OnDamage, SledEngine, SledOptions};
 use tempfile::TempDir;
 
 fn open(folder: &Path, on_damage: OnDamage) -> Result<SledEngine, OpenError> {
@@ -166,12 +166,32 @@ fn a_cut_is_one_moment_whatever_is_written_meanwhile() {
 }
 
 #[test]
-fn there_is_one_cut_at_a_time() {
+fn cuts_are_read_side_by_side_each_of_its_own_moment() {
     let folder = TempDir::new().unwrap();
     let engine = open(folder.path(), OnDamage::Refuse).unwrap();
-    let first = engine.cut().unwrap();
-    assert_eq!(engine.cut().err(), Some(EngineError::CutUnderWay));
-    drop(first);
+    let mut cuts = Vec::new();
+    for n in 0..CUTS_MAX as u8 {
+        // Each commit changes one key and adds another.
+        let commit = Commit::new().put(b"same".to_vec(), vec![n]).put(vec![b't', n], vec![n]);
+        engine.commit(commit).wait().unwrap();
+        cuts.push(engine.cut().unwrap());
+    }
+    let too_many = engine.cut().err();
+    assert_eq!(too_many, Some(EngineError::CutsUnderWay { max: CUTS_MAX }));
+    engine.commit(Commit::new().remove(b"same".to_vec())).wait().unwrap();
+    for (n, cut) in cuts.iter_mut().enumerate() {
+        let mut found = Vec::new();
+        loop {
+            let page = cut.next(2).unwrap();
+            if page.is_empty() {
+                break;
+            }
+            found.extend(page);
+        }
+        assert_eq!(found[0], (b"same".to_vec(), vec![n as u8]));
+        assert_eq!(found.len(), n + 2, "{found:?}");
+    }
+    cuts.pop();
     assert!(engine.cut().is_ok());
 }
 

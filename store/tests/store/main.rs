@@ -3,6 +3,7 @@
 
 mod access;
 mod bytes;
+mod compaction;
 mod crash;
 mod damage;
 mod engines;

@@ -380,6 +380,29 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/compactions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Compact the stored data
+         * @description Gives the room back that removed and replaced records still take on the disk, while requests
+         *     go on, and answers when it is done. It happens by itself too, when the stored bytes exceed
+         *     1.5 times the live bytes by `--store-slack-mb`. 503 when its copy would not fit on the disk.
+         *     An answer of 503 because of time does not end a compaction.
+         */
+        post: operations["compact"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/events": {
         parameters: {
             query?: never;
@@ -1101,8 +1124,9 @@ export interface paths {
         /**
          * Take a snapshot
          * @description Everything that is stored and acknowledged by now, as one file, whatever is written while it
-         *     is sent. One at a time: 503 while another one is taken. A file that was cut off has no end
-         *     and is refused by `palpate snapshot verify` and `restore`.
+         *     is sent. Up to four are taken side by side, of which one key never has all (429; 503 when all
+         *     are taken). A download ends with its key. A file that was cut off has no end and is refused by
+         *     `palpate snapshot verify` and `restore`.
          */
         post: operations["take_snapshot"];
         delete?: never;
@@ -1679,6 +1703,24 @@ export interface components {
          * @enum {string}
          */
         ClusteringKind: "mixture" | "shared_mixture" | "per_object" | "k_means";
+        /** @description What a compaction of the stored data did. */
+        Compacted: {
+            /**
+             * Format: int64
+             * @description Bytes on the disk after.
+             */
+            after_bytes: number;
+            /**
+             * Format: int64
+             * @description Bytes on the disk before.
+             */
+            before_bytes: number;
+            /**
+             * Format: int64
+             * @description Bytes of what is stored: keys and records.
+             */
+            live_bytes: number;
+        };
         /** @description How coverings compare. */
         CoveringAnalysis: {
             /**
@@ -6486,6 +6528,92 @@ export interface operations {
                     "RateLimit-Policy"?: string;
                     /** @description Whole seconds to wait; missing when waiting does not help */
                     "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    compact: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description It is done */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Compacted"];
+                };
+            };
+            /** @description No API key came, or none that is let in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the roles that this needs: admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description More than the client's share; `Retry-After` says when there is more */
+            429: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The server is at fault, or what is stored is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            503: {
+                headers: {
+                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    RateLimit?: string;
+                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The disk is full: nothing was stored */
+            507: {
+                headers: {
                     [name: string]: unknown;
                 };
                 content: {

@@ -312,7 +312,7 @@ fn held(metrics: &str) -> u64 {
     };
     // Connections of honest clients idle in their pools; all come from one address.
     let connections = of("palpate_occupied{resource=\"connections\"}");
-    let others = ["requests", "streams", "bodies", "answers"]
+    let others = ["requests", "streams", "bodies", "answers", "snapshots"]
         .map(|resource| of(&format!("palpate_occupied{{resource=\"{resource}\"}}")));
     let sessions = of("palpate_sessions_open").saturating_sub(1);
     others.iter().sum::<u64>() + sessions + connections.saturating_sub(OWN_CONNECTIONS)

@@ -24,6 +24,9 @@ const BELIEFS_PER_ROUND: usize = 6;
 const LONG_ROUND_EVERY: u32 = 10;
 /// How long jobs may take to end when nobody kills the server any more.
 const JOBS_PATIENCE: Duration = Duration::from_secs(300);
+/// Makes the server that is killed compact as often as it can: kills hit every step of it, the
+/// first one of a folder that was never compacted included.
+const COMPACTING: [&str; 2] = ["--store-slack-mb", "0"];
 
 /// Runs the rounds.
 pub(crate) async fn run(
@@ -92,7 +95,11 @@ fn restart(
     counts: &mut Counts,
 ) -> anyhow::Result<Serving> {
     let begun = Instant::now();
-    let serving = start(command, data, access)?;
+    let more = COMPACTING.map(str::to_owned);
+    let serving = match Serving::start_with(command, data, access, &more)? {
+        Ok(serving) => serving,
+        Err(refused) => bail!("the server does not start: {}", refused.0),
+    };
     counts.restarts += 1;
     counts.restart_seconds_max = counts.restart_seconds_max.max(begun.elapsed().as_secs_f64());
     Ok(serving)

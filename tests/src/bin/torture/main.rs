@@ -1,7 +1,8 @@
 //! `torture`: kills and damages a real server again and again, and counts what it got wrong.
 //!
 //! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change;
-//! `order`: one set of readings is sent in many ways; `hostile`: callers who mean harm.
+//! `order`: one set of readings is sent in many ways; `hostile`: callers who mean harm; `soak`: a
+//! long mix of records that are kept and records that are not, and how much of the disk it takes.
 //! The last line of the standard output is one JSON object; every count of faults in it must
 //! be 0, and the exit code is 1 if one is not. Progress goes to the standard error.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
@@ -17,6 +18,7 @@ mod material;
 mod order;
 mod robot;
 mod serving;
+mod soak;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -49,6 +51,27 @@ struct Args {
     /// The command to torture; built by cargo when not given.
     #[arg(long, value_name = "FILE")]
     palpate: Option<PathBuf>,
+    /// With `soak`: for how long.
+    #[arg(long, default_value_t = 30.0)]
+    minutes: f64,
+    /// With `soak`: it also ends after this many acknowledged readings.
+    #[arg(long, default_value_t = 10_000_000)]
+    readings: u64,
+    /// With `soak`: this many readings are stored before it begins and kept to its end.
+    #[arg(long, default_value_t = 0)]
+    kept: u64,
+    /// With `soak`: where the server keeps its data; a folder that is removed when not given.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// With `soak`: `--store-slack-mb` of the server; a huge one turns compaction off.
+    #[arg(long, value_name = "MB", default_value_t = 32)]
+    slack_mb: u64,
+    /// With `soak`: write figures and all samples into this file, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// With `soak`: draw the bytes over time into this file, as SVG.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
     /// Print nothing but the JSON object.
     #[arg(long)]
     json: bool,
@@ -86,7 +109,9 @@ enum Mode {
     Order,
     /// Attackers beside honest robots, one attack after the other.
     Hostile,
-    /// Everything but `hostile`.
+    /// A long mix of records that are kept and records that are not.
+    Soak,
+    /// Everything but `hostile` and `soak`.
     All,
 }
 
@@ -160,6 +185,10 @@ async fn run(args: &Args) -> anyhow::Result<(String, u64)> {
             eprintln!("{line}");
         }
     };
+    if args.mode == Mode::Soak {
+        let figures = soak::run(args).await?;
+        return Ok((figures.to_string(), figures.faults()));
+    }
     if args.mode == Mode::Hostile {
         let report = hostile::run(&command, args, &say).await?;
         return Ok((serde_json::to_string(&report)?, report.faults()));

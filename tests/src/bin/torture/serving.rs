@@ -61,7 +61,18 @@ impl Serving {
         data: &Path,
         access: Access,
     ) -> anyhow::Result<Result<Self, Refused>> {
-        Self::start_as(Command::new(command), data, access, &[])
+        Self::start_with(command, data, access, &[])
+    }
+
+    /// The same with more arguments.
+    pub(crate) fn start_with(
+        command: &Path,
+        data: &Path,
+        access: Access,
+        more: &[String],
+    ) -> anyhow::Result<Result<Self, Refused>> {
+        let more: Vec<&str> = more.iter().map(String::as_str).collect();
+        Self::start_as(Command::new(command), data, access, &more)
     }
 
     /// The same for a process that gets no more memory than this, with further arguments.

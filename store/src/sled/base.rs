@@ -1,0 +1,360 @@
+//! The base: an immutable file of sorted pairs, what a compaction writes.
+//!
+//! Blocks of pairs in ascending order of their keys, each with a CRC-32; then an index of the
+//! blocks' first keys; then a footer. `docs/formats.md` draws it. A file is made durable before
+//! `current` names it and never changes afterwards, so readers share it without a lock.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::ops::Bound;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::engine::{KEY_BYTES_MAX, Pair, VALUE_BYTES_MAX};
+
+const MAGIC: [u8; 4] = *b"PLPB";
+const VERSION: u32 = 1;
+/// Magic, version u32, index at u64, index length u64, pairs u64, CRC-32 of the index, CRC-32 of
+/// these; little-endian.
+const FOOTER_BYTES: usize = 40;
+/// A block ends with the first pair that makes it as long. Chosen: a read of one key costs one
+/// block, the index costs memory for each.
+const BLOCK_BYTES: usize = 8 << 10;
+/// No block is longer: the pair that ends it, and its checksum.
+const BLOCK_BYTES_MAX: usize = BLOCK_BYTES + PAIR_HEAD_BYTES + KEY_BYTES_MAX + VALUE_BYTES_MAX + 4;
+/// Length of the key u16, length of the value u16.
+const PAIR_HEAD_BYTES: usize = 4;
+const CHECKSUM_BYTES: usize = 4;
+/// How much is written before it is synced: one sync of everything would hold up the log's.
+const SYNC_BYTES: u64 = 4 << 20;
+
+/// A file of sorted pairs that is open.
+#[derive(Debug)]
+pub(super) struct Base {
+    file: File,
+    path: PathBuf,
+    blocks: Vec<Block>,
+}
+
+/// Where a block lies, and the key that it begins with.
+#[derive(Debug)]
+struct Block {
+    first: Box<[u8]>,
+    at: u64,
+    length: u32,
+}
+
+/// A file of sorted pairs that is being written.
+#[derive(Debug)]
+pub(super) struct BaseWriter {
+    file: BufWriter<File>,
+    path: PathBuf,
+    blocks: Vec<Block>,
+    /// The block that is not full yet.
+    block: Vec<u8>,
+    first: Vec<u8>,
+    at: u64,
+    synced_at: u64,
+    n_pairs: u64,
+}
+
+impl BaseWriter {
+    /// Begins a file, in place of one of that name.
+    pub(super) fn create(path: &Path) -> io::Result<Self> {
+        Ok(Self {
+            file: BufWriter::with_capacity(1 << 20, File::create(path)?),
+            path: path.to_owned(),
+            blocks: Vec::new(),
+            block: Vec::with_capacity(BLOCK_BYTES_MAX),
+            first: Vec::new(),
+            at: 0,
+            synced_at: 0,
+            n_pairs: 0,
+        })
+    }
+
+    /// Appends a pair, whose key is greater than all before.
+    pub(super) fn put(&mut self, key: &[u8], value: &[u8]) -> io::Result<()> {
+        let too_long = |_| io::Error::other("a key or a value is too long for a base");
+        if self.block.is_empty() {
+            self.first = key.to_vec();
+        }
+        let lengths = [key.len(), value.len()].map(u16::try_from);
+        for length in lengths {
+            self.block.extend_from_slice(&length.map_err(too_long)?.to_le_bytes());
+        }
+        self.block.extend_from_slice(key);
+        self.block.extend_from_slice(value);
+        self.n_pairs += 1;
+        if self.block.len() >= BLOCK_BYTES { self.end_block() } else { Ok(()) }
+    }
+
+    fn end_block(&mut self) -> io::Result<()> {
+        let checksum = crc32fast::hash(&self.block);
+        self.block.extend_from_slice(&checksum.to_le_bytes());
+        self.file.write_all(&self.block)?;
+        let length = self.block.len() as u32;
+        let first = std::mem::take(&mut self.first).into_boxed_slice();
+        self.blocks.push(Block { first, at: self.at, length });
+        self.at += u64::from(length);
+        self.block.clear();
+        if self.at - self.synced_at >= SYNC_BYTES {
+            self.file.flush()?;
+            self.file.get_ref().sync_data()?;
+            self.synced_at = self.at;
+        }
+        Ok(())
+    }
+
+    /// Writes index and footer, makes the file durable and opens it.
+    pub(super) fn finish(mut self) -> io::Result<Base> {
+        if !self.block.is_empty() {
+            self.end_block()?;
+        }
+        let mut index = Vec::new();
+        for block in &self.blocks {
+            index.extend_from_slice(&(block.first.len() as u16).to_le_bytes());
+            index.extend_from_slice(&block.first);
+            index.extend_from_slice(&block.at.to_le_bytes());
+            index.extend_from_slice(&block.length.to_le_bytes());
+        }
+        let mut footer = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
+        footer.extend_from_slice(&self.at.to_le_bytes());
+        footer.extend_from_slice(&(index.len() as u64).to_le_bytes());
+        footer.extend_from_slice(&self.n_pairs.to_le_bytes());
+        footer.extend_from_slice(&crc32fast::hash(&index).to_le_bytes());
+        footer.extend_from_slice(&crc32fast::hash(&footer).to_le_bytes());
+        self.file.write_all(&index)?;
+        self.file.write_all(&footer)?;
+        self.file.flush()?;
+        self.file.get_ref().sync_all()?;
+        Base::open(&self.path)
+    }
+}
+
+impl Base {
+    /// Opens a file that was finished.
+    pub(super) fn open(path: &Path) -> io::Result<Self> {
+        let damaged = |what: &str| damage(path, what);
+        let file = File::open(path)?;
+        let length = file.metadata()?.len();
+        let footer_at = length.checked_sub(FOOTER_BYTES as u64);
+        let footer_at = footer_at.ok_or_else(|| damaged("is too short"))?;
+        let mut footer = [0; FOOTER_BYTES];
+        read_at(&file, &mut footer, footer_at)?;
+        let (said, checksum) = footer.split_at(FOOTER_BYTES - CHECKSUM_BYTES);
+        let head = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
+        if crc32fast::hash(said).to_le_bytes() != checksum || !said.starts_with(&head) {
+            return Err(damaged("has no whole footer"));
+        }
+        let (index_at, index_length) = (number(said, 8), number(said, 16));
+        if index_at.checked_add(index_length) != Some(footer_at) {
+            return Err(damaged("has an index that does not fit"));
+        }
+        let mut index = vec![0; usize::try_from(index_length).map_err(io::Error::other)?];
+        read_at(&file, &mut index, index_at)?;
+        if crc32fast::hash(&index).to_le_bytes() != said[32..36] {
+            return Err(damaged("has a damaged index"));
+        }
+        let blocks = blocks(&index).ok_or_else(|| damaged("has a damaged index"))?;
+        Ok(Self { file, path: path.to_owned(), blocks })
+    }
+
+    /// The value of `key`.
+    pub(super) fn get(&self, key: &[u8]) -> io::Result<Option<Vec<u8>>> {
+        let after = self.blocks.partition_point(|block| *block.first <= *key);
+        let Some(place) = after.checked_sub(1) else { return Ok(None) };
+        let pairs = self.read(place)?;
+        let found = pairs.into_iter().find(|(found, _)| found.as_slice() >= key);
+        Ok(found.filter(|(found, _)| found == key).map(|(_, value)| value))
+    }
+
+    /// The pairs from `start` on, in ascending order.
+    pub(super) fn range(self: &Arc<Self>, start: Bound<&[u8]>) -> BaseRange {
+        let first = match start {
+            Bound::Included(key) | Bound::Excluded(key) => key,
+            Bound::Unbounded => &[],
+        };
+        let after = self.blocks.partition_point(|block| *block.first <= *first);
+        BaseRange {
+            base: Arc::clone(self),
+            place: after.saturating_sub(1),
+            pairs: Vec::new().into_iter(),
+            start: start.map(<[u8]>::to_vec),
+        }
+    }
+
+    /// Keys that cut the file into `n` parts of about the same length.
+    pub(super) fn cuts(&self, n: usize) -> Vec<Vec<u8>> {
+        let places = (1..n).map(|part| self.blocks.len() * part / n);
+        let mut keys: Vec<Vec<u8>> =
+            places.filter_map(|place| self.blocks.get(place)).map(|b| b.first.to_vec()).collect();
+        keys.dedup();
+        keys
+    }
+
+    /// The pairs of a block.
+    fn read(&self, place: usize) -> io::Result<Vec<Pair>> {
+        let block = &self.blocks[place];
+        let mut bytes = vec![0; block.length as usize];
+        read_at(&self.file, &mut bytes, block.at)?;
+        let damaged = || damage(&self.path, &format!("has a damaged block at {}", block.at));
+        let (mut rest, checksum) = bytes.split_at(bytes.len() - CHECKSUM_BYTES);
+        if crc32fast::hash(rest).to_le_bytes() != checksum {
+            return Err(damaged());
+        }
+        let mut pairs = Vec::with_capacity(32);
+        while !rest.is_empty() {
+            let (pair, behind) = split_pair(rest).ok_or_else(damaged)?;
+            pairs.push(pair);
+            rest = behind;
+        }
+        Ok(pairs)
+    }
+}
+
+/// The pairs of a base from some key on.
+pub(super) struct BaseRange {
+    base: Arc<Base>,
+    /// The block that is read next.
+    place: usize,
+    pairs: std::vec::IntoIter<Pair>,
+    start: Bound<Vec<u8>>,
+}
+
+impl Iterator for BaseRange {
+    type Item = io::Result<Pair>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            for pair in self.pairs.by_ref() {
+                let is_within = match &self.start {
+                    Bound::Included(start) => pair.0 >= *start,
+                    Bound::Excluded(start) => pair.0 > *start,
+                    Bound::Unbounded => true,
+                };
+                if is_within {
+                    self.start = Bound::Unbounded;
+                    return Some(Ok(pair));
+                }
+            }
+            if self.place == self.base.blocks.len() {
+                return None;
+            }
+            match self.base.read(self.place) {
+                Ok(pairs) => self.pairs = pairs.into_iter(),
+                Err(error) => return Some(Err(error)),
+            }
+            self.place += 1;
+        }
+    }
+}
+
+fn blocks(mut index: &[u8]) -> Option<Vec<Block>> {
+    let mut blocks = Vec::new();
+    while !index.is_empty() {
+        let (length, rest) = index.split_first_chunk::<2>()?;
+        let (first, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*length)))?;
+        let (at, rest) = rest.split_first_chunk::<8>()?;
+        let (length, rest) = rest.split_first_chunk::<4>()?;
+        let (at, length) = (u64::from_le_bytes(*at), u32::from_le_bytes(*length));
+        if !(CHECKSUM_BYTES..=BLOCK_BYTES_MAX).contains(&(length as usize)) {
+            return None;
+        }
+        blocks.push(Block { first: first.into(), at, length });
+        index = rest;
+    }
+    Some(blocks)
+}
+
+fn split_pair(bytes: &[u8]) -> Option<(Pair, &[u8])> {
+    let (key, rest) = bytes.split_first_chunk::<2>()?;
+    let (value, rest) = rest.split_first_chunk::<2>()?;
+    let (key, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*key)))?;
+    let (value, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*value)))?;
+    Some(((key.to_vec(), value.to_vec()), rest))
+}
+
+fn number(bytes: &[u8], at: usize) -> u64 {
+    bytes[at..at + 8].try_into().map_or(0, u64::from_le_bytes)
+}
+
+fn damage(path: &Path, what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, format!("{} {what}", path.display()))
+}
+
+#[cfg(unix)]
+fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, at)
+}
+
+#[cfg(windows)]
+fn read_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        let n_read = std::os::windows::fs::FileExt::seek_read(file, bytes, at)?;
+        if n_read == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        bytes = &mut bytes[n_read..];
+        at += n_read as u64;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pairs(n: u32) -> Vec<Pair> {
+        let value = |i: u32| vec![i as u8; (i as usize * 37) % (VALUE_BYTES_MAX + 1)];
+        (0..n).map(|i| (format!("key {i:06}").into_bytes(), value(i))).collect()
+    }
+
+    fn written(path: &Path, pairs: &[Pair]) -> Arc<Base> {
+        let mut writer = BaseWriter::create(path).unwrap();
+        pairs.iter().for_each(|(key, value)| writer.put(key, value).unwrap());
+        Arc::new(writer.finish().unwrap())
+    }
+
+    #[test]
+    fn a_base_gives_back_what_was_put_in() {
+        let folder = tempfile::tempdir().unwrap();
+        for n in [0, 1, 500] {
+            let pairs = pairs(n);
+            let base = written(&folder.path().join("base"), &pairs);
+            let all: io::Result<Vec<Pair>> = base.range(Bound::Unbounded).collect();
+            assert_eq!(all.unwrap(), pairs);
+            for (place, (key, value)) in pairs.iter().enumerate() {
+                assert_eq!(base.get(key).unwrap().as_ref(), Some(value));
+                let behind = base.range(Bound::Excluded(key)).next().transpose().unwrap();
+                assert_eq!(behind.as_ref(), pairs.get(place + 1));
+                let from = base.range(Bound::Included(key)).next().transpose().unwrap();
+                assert_eq!(from.as_ref(), pairs.get(place));
+                let between = [key.as_slice(), b"!"].concat();
+                assert_eq!(base.get(&between).unwrap(), None);
+            }
+            assert_eq!(base.get(b"a").unwrap(), None);
+        }
+    }
+
+    #[test]
+    fn a_flipped_bit_or_a_missing_end_of_a_base_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("base");
+        written(&path, &pairs(40));
+        let whole = std::fs::read(&path).unwrap();
+        let read = || -> io::Result<Vec<Pair>> {
+            Arc::new(Base::open(&path)?).range(Bound::Unbounded).collect()
+        };
+        for place in (0..whole.len()).step_by(53).chain(whole.len() - 200..whole.len()) {
+            let mut flipped = whole.clone();
+            flipped[place] ^= 4;
+            std::fs::write(&path, flipped).unwrap();
+            assert!(read().is_err(), "byte {place}");
+        }
+        for length in [0, 10, whole.len() / 2, whole.len() - 1] {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert!(read().is_err(), "{length} bytes");
+        }
+    }
+}

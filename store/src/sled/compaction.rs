@@ -1,0 +1,397 @@
+//! Compaction: room of removed and replaced records is given back while requests go on.
+//!
+//! In four steps, driven by the writer between two groups of commits:
+//! a thread makes a new sled; the writer puts it on top, so that what is below changes no more;
+//! a thread merges what is below into a base (`merging`); the writer puts that in its place; a
+//! thread removes the old files. The writer itself only writes a tally, a few hundred bytes of
+//! `current`, and waits for their syncs. Killed at any moment, the database is what `current`
+//! says: before the second step as it was, after it with a frozen sled whose merge begins again
+//! at the next opening, after the third with files that are removed then.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use futures::channel::oneshot;
+
+use super::base::Base;
+use super::current::{self, Current, base_file, sled_folder, stored_bytes};
+use super::levels::{Layer, Levels};
+use super::merging::{bytes_needed, merge, tell};
+use super::opening::open_layer;
+use super::tally::{TALLY_KEY, Tally};
+use super::writer::Writer;
+use super::{DATA_FILE, SledOptions, guarded};
+use crate::engine::{Compacted, EngineError, OpenError};
+
+/// How often the writer looks how much is stored.
+const LOOKING: Duration = Duration::from_secs(1);
+/// How long after a failure none begins by itself.
+const BACKOFF: Duration = Duration::from_secs(60);
+/// How often removing a file is tried: a sled lets go of its files a moment after it is closed.
+const REMOVALS: u32 = 100;
+const REMOVAL_PAUSE: Duration = Duration::from_millis(20);
+type Answer = oneshot::Sender<Result<Compacted, EngineError>>;
+
+/// Where a compaction stops for good, as if the process had been killed: for tests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Halt {
+    /// A new sled is made, and is not on top yet.
+    Prepared,
+    /// It is on top.
+    Frozen,
+    /// This many pairs are merged.
+    Merging(u64),
+    /// The base is whole, and not in its place yet.
+    Merged,
+    /// It is in its place, and the old files are there too.
+    Switched,
+}
+
+/// A compaction, and when the next one begins.
+#[derive(Debug)]
+pub(super) struct Compaction {
+    folder: PathBuf,
+    options: SledOptions,
+    current: Current,
+    stage: Stage,
+    /// Who asked, and waits.
+    waiting: Vec<Answer>,
+    stop: Arc<AtomicBool>,
+    looked: Option<Instant>,
+    failed: Option<Instant>,
+    /// Commits when the last one ended.
+    commits: Option<u64>,
+    before_bytes: u64,
+}
+
+#[derive(Debug)]
+enum Stage {
+    None,
+    Preparing(u64, JoinHandle<Result<Layer, OpenError>>),
+    Merging(u64, JoinHandle<Result<Option<Base>, EngineError>>),
+    Removing(JoinHandle<()>),
+    Halted,
+}
+
+impl Compaction {
+    pub(super) fn new(folder: &Path, current: Current, options: &SledOptions) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            options: options.clone(),
+            current,
+            stage: Stage::None,
+            waiting: Vec::new(),
+            stop: Arc::default(),
+            looked: None,
+            failed: None,
+            commits: None,
+            before_bytes: 0,
+        }
+    }
+
+    /// Whether none is under way.
+    pub(super) fn is_calm(&self) -> bool {
+        matches!(self.stage, Stage::None | Stage::Halted)
+    }
+
+    /// Begins one, or joins the one that is under way.
+    pub(super) fn ask(&mut self, answer: Answer) {
+        self.waiting.push(answer);
+    }
+
+    /// Ends what is under way; the next opening goes on.
+    pub(super) fn stop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let is_sound = match std::mem::replace(&mut self.stage, Stage::None) {
+            Stage::None | Stage::Halted => true,
+            Stage::Preparing(_, thread) => thread.join().is_ok(),
+            Stage::Merging(_, thread) => thread.join().is_ok(),
+            Stage::Removing(thread) => thread.join().is_ok(),
+        };
+        if !is_sound {
+            tracing::error!("A thread of a compaction panicked");
+        }
+    }
+
+    fn answer(&mut self, result: &Result<Compacted, EngineError>) {
+        for answer in self.waiting.drain(..) {
+            // Whoever asked may have gone away.
+            let _ = answer.send(result.clone());
+        }
+    }
+
+    fn fail(&mut self, error: EngineError) {
+        tracing::error!(%error, "The database was not compacted: {error}");
+        self.failed = Some(Instant::now());
+        self.answer(&Err(error));
+    }
+
+    /// Stops for good where a test wants it.
+    fn halts(&mut self, at: Halt) -> bool {
+        let halts = self.options.halt == Some(at);
+        if halts {
+            self.stage = Stage::Halted;
+            self.answer(&Err(EngineError::Stopped));
+        }
+        halts
+    }
+}
+
+impl Writer {
+    /// Goes on with a compaction as far as it can without waiting. Called between two groups.
+    pub(super) fn tend(&mut self) {
+        match std::mem::replace(&mut self.compaction.stage, Stage::None) {
+            Stage::None => self.begin_if_due(),
+            Stage::Preparing(number, thread) if thread.is_finished() => match joined(thread) {
+                Ok(layer) => self.freeze(number, layer),
+                Err(error) => self.compaction.fail(error),
+            },
+            Stage::Merging(number, thread) if thread.is_finished() => match joined(thread) {
+                Ok(Some(base)) => self.put_in_place(number, base),
+                Ok(None) => {
+                    self.compaction.stage = Stage::Halted;
+                    self.compaction.answer(&Err(EngineError::Stopped));
+                }
+                Err(error) => {
+                    discard(&base_file(&self.compaction.folder, number));
+                    self.compaction.fail(error);
+                }
+            },
+            Stage::Removing(thread) if thread.is_finished() => self.end(),
+            Stage::Halted => {
+                self.compaction.stage = Stage::Halted;
+                self.compaction.answer(&Err(EngineError::Stopped));
+            }
+            stage => self.compaction.stage = stage,
+        }
+    }
+
+    /// Begins where somebody asks for it, where one was interrupted, and where too much room is
+    /// taken; not where its copy would not fit.
+    fn begin_if_due(&mut self) {
+        let is_asked = !self.compaction.waiting.is_empty();
+        let is_soon = |then: &Option<Instant>, after| then.is_some_and(|t| t.elapsed() < after);
+        if self.shared.poisoned.load(Ordering::Relaxed) {
+            return self.compaction.answer(&Err(EngineError::Poisoned));
+        }
+        let waits = is_soon(&self.compaction.looked, LOOKING);
+        if !is_asked && (waits || is_soon(&self.compaction.failed, BACKOFF)) {
+            return;
+        }
+        self.compaction.looked = Some(Instant::now());
+        let stored = match guarded("measuring", || Ok(stored_bytes(&self.compaction.folder)?)) {
+            Ok(stored) => stored,
+            Err(error) => return self.compaction.fail(error),
+        };
+        let is_unfinished = self.levels.frozen.is_some();
+        let bound = (self.live_bytes + self.live_bytes / 2)
+            .saturating_add(self.compaction.options.slack_bytes);
+        let is_changed = self.compaction.commits != Some(self.tally.commits);
+        if !(is_asked || is_unfinished || (stored > bound && is_changed)) {
+            return;
+        }
+        let needed = bytes_needed(self.live_bytes);
+        let (free, reserve) = (self.room.free().unwrap_or(u64::MAX), self.room.reserve);
+        if free.saturating_sub(needed) < reserve {
+            return self.compaction.fail(EngineError::NoRoomToCompact { needed, free, reserve });
+        }
+        self.compaction.before_bytes = stored;
+        match is_unfinished {
+            true => self.merge_frozen(),
+            false => self.prepare(),
+        }
+    }
+
+    fn prepare(&mut self) {
+        let number = self.compaction.current.next();
+        let folder = self.compaction.folder.clone();
+        let options = self.compaction.options.clone();
+        let make = move || {
+            discard(&sled_folder(&folder, number));
+            open_layer(&folder, number, &options)
+        };
+        match spawned(make) {
+            Ok(thread) => self.compaction.stage = Stage::Preparing(number, thread),
+            Err(error) => self.compaction.fail(error),
+        }
+    }
+
+    /// Puts the new sled on top.
+    fn freeze(&mut self, number: u64, top: Layer) {
+        if self.compaction.halts(Halt::Prepared) {
+            return;
+        }
+        if let Err(error) = self.put_on_top(number, top) {
+            return self.compaction.fail(error);
+        }
+        if !self.compaction.halts(Halt::Frozen) {
+            self.merge_frozen();
+        }
+    }
+
+    fn put_on_top(&mut self, number: u64, top: Layer) -> Result<(), EngineError> {
+        // The frozen sled says which sum the copy must have; one without commits has no tally.
+        if guarded("reading", || self.levels.top.get(&TALLY_KEY))?.is_none() {
+            self.write_tally()?;
+            self.flush()?;
+        }
+        let failed = |error: std::io::Error| EngineError::Failed {
+            doing: "compacting",
+            detail: error.to_string(),
+        };
+        let data = File::open(top.folder.join(DATA_FILE)).map_err(failed)?;
+        let record = top.form.encode(self.tally.to_record());
+        guarded("compacting", || {
+            top.db.insert(TALLY_KEY, record)?;
+            top.db.flush()?;
+            Ok(data.sync_data()?)
+        })?;
+        let old = self.compaction.current;
+        let current = Current { top: number, frozen: Some(old.top), base: old.base };
+        // A `current` that was not made durable may be there all the same after a restart.
+        let written = current.write(&self.compaction.folder).map_err(failed);
+        self.poison_if_failed(written)?;
+        let levels =
+            Levels { top, frozen: Some(self.levels.top.clone()), base: self.levels.base.clone() };
+        self.compaction.current = current;
+        self.data = data;
+        self.set_levels(levels);
+        Ok(())
+    }
+
+    fn set_levels(&mut self, levels: Levels) {
+        self.levels = Arc::new(levels);
+        self.shared.set_levels(Arc::clone(&self.levels));
+    }
+
+    /// Begins to merge what is below the top.
+    fn merge_frozen(&mut self) {
+        let Some(frozen) = self.levels.frozen.clone() else { return };
+        let number = self.compaction.current.next();
+        let path = base_file(&self.compaction.folder, number);
+        let stop = Arc::clone(&self.compaction.stop);
+        let stop_after = match self.compaction.options.halt {
+            Some(Halt::Merging(n_pairs)) => Some(n_pairs),
+            _ => None,
+        };
+        let below = Levels { top: frozen, frozen: None, base: self.levels.base.clone() };
+        let make = move || {
+            let record = guarded("compacting", || below.top.get(&TALLY_KEY))?.flatten();
+            let tally = record.as_deref().and_then(Tally::from_record);
+            let tally = tally.ok_or(EngineError::Failed {
+                doing: "compacting",
+                detail: "the frozen records have no tally".to_owned(),
+            })?;
+            merge(&below, &path, tally.sum, &stop, stop_after)
+        };
+        match spawned(make) {
+            Ok(thread) => self.compaction.stage = Stage::Merging(number, thread),
+            Err(error) => self.compaction.fail(error),
+        }
+    }
+
+    /// Puts the new base in the place of all that is below the top.
+    fn put_in_place(&mut self, number: u64, base: Base) {
+        if self.compaction.halts(Halt::Merged) {
+            return;
+        }
+        let old = self.compaction.current;
+        let current = Current { top: old.top, frozen: None, base: Some(number) };
+        let written = current.write(&self.compaction.folder).map_err(|error| EngineError::Failed {
+            doing: "compacting",
+            detail: error.to_string(),
+        });
+        if let Err(error) = self.poison_if_failed(written) {
+            return self.compaction.fail(error);
+        }
+        self.compaction.current = current;
+        let top = self.levels.top.clone();
+        let before = Arc::clone(&self.levels);
+        self.set_levels(Levels { top, frozen: None, base: Some(Arc::new(base)) });
+        if self.compaction.halts(Halt::Switched) {
+            return;
+        }
+        let folder = self.compaction.folder.clone();
+        match spawned(move || remove(&folder, current, before)) {
+            Ok(thread) => self.compaction.stage = Stage::Removing(thread),
+            Err(error) => self.compaction.fail(error),
+        }
+    }
+
+    fn end(&mut self) {
+        let after = guarded("measuring", || Ok(stored_bytes(&self.compaction.folder)?));
+        self.shared.compactions.fetch_add(1, Ordering::Relaxed);
+        self.compaction.commits = Some(self.tally.commits);
+        self.compaction.failed = None;
+        let compacted = after.map(|after_bytes| Compacted {
+            before_bytes: self.compaction.before_bytes,
+            after_bytes,
+            live_bytes: self.live_bytes,
+        });
+        if let Ok(compacted) = &compacted {
+            tell(compacted);
+        }
+        self.compaction.answer(&compacted);
+    }
+}
+
+/// Removes what an interrupted compaction left in the folder.
+pub(super) fn tidy(folder: &Path, current: Current) {
+    match current.strangers(folder) {
+        Ok(strangers) => strangers.iter().for_each(|path| discard(path)),
+        Err(error) => tracing::warn!(%error, "Cannot look for files of old compactions"),
+    }
+}
+
+/// Removes a file or folder that is not needed; the next opening tries again.
+fn discard(path: &Path) {
+    if let Err(error) = current::remove(path) {
+        tracing::warn!(%error, "Cannot remove {}", path.display());
+    }
+}
+
+/// Removes what is not the database any more when nobody reads it.
+fn remove(folder: &Path, current: Current, mut before: Arc<Levels>) {
+    loop {
+        match Arc::try_unwrap(before) {
+            Ok(levels) => break drop(levels),
+            Err(read) => before = read,
+        }
+        std::thread::sleep(REMOVAL_PAUSE);
+    }
+    for attempt in 1.. {
+        let left = current.strangers(folder).unwrap_or_default();
+        let removed = left.iter().try_for_each(|path| current::remove(path));
+        match removed {
+            Ok(()) if left.is_empty() => return,
+            Err(error) if attempt >= REMOVALS => {
+                return tracing::warn!(%error, "Cannot remove the files of before a compaction");
+            }
+            // A sled that was just closed may write once more.
+            _ => std::thread::sleep(REMOVAL_PAUSE),
+        }
+    }
+}
+
+fn spawned<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<JoinHandle<T>, EngineError> {
+    let builder = std::thread::Builder::new().name("palpate-compact".to_owned());
+    let failed = |error: std::io::Error| EngineError::Failed {
+        doing: "starting a thread to compact",
+        detail: error.to_string(),
+    };
+    builder.spawn(work).map_err(failed)
+}
+
+fn joined<T, E: ToString>(thread: JoinHandle<Result<T, E>>) -> Result<T, EngineError> {
+    let failed = |detail: String| EngineError::Failed { doing: "compacting", detail };
+    match thread.join() {
+        Ok(result) => result.map_err(|error| failed(error.to_string())),
+        Err(panic) => Err(failed(super::panic_text(panic.as_ref()))),
+    }
+}

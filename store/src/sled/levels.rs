@@ -1,0 +1,194 @@
+//! The levels: a sled that is written to, over one that is frozen, over a base.
+//!
+//! A key has the value that the uppermost level with it says; a level that says "removed" hides
+//! those below. Only the top changes. A reader holds an [`Arc`] of the levels for one operation;
+//! which levels there are changes between two commits, and both say the same of every key.
+
+use std::cmp::Ordering;
+use std::io;
+use std::ops::Bound;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::base::Base;
+use super::tally::TALLY_KEY;
+use crate::engine::Pair;
+
+/// What a stored value begins with, where a level below may have the key too.
+const VALUE: u8 = 1;
+/// What stands for a removed key there.
+const REMOVED: [u8; 1] = [0];
+
+/// A sled, and how its values are written.
+#[derive(Clone, Debug)]
+pub(super) struct Layer {
+    pub(super) db: ::sled::Db,
+    pub(super) folder: PathBuf,
+    pub(super) form: Form,
+}
+
+/// How a sled's values are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    /// As they are: nothing is ever below it.
+    Plain,
+    /// Behind a byte that says whether the key was removed.
+    Tagged,
+}
+
+impl Form {
+    /// The form of the sled with a number: `sled` is older than compactions.
+    pub(super) fn of(number: u64) -> Self {
+        if number == 0 { Self::Plain } else { Self::Tagged }
+    }
+
+    /// The stored form of a value.
+    pub(super) fn encode(self, value: Vec<u8>) -> Vec<u8> {
+        match self {
+            Self::Plain => value,
+            Self::Tagged => [&[VALUE][..], &value].concat(),
+        }
+    }
+
+    /// The value, `None` of a removed key.
+    fn decode(self, stored: &[u8]) -> ::sled::Result<Option<Vec<u8>>> {
+        match (self, stored.split_first()) {
+            (Self::Plain, _) => Ok(Some(stored.to_vec())),
+            (Self::Tagged, Some((&VALUE, value))) => Ok(Some(value.to_vec())),
+            (Self::Tagged, _) if stored == REMOVED => Ok(None),
+            (Self::Tagged, _) => {
+                let what = "a value begins with a byte that means nothing";
+                Err(::sled::Error::Io(io::Error::new(io::ErrorKind::InvalidData, what)))
+            }
+        }
+    }
+}
+
+/// A key, and its value unless it was removed.
+type Said = (Vec<u8>, Option<Vec<u8>>);
+type Saying = Box<dyn Iterator<Item = ::sled::Result<Said>>>;
+
+impl Layer {
+    /// What this level says of a key; `None` is nothing.
+    pub(super) fn get(&self, key: &[u8]) -> ::sled::Result<Option<Option<Vec<u8>>>> {
+        self.db.get(key)?.map(|stored| self.form.decode(&stored)).transpose()
+    }
+
+    fn range(&self, start: Bound<&[u8]>) -> Saying {
+        let form = self.form;
+        Box::new(self.db.range::<&[u8], _>((start, Bound::Unbounded)).map(move |pair| {
+            let (key, stored) = pair?;
+            Ok((key.to_vec(), form.decode(&stored)?))
+        }))
+    }
+}
+
+/// The levels of a database, at one time.
+#[derive(Clone, Debug)]
+pub(super) struct Levels {
+    pub(super) top: Layer,
+    pub(super) frozen: Option<Layer>,
+    pub(super) base: Option<Arc<Base>>,
+}
+
+impl Levels {
+    /// The value of a key.
+    pub(super) fn get(&self, key: &[u8]) -> ::sled::Result<Option<Vec<u8>>> {
+        match self.top.get(key)? {
+            Some(said) => Ok(said),
+            None => self.get_below(key),
+        }
+    }
+
+    /// The value of a key in the levels below the top.
+    pub(super) fn get_below(&self, key: &[u8]) -> ::sled::Result<Option<Vec<u8>>> {
+        if let Some(frozen) = &self.frozen
+            && let Some(said) = frozen.get(key)?
+        {
+            return Ok(said);
+        }
+        let found = self.base.as_ref().map(|base| base.get(key)).transpose()?;
+        Ok(found.flatten())
+    }
+
+    /// The pairs from `start` on, in ascending order, without the tally.
+    pub(super) fn range(&self, start: Bound<&[u8]>) -> Merged {
+        let sleds = std::iter::once(&self.top).chain(&self.frozen).map(|layer| layer.range(start));
+        let base = self.base.iter().map(|base| -> Saying {
+            Box::new(base.range(start).map(|pair| {
+                let (key, value) = pair?;
+                Ok((key, Some(value)))
+            }))
+        });
+        Merged { sources: sleds.chain(base).map(Iterator::peekable).collect() }
+    }
+
+    /// What a write does to the top: `None` removes.
+    ///
+    /// A removed key leaves a trace only where a level below has it: records that come and go
+    /// between two compactions leave none.
+    pub(super) fn write(
+        &self,
+        batch: &mut ::sled::Batch,
+        key: Vec<u8>,
+        value: Option<Vec<u8>>,
+    ) -> ::sled::Result<()> {
+        match value {
+            Some(value) => batch.insert(key, self.top.form.encode(value)),
+            None if self.get_below(&key)?.is_some() => batch.insert(key, &REMOVED),
+            None => batch.remove(key),
+        }
+        Ok(())
+    }
+}
+
+/// The pairs of all levels, the uppermost of each key.
+pub(super) struct Merged {
+    /// From the top down.
+    sources: Vec<std::iter::Peekable<Saying>>,
+}
+
+impl Merged {
+    fn next_said(&mut self) -> Option<::sled::Result<Said>> {
+        if let [only] = self.sources.as_mut_slice() {
+            return only.next();
+        }
+        let mut least: Option<(usize, Vec<u8>)> = None;
+        let mut hidden = Vec::new();
+        for place in 0..self.sources.len() {
+            let key = match self.sources[place].peek() {
+                Some(Ok((key, _))) => key,
+                Some(Err(_)) => return self.sources[place].next(),
+                None => continue,
+            };
+            match least.as_ref().map_or(Ordering::Less, |(_, least)| key.cmp(least)) {
+                Ordering::Less => {
+                    hidden.clear();
+                    least = Some((place, key.clone()));
+                }
+                Ordering::Equal => hidden.push(place),
+                Ordering::Greater => {}
+            }
+        }
+        let (place, _) = least?;
+        for place in hidden {
+            self.sources[place].next();
+        }
+        self.sources[place].next()
+    }
+}
+
+impl Iterator for Merged {
+    type Item = ::sled::Result<Pair>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            match self.next_said()? {
+                Ok((_, None)) => {}
+                Ok((key, _)) if key == TALLY_KEY => {}
+                Ok((key, Some(value))) => return Some(Ok((key, value))),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}

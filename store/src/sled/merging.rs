@@ -1,0 +1,73 @@
+//! Merging: the levels under the top are written as one base, on a thread of its own.
+//!
+//! They do not change meanwhile. The sum of what is written must be the tally's at the moment
+//! when they were frozen: then the copy is exact.
+
+use std::io;
+use std::ops::Bound;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use super::base::{Base, BaseWriter};
+use super::levels::Levels;
+use super::tally::{Contents, TALLY_KEY};
+use crate::engine::{Compacted, EngineError};
+
+/// After this many bytes the thread sleeps as long as they took: requests need the cores and
+/// the disk more than a compaction does.
+const STRIDE_BYTES: u64 = 256 << 10;
+
+/// Writes all that `levels` hold into a file; `None` when it is told to stop before the end.
+///
+/// Stops after `stop_after` pairs, where that is given.
+pub(super) fn merge(
+    levels: &Levels,
+    path: &Path,
+    sum: u128,
+    stop: &AtomicBool,
+    stop_after: Option<u64>,
+) -> Result<Option<Base>, EngineError> {
+    super::guarded("compacting", || {
+        let mut writer = BaseWriter::create(path)?;
+        let mut contents = Contents::default();
+        let (mut begun, mut stride_from) = (Instant::now(), 0);
+        for pair in levels.range(Bound::Excluded(&TALLY_KEY)) {
+            if stop.load(Ordering::Relaxed) || stop_after == Some(contents.n_pairs) {
+                return Ok(None);
+            }
+            let (key, value) = pair?;
+            contents.add(&key, &value);
+            writer.put(&key, &value)?;
+            if contents.live_bytes - stride_from >= STRIDE_BYTES {
+                stride_from = contents.live_bytes;
+                std::thread::sleep(begun.elapsed());
+                begun = Instant::now();
+            }
+        }
+        if sum != contents.sum {
+            let what = "the stored records do not give the stored sum";
+            return Err(io::Error::new(io::ErrorKind::InvalidData, what).into());
+        }
+        Ok(Some(writer.finish()?))
+    })
+}
+
+/// Bytes of disk that a base of this many live bytes needs: heads of pairs, checksums, the index.
+pub(super) fn bytes_needed(live_bytes: u64) -> u64 {
+    live_bytes + live_bytes / 8 + (1 << 20)
+}
+
+/// Says what a compaction did.
+pub(super) fn tell(compacted: &Compacted) {
+    let Compacted { before_bytes, after_bytes, live_bytes } = *compacted;
+    tracing::info!(
+        before_bytes,
+        after_bytes,
+        live_bytes,
+        "Compacted the database from {} MB to {} MB; {} MB are live",
+        before_bytes >> 20,
+        after_bytes >> 20,
+        live_bytes >> 20
+    );
+}
