@@ -112,36 +112,8 @@ pub(crate) async fn run(
         .collect();
     tokio::time::sleep(Duration::from_secs(u64::from(args.seconds * BASELINE))).await;
 
-    let mut told = Vec::new();
-    let mut windows = Vec::new();
-    let mut faults = Vec::new();
-    for what in Attack::ALL {
-        windows.push(log.next_window());
-        let (name, finding) = what.name();
-        for foe in &mut foes {
-            foe.until = Instant::now() + Duration::from_secs(u64::from(args.seconds));
-            foe.attempts = 0.into();
-        }
-        let attacking = foes.iter().map(|foe| attack(what, foe, &prey));
-        let worked: Vec<String> = futures::future::join_all(attacking).await.concat();
-        let attempts = foes.iter_mut().map(|foe| *foe.attempts.get_mut()).sum();
-        say(format!("{name}: {attempts} attempts, {} worked", worked.len()));
-        worked.iter().take(SAID).for_each(|fault| say(shortened(fault)));
-        told.push(Told {
-            attack: name,
-            finding,
-            attempts,
-            honest_p99_ratio: 0.0,
-            honest_refused: 0,
-            worked: worked.len() as u64,
-        });
-        faults.extend(worked);
-        if what == Attack::Downloads {
-            let found = verdicts::downloads(&admin, &url, &mut foes).await;
-            found.iter().for_each(|fault| say(shortened(fault)));
-            faults.extend(found);
-        }
-    }
+    let Attacked { mut told, windows, mut faults } =
+        attack_in_turn(&admin, &url, &mut foes, &prey, &log, args.seconds, say).await;
     log.end();
     for robot in robots {
         robot.await.context("a robot panicked")?;
@@ -185,6 +157,56 @@ pub(crate) async fn run(
         seed: args.seed,
         seconds: begun.elapsed().as_secs_f64(),
     })
+}
+
+/// What became of all attacks: each with the number of its window of time.
+struct Attacked {
+    told: Vec<Told>,
+    windows: Vec<usize>,
+    faults: Vec<String>,
+}
+
+/// Attacks one way after the other.
+async fn attack_in_turn(
+    admin: &Client,
+    url: &str,
+    foes: &mut [Foe],
+    prey: &Prey,
+    log: &Log,
+    seconds: u32,
+    say: &dyn Fn(String),
+) -> Attacked {
+    let mut told = Vec::new();
+    let mut windows = Vec::new();
+    let mut faults = Vec::new();
+    for what in Attack::ALL {
+        windows.push(log.next_window());
+        let (name, finding) = what.name();
+        for foe in foes.iter_mut() {
+            foe.until = Instant::now() + Duration::from_secs(u64::from(seconds));
+            foe.attempts = 0.into();
+        }
+        let attacking = foes.iter().map(|foe| attack(what, foe, prey));
+        let worked: Vec<String> = futures::future::join_all(attacking).await.concat();
+        let attempts = foes.iter_mut().map(|foe| *foe.attempts.get_mut()).sum();
+        say(format!("{name}: {attempts} attempts, {} worked", worked.len()));
+        worked.iter().take(SAID).for_each(|fault| say(shortened(fault)));
+        told.push(Told {
+            attack: name,
+            finding,
+            attempts,
+            honest_p99_ratio: 0.0,
+            honest_refused: 0,
+            worked: worked.len() as u64,
+        });
+        faults.extend(worked);
+        if what == Attack::Downloads {
+            let found = verdicts::downloads(admin, url, foes).await;
+            found.iter().for_each(|fault| say(shortened(fault)));
+            faults.extend(found);
+        }
+    }
+    Attacked { told, windows, faults }
 }
 
 /// The beginning of what may be long.

@@ -1,11 +1,12 @@
 //! The attacks, each by what a review of the server once found to work.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::PoisonError;
 
 use reqwest::Method;
 use serde_json::{Value, json};
 
 use super::foe::Foe;
+use super::honest::Now;
 
 /// Connections that an attacker opens in one attack.
 const CONNECTIONS: usize = 400;
@@ -83,7 +84,7 @@ impl Attack {
 /// What attackers know of the honest side.
 pub(super) struct Prey {
     /// Robots with the session each is at, and the number of its next reading.
-    pub(super) robots: Vec<(String, Arc<Mutex<(String, u64)>>)>,
+    pub(super) robots: Vec<(String, Now)>,
     /// A session with many readings.
     pub(super) long_session: String,
     /// A touch that sessions take.

@@ -88,13 +88,15 @@ impl Seen {
     }
 }
 
+/// The session that a robot touches in now, and the number of its next reading.
+pub(super) type Now = Arc<Mutex<(String, u64)>>;
+
 /// One honest robot.
 pub(super) struct Honest {
     pub(super) name: String,
     pub(super) client: Client,
-    /// The session it touches in now, and the number of its next reading: what an attacker who
-    /// looks on may know.
-    pub(super) now: Arc<Mutex<(String, u64)>>,
+    /// What an attacker who looks on may know.
+    pub(super) now: Now,
 }
 
 impl Honest {
