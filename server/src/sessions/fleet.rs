@@ -41,7 +41,9 @@ impl Sessions {
         let now = now_ms();
         let mut open = self.open_now(now)?;
         let n_open = count(open.len());
-        open.sort_by_key(|one| std::cmp::Reverse((one.changed_at_ms, one.session.id)));
+        // Of what changed in one millisecond, a session that has entries changed after it began.
+        let newest = |one: &OpenSession| (one.changed_at_ms, one.status.length > 0, one.session.id);
+        open.sort_by_key(|one| std::cmp::Reverse(newest(one)));
         let sessions: Result<_, _> =
             open.into_iter().take(limit).map(|one| self.fleet_session(one)).collect();
         Ok(wire::Fleet { at: time(now), n_open, sessions: sessions? })
