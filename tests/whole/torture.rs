@@ -121,6 +121,23 @@ fn readings_in_any_order_give_one_belief() {
     assert_eq!((number("restarts"), number("beliefs_compared")), (1, 32));
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn attackers_hurt_no_honest_robot_and_keep_nothing() {
+    let counts = torture(&["hostile", "--seconds", "1", "--seed", "101", "--json"]);
+    let number = |name: &str| counts[name].as_u64().unwrap();
+    for fault in ["honest_refused", "attacks_that_worked", "held_after_60_s"] {
+        assert_eq!(number(fault), 0, "{fault}: {counts}");
+    }
+    let attacks = counts["attacks"].as_array().unwrap();
+    assert_eq!(attacks.len(), 12);
+    assert!(attacks.iter().all(|attack| attack["attempts"].as_u64() > Some(3)), "{counts}");
+    assert!(
+        number("honest_requests") > 500 && counts["peak_mb"].as_f64() < Some(1200.0),
+        "{counts}"
+    );
+}
+
 #[test]
 fn a_database_of_an_older_layout_is_refused_then_migrated_then_served() {
     let folder = tempfile::tempdir().unwrap();

@@ -14,6 +14,8 @@ const CONNECTIONS: usize = 400;
 const LONG: usize = 40;
 /// Sessions and streams that an attacker tries to take.
 const SESSIONS: usize = 3000;
+/// Snapshots that an attacker begins to take.
+pub(super) const DOWNLOADS: usize = 4;
 /// Names that are not to reach a terminal as they are.
 const ESCAPE: &str = "\u{1b}[2J\u{1b}]0;owned\u{7}";
 
@@ -124,7 +126,7 @@ pub(super) async fn attack(what: Attack, foe: &Foe, prey: &Prey) -> Vec<String> 
                  Connection: close\r\nContent-Length: 0\r\n\r\n",
                 foe.admin_key
             );
-            many(foe, 4, &said).await
+            many(foe, DOWNLOADS, &said).await
         }
         Attack::SessionsAndStreams => sessions_and_streams(foe).await,
         Attack::KeyInPath => {

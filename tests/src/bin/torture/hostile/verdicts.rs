@@ -7,6 +7,7 @@ use reqwest::{Client, Method};
 use serde_json::{Value, json};
 use tokio::io::AsyncReadExt;
 
+use super::attacks::DOWNLOADS;
 use super::foe::Foe;
 use crate::http::{Outcome, send};
 
@@ -66,8 +67,10 @@ pub(super) async fn downloads(admin: &Client, url: &str, foes: &mut [Foe]) -> Ve
         faults.push(format!("the key cannot be revoked: {revoked:?}"));
     }
     for foe in foes {
-        let held = std::mem::take(foe.held.get_mut().unwrap_or_else(|held| held.into_inner()));
-        for mut stream in held {
+        let held = foe.held.get_mut().unwrap_or_else(|held| held.into_inner());
+        // Those of earlier attacks stay as they are.
+        let earlier = held.len().saturating_sub(DOWNLOADS);
+        for mut stream in held.split_off(earlier) {
             let mut rest = Vec::new();
             let reading = stream.read_to_end(&mut rest);
             if tokio::time::timeout(DOWNLOAD_PATIENCE, reading).await.is_err() {
