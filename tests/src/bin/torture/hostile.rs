@@ -105,11 +105,14 @@ pub(crate) async fn run(
     let Scene { serving, admin, honest, mut foes, prey } = scene;
     let url = serving.url.clone();
     let log = Arc::new(Log::default());
-    let before = log.next_window();
+    log.next_window();
     let robots: Vec<_> = honest
         .into_iter()
         .map(|robot| tokio::spawn(robot.work(url.clone(), Arc::clone(&material), Arc::clone(&log))))
         .collect();
+    // The first touches are slower: a model is loaded, and all begin at once.
+    tokio::time::sleep(Duration::from_secs(u64::from(args.seconds))).await;
+    let before = log.next_window();
     tokio::time::sleep(Duration::from_secs(u64::from(args.seconds * BASELINE))).await;
 
     let Attacked { mut told, windows, mut faults } =
