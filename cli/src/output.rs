@@ -51,7 +51,7 @@ fn print_line(text: &str) {
 }
 
 /// Text without characters that do something to a terminal: they are written as `\u{1b}`. Servers,
-/// files and names may hold any, whoever wrote them. Ends of lines stay.
+/// files and names from others may contain them. Line ends stay.
 pub(crate) fn plain(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c != '\n' && is_control(c), |c| c.escape_unicode().to_string())
 }

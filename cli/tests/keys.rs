@@ -154,7 +154,7 @@ fn a_restored_snapshot_lets_in_no_key_that_nobody_chose() {
 fn keys_are_made_used_rotated_and_revoked_from_the_shell() {
     let folder = TempDir::new().unwrap();
     let server = Server::start(folder.path(), "--access keys");
-    // Nobody reads a terminal here: the key goes to a file that only its owner may read.
+    // Standard output is no terminal here, so the key goes to a file that only its owner can read.
     assert!(server.started.get("admin_key").is_none());
     let file = server.said("admin_key_file").to_owned();
     assert_eq!(std::path::Path::new(&file), folder.path().join("admin.key"));

@@ -133,7 +133,7 @@ impl GeometricBelief {
         Ok(Self { pose: options.pose, n_readings: 0, state })
     }
 
-    /// Ends what takes long from now on when `stop` is asked for ([`Stop::check`]).
+    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         match &mut self.state {
             State::Planar(belief) => belief.heed(stop),

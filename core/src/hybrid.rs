@@ -200,7 +200,7 @@ impl HybridBelief {
             + objects
     }
 
-    /// Ends what takes long from now on when `stop` is asked for ([`Stop::check`]).
+    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         self.stop = stop.clone();
         self.moving.iter_mut().for_each(|moving| moving.heed(stop));

@@ -123,7 +123,7 @@ impl SvaBelief {
         Ok(Self { catalogue, options, log_prior, seen, histograms, n_readings: 0, stop })
     }
 
-    /// Ends what takes long from now on when `stop` is asked for ([`Stop::check`]).
+    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         self.stop = stop.clone();
     }

@@ -1,11 +1,11 @@
 //! Admission: what a request may occupy, from the first byte of its body to the last of its
 //! answer.
 //!
-//! Five budgets, each with a share of every client: bytes of bodies that have arrived, requests
-//! that are worked on, event streams, snapshots, and bytes of answers that are not read yet. A body arrives
-//! before a slot is taken for its request, so a promise of bytes holds nothing. What is over a
-//! bound is told to come back; nothing waits without end. Health checks and metrics are always
-//! answered, for an overloaded server must not look dead.
+//! Each of five budgets has a total and a share for each client: bytes of bodies that have
+//! arrived, requests under way, event streams, snapshots, and bytes of answers that are not read
+//! yet. A body arrives before its request takes a slot, so a promise of bytes holds nothing. Who
+//! is over a bound is told to come back. Health checks and metrics are always answered: an
+//! overloaded server must not look dead.
 
 mod arrival;
 mod departure;

@@ -31,9 +31,9 @@ const STALLED_AFTER: Duration = Duration::from_secs(30);
 /// The same for long work. Chosen: beyond the time that any answer may take.
 const LONG_STALLED_AFTER: Duration = Duration::from_secs(180);
 
-/// By how much the threads of long work are nicer, where the system lets threads differ (Linux):
-/// with 10 a thread gets a tenth of a core that another one wants as well. Chosen: long work goes
-/// on beside a server that is busy, and takes little from it.
+/// Added to the nice value of the threads for long work (Linux only). Chosen: at 10 a thread gets a
+/// tenth of a core that a thread for short work wants too, so long work still ends on a busy
+/// server.
 #[cfg(target_os = "linux")]
 const LONG_NICE: i32 = 10;
 

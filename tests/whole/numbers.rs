@@ -12,6 +12,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use futures::stream::{self, StreamExt};
+use palpate_tests::{memory_kib, processor_seconds};
 use reqwest::{Client, Method, StatusCode};
 use serde_json::{Value, json};
 
@@ -165,23 +166,15 @@ async fn hang_up(url: &str, process: u32, slow: &[&Case]) -> Vec<String> {
         // What it answers was looked at before.
         let _ = hasty.play(case).await;
         tokio::time::sleep(WORKED_ON).await;
-        let before = processor_seconds(process);
+        let before = processor_seconds(process).unwrap();
         tokio::time::sleep(WATCHED).await;
-        let cores = (processor_seconds(process) - before) / WATCHED.as_secs_f64();
+        let cores = (processor_seconds(process).unwrap() - before) / WATCHED.as_secs_f64();
         if cores > HOUSEKEEPING {
             let after = WORKED_ON.as_secs_f64();
             faults.push(format!("{}: {cores:.1} cores {after} s after its caller left", case.name));
         }
     }
     faults
-}
-
-/// The processor time of a process, seconds: fields 14 and 15 of its `stat`, in hundredths.
-fn processor_seconds(process: u32) -> f64 {
-    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
-    let fields = stat.rsplit_once(')').unwrap().1;
-    let ticks = fields.split_whitespace().skip(11).take(2).map(|n| n.parse::<f64>().unwrap());
-    ticks.sum::<f64>() / 100.0
 }
 
 /// A refusal is fine, and so is a bound that is told of; a fault of the server is not.
@@ -216,13 +209,6 @@ fn cases(base: &Base, field: &Field) -> Vec<Case> {
 /// Whether a case waits for a training.
 fn has_training(path: &str) -> bool {
     path.ends_with("/trainings") || path == "/v1/sensors"
-}
-
-/// The virtual memory of a process, KiB.
-fn memory_kib(process: u32) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
-    let line = status.lines().find(|line| line.starts_with("VmSize:")).unwrap();
-    line.split_whitespace().nth(1).unwrap().parse().unwrap()
 }
 
 /// All cases, and the fields that no request of the table has.
@@ -264,7 +250,7 @@ async fn no_number_of_a_client_takes_the_server_or_its_time() {
     let folder = tempfile::tempdir().unwrap();
     let mut serving = Serving::start(folder.path(), &[]);
     requests::set_up(&Asked::new(&serving.url)).await;
-    let idle_kib = memory_kib(serving.process());
+    let idle_kib = memory_kib(serving.process(), "VmSize").unwrap();
     let (ended, log) = tokio::task::spawn_blocking(move || serving.stop()).await.unwrap();
     assert!(ended.success(), "{log}");
 

@@ -249,7 +249,7 @@ enum AccessChoice {
 const CERTIFICATE_LOOK_EVERY: Duration = Duration::from_secs(30);
 const ADMIN_KEY: &str = "An admin's key was made. It is shown this once; keep it, and make others \
     with it:\n`PALPATE_KEY=… palpate keys create NAME --role robot`";
-/// Where an admin's key goes in the folder of data when nobody reads a terminal.
+/// File in the data folder that gets the admin's key when standard output is no terminal.
 const ADMIN_KEY_FILE: &str = "admin.key";
 
 /// Serves until told to stop.

@@ -175,7 +175,7 @@ impl PlanarHistogram {
         Self { model, bins, extent, exponent, slabs, presses: Vec::new(), stop: Stop::never() }
     }
 
-    /// Ends what takes long from now on when `stop` is asked for.
+    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         self.stop = stop.clone();
     }

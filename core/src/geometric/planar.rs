@@ -362,7 +362,7 @@ impl PlanarBelief {
         Ok(Self { plane, effort, model, histogram, n_objects: log_prior.len() })
     }
 
-    /// Ends what takes long when `stop` is asked for.
+    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
     pub(super) fn heed(&mut self, stop: &Stop) {
         self.model.stop = stop.clone();
     }

@@ -136,7 +136,7 @@ impl PrintedBelief {
         }
     }
 
-    /// Ends what takes long when `stop` is asked for.
+    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
     pub(super) fn heed(&mut self, stop: &Stop) {
         self.stop = stop.clone();
         if let Filter::Histogram(filter, _) = &mut self.filter {

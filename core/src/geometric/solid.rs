@@ -27,14 +27,15 @@ use crate::units::{DEG, MM};
 /// objects of a hand's size, 60 to 100 mm across; not fitted.
 const LEVER: f64 = 30.0 * MM;
 
-/// The first bins are about this wide, metres, and so many along an axis. Chosen: more than 4⁶ bins
-/// an object cost more than a touch may; from one bin an axis the search follows the wrong object.
+/// Target width of the first bins in metres, and the fewest and most of them along an axis. Chosen:
+/// more than 4⁶ bins an object take too long for one touch; with a single bin along an axis the
+/// search often refines the wrong object.
 const FIRST_WIDTH: f64 = 7.0 * MM;
 const FIRST_MIN: usize = 2;
 const FIRST_MAX: usize = 4;
 
-/// Half the side of the largest box along each axis, metres: as many first bins as there may be, as
-/// wide as they are meant to be. Derived.
+/// Half the side of the largest box along each axis, metres. Derived: `FIRST_MAX` bins of
+/// `FIRST_WIDTH`.
 const HALF_MAX: f64 = 0.5 * FIRST_MAX as f64 * FIRST_WIDTH;
 
 /// The exponent of a press: its taxels see one blurred contact, not as many facts. Chosen, not
@@ -51,7 +52,7 @@ const ANSWERED_MAX: usize = 400;
 /// Cells of a plotted axis.
 const MARGINAL_CELLS: usize = 48;
 
-/// Refuses a box whose first bins would be wider than they are meant to be.
+/// Refuses a box whose first bins would be wider than `FIRST_WIDTH`.
 fn check_resolved(half_extent: DVec3, half_angle: f64) -> Result<(), GeometricError> {
     let fields = ["half_extent x", "half_extent y", "half_extent z", "half_angle"];
     let [x, y, z] = half_extent.to_array();
@@ -217,7 +218,7 @@ impl SolidBelief {
         Ok(Self { model, effort, histogram, n_objects: log_prior.len(), smallest, low, high })
     }
 
-    /// Ends what takes long when `stop` is asked for.
+    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
     pub(super) fn heed(&mut self, stop: &Stop) {
         self.model.stop = stop.clone();
     }

@@ -26,6 +26,7 @@ const BLOCK_BYTES_MAX: usize = BLOCK_BYTES + PAIR_HEAD_BYTES + KEY_BYTES_MAX + V
 const PAIR_HEAD_BYTES: usize = 4;
 const CHECKSUM_BYTES: usize = 4;
 /// How much is written before it is synced: one sync of everything would hold up the log's.
+/// Chosen.
 const SYNC_BYTES: u64 = 4 << 20;
 
 /// A file of sorted pairs that is open.

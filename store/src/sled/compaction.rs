@@ -27,9 +27,10 @@ use super::writer::Writer;
 use super::{DATA_FILE, SledOptions, guarded};
 use crate::engine::{Compacted, EngineError, OpenError};
 
-/// How often the writer looks how much is stored.
+/// How often the writer looks how much is stored. Chosen: a burst of a second is far below the
+/// slack.
 const LOOKING: Duration = Duration::from_secs(1);
-/// How long after a failure none begins by itself.
+/// How long after a failure none begins by itself. Chosen: a full disk is not tried all the time.
 const BACKOFF: Duration = Duration::from_secs(60);
 /// How often removing a file is tried: a sled lets go of its files a moment after it is closed.
 const REMOVALS: u32 = 100;

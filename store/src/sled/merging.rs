@@ -15,7 +15,7 @@ use super::tally::{Contents, TALLY_KEY};
 use crate::engine::{Compacted, EngineError};
 
 /// After this many bytes the thread sleeps as long as they took: requests need the cores and
-/// the disk more than a compaction does.
+/// the disk more than a compaction does. Chosen: such a stride takes a few milliseconds.
 const STRIDE_BYTES: u64 = 256 << 10;
 
 /// Writes all that `levels` hold into a file; `None` when it is told to stop before the end.

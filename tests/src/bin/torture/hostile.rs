@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use palpate_core::rng::{Purpose, Stream};
+use palpate_tests::{memory_kib, processor_seconds};
 use reqwest::{Client, Method};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -350,23 +351,12 @@ const OWN_CONNECTIONS: u64 = HONEST as u64 + 8;
 /// How many cores a process keeps busy.
 async fn cores_used(process: u32) -> anyhow::Result<f64> {
     let watched = Duration::from_secs(2);
-    let before = cpu_seconds(process)?;
+    let before = processor_seconds(process)?;
     tokio::time::sleep(watched).await;
-    Ok((cpu_seconds(process)? - before) / watched.as_secs_f64())
-}
-
-/// Processor time of a process: fields 14 and 15 of its `stat`, in hundredths of a second.
-fn cpu_seconds(process: u32) -> anyhow::Result<f64> {
-    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).context("no /proc")?;
-    let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest);
-    let ticks = fields.split_whitespace().skip(11).take(2).filter_map(|n| n.parse::<f64>().ok());
-    Ok(ticks.sum::<f64>() / 100.0)
+    Ok((processor_seconds(process)? - before) / watched.as_secs_f64())
 }
 
 /// The most memory that a process ever had, MB.
 fn peak_mb(process: u32) -> anyhow::Result<f64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).context("no /proc")?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
-    Ok(kib.context("no VmHWM")? * 1024.0 / 1e6)
+    Ok(memory_kib(process, "VmHWM")? as f64 * 1024.0 / 1e6)
 }
