@@ -12,7 +12,7 @@ use palpate_store::engine::{Commit, Engine, EngineError, Pair};
 use palpate_store::sled::{FreeSpace, Halt, SledEngine, SledOptions};
 use tempfile::TempDir;
 
-use crate::samples;
+use crate::samples::{self, copy};
 
 type Model = BTreeMap<Vec<u8>, Vec<u8>>;
 
@@ -58,20 +58,6 @@ fn files(folder: &Path) -> Vec<String> {
     names.retain(|name| !["lock", "mark"].contains(&name.as_str()));
     names.sort();
     names
-}
-
-/// Copies a folder as it lies there, as a `kill -9` would leave it.
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        if entry.file_type().unwrap().is_dir() {
-            copy(&entry.path(), &target);
-        } else {
-            std::fs::copy(entry.path(), target).unwrap();
-        }
-    }
 }
 
 #[test]

@@ -10,6 +10,8 @@ use palpate_store::memory::MemoryEngine;
 use palpate_store::sled::{CUTS_MAX, FreeSpace, OnDamage, SledEngine, SledOptions};
 use tempfile::TempDir;
 
+use crate::samples::copy;
+
 fn open(folder: &Path, on_damage: OnDamage) -> Result<SledEngine, OpenError> {
     SledEngine::open(folder, &SledOptions { on_damage, ..SledOptions::default() })
 }
@@ -22,19 +24,6 @@ fn put(engine: &dyn Engine, number: u32) {
 fn written(folder: &Path, numbers: std::ops::Range<u32>) {
     let engine = open(folder, OnDamage::Refuse).unwrap();
     numbers.for_each(|number| put(&engine, number));
-}
-
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        if entry.file_type().unwrap().is_dir() {
-            copy(&entry.path(), &target);
-        } else {
-            std::fs::copy(entry.path(), target).unwrap();
-        }
-    }
 }
 
 #[test]

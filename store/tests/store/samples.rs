@@ -1,5 +1,7 @@
 //! Values to store, each field different from every other.
 
+use std::path::Path;
+
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::sensor::line::{Goodness, Line};
@@ -233,4 +235,18 @@ pub(crate) fn moved_entry(robot: &str, seq: u64) -> NewEntry {
     let object_moved = Some(Looseness { position: 0.002, angle: 0.03 });
     let reading = StoredReading { approach: 0.07, object_moved, ..reading(36) };
     NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
+}
+
+/// Copies a folder as it lies there, as a `kill -9` would leave it.
+pub(crate) fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
 }
