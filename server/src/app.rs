@@ -12,19 +12,19 @@ use tokio::sync::watch;
 use tower_http::catch_panic::CatchPanicLayer;
 
 use crate::admission::{Admission, admit};
-use crate::audit::{Audit, record};
-use crate::catalogues::{Catalogues, part_name};
+use crate::services::audit::{Audit, record};
+use crate::services::catalogues::{Catalogues, part_name};
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::guard::guard;
-use crate::headers::{cors, secure};
-use crate::jobs::Jobs;
-use crate::keys::Keys;
-use crate::objects::Objects;
+use crate::middleware::guard::guard;
+use crate::middleware::headers::{cors, secure};
+use crate::services::jobs::Jobs;
+use crate::services::keys::Keys;
+use crate::services::objects::Objects;
 use crate::rate::{Rates, share};
 use crate::refusal::Refusal;
-use crate::sensors::Sensors;
-use crate::sessions::Sessions;
+use crate::services::sensors::Sensors;
+use crate::services::sessions::Sessions;
 use crate::{problem, routes, telemetry};
 
 /// What handlers work with. Cheap to clone.

@@ -8,7 +8,7 @@ use axum::extract::{ConnectInfo, Request};
 use uuid::Uuid;
 
 use crate::door::Peer;
-use crate::guard::Caller;
+use crate::middleware::guard::Caller;
 
 /// A network of this length is one client: a host may choose any address in it.
 const IPV6_PREFIX_BITS: u32 = 64;

@@ -10,7 +10,7 @@ use palpate_store::database::Database;
 
 use crate::clock::now_ms;
 use crate::extract::{parse, parse_msgpack};
-use crate::sensors::Sensors;
+use crate::services::sensors::Sensors;
 use crate::wire::reading::{from_store, readings};
 
 /// How a body is written.

@@ -34,13 +34,13 @@ use tokio::sync::broadcast;
 use tracing::Instrument;
 
 use crate::asker::Asker;
-use crate::belief::{SessionBelief, check};
-use crate::catalogues::Model;
+use crate::live::belief::{SessionBelief, check};
+use crate::services::catalogues::Model;
 use crate::clock::now_ms;
 use crate::compute::{ComputeError, Length, Place};
 use crate::refusal::Refusal;
-use crate::repeats::new_readings;
-use crate::sessions::{POSES, Tools, status};
+use crate::services::repeats::new_readings;
+use crate::services::sessions::{POSES, Tools, status};
 use crate::wire::belief::{belief, top};
 use crate::wire::life::Status;
 use crate::wire::reading::{Incoming, warnings};

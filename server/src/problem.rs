@@ -14,8 +14,8 @@ use palpate_store::engine::EngineError;
 use palpate_store::error::StoreError;
 
 use crate::compute::ComputeError;
-use crate::keys::KeyFault;
-use crate::keys::secret::redacted;
+use crate::services::keys::KeyFault;
+use crate::secret::redacted;
 use crate::limits::{Bound, retry_after};
 use crate::refusal::Refusal;
 

@@ -10,7 +10,7 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::compute::ComputeError;
-use crate::keys::KeyFault;
+use crate::services::keys::KeyFault;
 use crate::limits::Bound;
 use crate::wire::life::End;
 use crate::{roles, wire};

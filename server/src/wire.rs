@@ -21,11 +21,31 @@ pub(crate) mod session;
 pub(crate) mod symmetry;
 pub(crate) mod training;
 
-use palpate_schemas::PageQuery;
+use palpate_schemas::{FieldError, PageQuery};
+use thiserror::Error;
 use uuid::Uuid;
 
-use crate::keys::secret;
-use crate::refusal::Refusal;
+use crate::secret;
+
+/// Wrong values, each named by a pointer to its field.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{}", summary(.0))]
+pub(crate) struct Invalid(pub(crate) Vec<FieldError>);
+
+impl Invalid {
+    /// One wrong field.
+    pub(crate) fn field(pointer: impl Into<String>, detail: impl ToString) -> Self {
+        Self(vec![FieldError { pointer: pointer.into(), detail: detail.to_string() }])
+    }
+}
+
+fn summary(errors: &[FieldError]) -> String {
+    match errors {
+        [] => "a value is wrong".to_owned(),
+        [only] => only.detail.clone(),
+        [first, rest @ ..] => format!("{} (and {} more)", first.detail, rest.len()),
+    }
+}
 
 /// The largest integer that every JSON reader keeps exactly.
 pub(crate) const INTEGER_MAX: u64 = (1 << 53) - 1;
@@ -46,11 +66,11 @@ pub(crate) fn time(ms: u64) -> String {
 }
 
 /// Checks a new name: short, fit for paths and shells, and not to be confused with an id.
-pub(crate) fn name(name: &str) -> Result<(), Refusal> {
+pub(crate) fn name(name: &str) -> Result<(), Invalid> {
     let first_fits = name.starts_with(|c: char| c.is_ascii_alphanumeric());
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
     if !first_fits || name.len() > 64 || !name.chars().all(fits) {
-        return Err(Refusal::field(
+        return Err(Invalid::field(
             "/name",
             format!(
                 "came {name:?}, expected 1 to 64 of the letters a-z and A-Z, digits, `.`, `_` \
@@ -59,26 +79,26 @@ pub(crate) fn name(name: &str) -> Result<(), Refusal> {
         ));
     }
     if Uuid::parse_str(name).is_ok() {
-        return Err(Refusal::field("/name", format!("came {name}, which looks like an id")));
+        return Err(Invalid::field("/name", format!("came {name}, which looks like an id")));
     }
     Ok(())
 }
 
 /// Checks a free text: its length in characters, and that it can be shown as it is.
-pub(crate) fn text(pointer: &str, text: &str, max: usize) -> Result<(), Refusal> {
+pub(crate) fn text(pointer: &str, text: &str, max: usize) -> Result<(), Invalid> {
     if let Some(found) = text.chars().find(|c| is_control(*c)) {
         let found = found.escape_unicode();
         let detail = format!("the control character {found} came, expected text that can be shown");
-        return Err(Refusal::field(pointer, detail));
+        return Err(Invalid::field(pointer, detail));
     }
     if secret::is_in(text) {
         let detail =
             "an API key came: keys are sent in the header `Authorization`, and nowhere else";
-        return Err(Refusal::field(pointer, detail));
+        return Err(Invalid::field(pointer, detail));
     }
     match text.chars().count() {
         found if found > max => {
-            Err(Refusal::field(pointer, format!("{found} characters came, expected at most {max}")))
+            Err(Invalid::field(pointer, format!("{found} characters came, expected at most {max}")))
         }
         _ => Ok(()),
     }
@@ -92,31 +112,31 @@ pub(crate) fn is_control(c: char) -> bool {
 }
 
 /// Checks an integer against its range.
-pub(crate) fn within(pointer: &str, found: u64, low: u64, high: u64) -> Result<u64, Refusal> {
+pub(crate) fn within(pointer: &str, found: u64, low: u64, high: u64) -> Result<u64, Invalid> {
     if (low..=high).contains(&found) {
         Ok(found)
     } else {
-        Err(Refusal::field(pointer, format!("came {found}, expected {low} to {high}")))
+        Err(Invalid::field(pointer, format!("came {found}, expected {low} to {high}")))
     }
 }
 
 /// Checks a number against its range.
-pub(crate) fn number(pointer: &str, found: f64, low: f64, high: f64) -> Result<f64, Refusal> {
+pub(crate) fn number(pointer: &str, found: f64, low: f64, high: f64) -> Result<f64, Invalid> {
     if (low..=high).contains(&found) {
         Ok(found)
     } else {
-        Err(Refusal::field(pointer, format!("came {found}, expected {low} to {high}")))
+        Err(Invalid::field(pointer, format!("came {found}, expected {low} to {high}")))
     }
 }
 
 /// How many items a page is to have.
-pub(crate) fn page_length(query: &PageQuery) -> Result<usize, Refusal> {
+pub(crate) fn page_length(query: &PageQuery) -> Result<usize, Invalid> {
     let limit = query.limit.unwrap_or(PAGE_LENGTH);
     Ok(within("?limit", u64::from(limit), 1, u64::from(PAGE_LENGTH_MAX))? as usize)
 }
 
 /// The id behind which a page begins.
-pub(crate) fn page_id(query: &PageQuery) -> Result<Option<Uuid>, Refusal> {
+pub(crate) fn page_id(query: &PageQuery) -> Result<Option<Uuid>, Invalid> {
     query
         .cursor
         .as_deref()
@@ -125,7 +145,7 @@ pub(crate) fn page_id(query: &PageQuery) -> Result<Option<Uuid>, Refusal> {
 }
 
 /// The number with which a page begins.
-pub(crate) fn page_number(query: &PageQuery) -> Result<u64, Refusal> {
+pub(crate) fn page_number(query: &PageQuery) -> Result<u64, Invalid> {
     let number =
         query.cursor.as_deref().map(|cursor| cursor.parse().map_err(|_| bad_cursor(cursor)));
     Ok(number.transpose()?.unwrap_or(0))
@@ -136,8 +156,8 @@ pub(crate) fn cursor(next: Option<Uuid>) -> Option<String> {
     next.map(|id| id.simple().to_string())
 }
 
-fn bad_cursor(cursor: &str) -> Refusal {
-    Refusal::field("?cursor", format!("came {cursor:?}, expected a `next_cursor` of this list"))
+fn bad_cursor(cursor: &str) -> Invalid {
+    Invalid::field("?cursor", format!("came {cursor:?}, expected a `next_cursor` of this list"))
 }
 
 /// A count as the wire has it.

@@ -8,7 +8,7 @@ use super::{Live, answer};
 use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::sessions::Tools;
+use crate::services::sessions::Tools;
 
 impl Live {
     /// Closes the session: nothing follows in its journal. Closing it again changes nothing.

@@ -12,10 +12,10 @@ use palpate_schemas as wire;
 use super::Live;
 use super::folding::{Folding, Ready};
 use super::replay::SLICE;
-use crate::belief::SessionBelief;
+use crate::live::belief::SessionBelief;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::sessions::Tools;
+use crate::services::sessions::Tools;
 use crate::wire::history::{self, Without};
 
 /// The most readings of a belief that is explained.

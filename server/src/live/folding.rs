@@ -13,12 +13,12 @@ use palpate_store::journal::{Entry, Event, Journal};
 use super::memory::{Fold, Memory, Start};
 use super::order::{Chronicle, Touch, begins_with, stored_order};
 use crate::asker::Asker;
-use crate::belief::{BeliefError, SessionBelief};
-use crate::catalogues::Model;
-use crate::checkpoints::{Checkpoint, Checkpoints};
+use crate::live::belief::{BeliefError, SessionBelief};
+use crate::services::catalogues::Model;
+use crate::live::checkpoints::{Checkpoint, Checkpoints};
 use crate::compute::ComputeError;
 use crate::refusal::Refusal;
-use crate::sensors::Sensors;
+use crate::services::sensors::Sensors;
 use crate::wire::reading::from_store;
 use crate::wire::session::{Options, base};
 

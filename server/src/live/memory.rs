@@ -10,7 +10,7 @@ use palpate_schemas::Method;
 use palpate_store::journal::Entry;
 
 use super::order::{Chronicle, Touch};
-use crate::belief::SessionBelief;
+use crate::live::belief::SessionBelief;
 
 /// Earlier beliefs that are kept.
 const CHECKPOINTS_MAX: usize = 4;

@@ -7,10 +7,10 @@ use palpate_schemas::Method;
 
 use super::Live;
 use crate::asker::Asker;
-use crate::belief::SessionBelief;
+use crate::live::belief::SessionBelief;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::sessions::Tools;
+use crate::services::sessions::Tools;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::{name, options};
 

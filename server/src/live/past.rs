@@ -10,7 +10,7 @@ use super::memory::{Memory, Start};
 use crate::clock::now_ms;
 use crate::compute::Place;
 use crate::refusal::Refusal;
-use crate::sessions::Tools;
+use crate::services::sessions::Tools;
 
 impl Live {
     /// The belief after the first `at` entries of the session's journal; `None` when that

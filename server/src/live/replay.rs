@@ -14,7 +14,7 @@ use super::memory::Memory;
 use super::{Live, past};
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::sessions::Tools;
+use crate::services::sessions::Tools;
 use crate::wire::{count, history};
 
 /// A slice of work on the compute pool.

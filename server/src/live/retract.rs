@@ -8,7 +8,7 @@ use super::{Live, past, shown};
 use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::sessions::{POSES, Tools};
+use crate::services::sessions::{POSES, Tools};
 use crate::wire::count;
 
 impl Live {

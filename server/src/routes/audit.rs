@@ -7,7 +7,7 @@ use axum::extract::State;
 use palpate_schemas::{AuditPage, AuditQuery};
 
 use crate::app::App;
-use crate::audit::check_operation;
+use crate::services::audit::check_operation;
 use crate::extract::Params;
 use crate::refusal::Refusal;
 

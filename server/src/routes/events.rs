@@ -19,9 +19,9 @@ use tokio_stream::wrappers::{BroadcastStream, WatchStream};
 use crate::app::App;
 use crate::client::Client;
 use crate::extract::{Params, Segment1, revision};
-use crate::guard::Caller;
+use crate::middleware::guard::Caller;
 use crate::refusal::Refusal;
-use crate::sessions::is_last;
+use crate::services::sessions::is_last;
 use crate::wire::session::session_ids;
 
 /// How often a comment keeps proxies from closing a quiet stream.

@@ -10,7 +10,7 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::blocks;
+use crate::routes::blocks;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segment1};
 use crate::openapi::{Conflict, MeshFile};
 use crate::refusal::Refusal;

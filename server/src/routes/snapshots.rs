@@ -11,10 +11,10 @@ use tokio_stream::wrappers::ReceiverStream;
 use crate::admission::InMemory;
 use crate::app::App;
 use crate::client::Client;
-use crate::guard::Caller;
+use crate::middleware::guard::Caller;
 use crate::openapi::SnapshotFile;
 use crate::refusal::Refusal;
-use crate::snapshots::{IN_MEMORY, take};
+use crate::services::snapshots::{IN_MEMORY, take};
 
 /// Take a snapshot
 ///

@@ -5,8 +5,8 @@ use palpate_store::access::{AccessKey, Role};
 use palpate_store::audit::{AuditEntry, Ring};
 
 use super::time;
-use crate::keys::is_active;
-use crate::refusal::Refusal;
+use crate::services::keys::is_active;
+use crate::wire::Invalid;
 
 /// A key as the wire has it.
 pub(crate) fn key(key: &AccessKey, now_ms: u64) -> wire::ApiKey {
@@ -51,11 +51,11 @@ pub(crate) fn audit_entry(entry: AuditEntry) -> wire::AuditEntry {
 }
 
 /// A time of the wire in milliseconds since 1970.
-pub(crate) fn milliseconds(pointer: &str, text: &str) -> Result<u64, Refusal> {
+pub(crate) fn milliseconds(pointer: &str, text: &str) -> Result<u64, Invalid> {
     let parsed = text.parse::<jiff::Timestamp>().ok().map(jiff::Timestamp::as_millisecond);
     parsed.map(|ms| u64::try_from(ms).unwrap_or(0)).ok_or_else(|| {
         let expected = "expected a time like 2026-05-01T00:00:00Z";
-        Refusal::field(pointer, format!("came {text:?}, {expected}"))
+        Invalid::field(pointer, format!("came {text:?}, {expected}"))
     })
 }
 

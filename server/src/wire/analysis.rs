@@ -7,7 +7,7 @@ use palpate_core::sensor::point_spread::{ELEMENT_WIDTH, point_spread_of_covering
 use palpate_core::units::{INCH, MM, Shown};
 use palpate_schemas as wire;
 
-use crate::refusal::Refusal;
+use crate::wire::Invalid;
 use crate::wire::count;
 
 /// The most coverings, and the most force resolutions, of one request.
@@ -28,13 +28,13 @@ pub(crate) struct Question {
 }
 
 /// Checks a request.
-pub(crate) fn question(request: &wire::AnalyseCoverings) -> Result<Question, Refusal> {
+pub(crate) fn question(request: &wire::AnalyseCoverings) -> Result<Question, Invalid> {
     let element_width = number("/element_width", request.element_width, LENGTHS)?;
     let of_thickness = |thickness: &f64| (Some(*thickness), point_spread_of_covering(*thickness));
     let coverings = match (&request.thicknesses, &request.spreads) {
         (Some(_), Some(_)) => {
             let detail = "expected either thicknesses or spreads";
-            return Err(Refusal::field("/spreads", detail));
+            return Err(Invalid::field("/spreads", detail));
         }
         (Some(thicknesses), None) => {
             numbers("/thicknesses", thicknesses, LENGTHS)?;
@@ -99,20 +99,20 @@ pub(crate) fn analysis(question: &Question) -> wire::CoveringAnalysis {
     }
 }
 
-fn number(pointer: &str, found: f64, (low, high): (f64, f64)) -> Result<f64, Refusal> {
+fn number(pointer: &str, found: f64, (low, high): (f64, f64)) -> Result<f64, Invalid> {
     if found.is_finite() && (low..=high).contains(&found) {
         return Ok(found);
     }
-    Err(Refusal::field(
+    Err(Invalid::field(
         pointer,
         format!("came {}, expected {low} to {high} (SI units)", Shown(found)),
     ))
 }
 
-fn numbers(pointer: &str, found: &[f64], bounds: (f64, f64)) -> Result<(), Refusal> {
+fn numbers(pointer: &str, found: &[f64], bounds: (f64, f64)) -> Result<(), Invalid> {
     if !(1..=ITEMS_MAX).contains(&found.len()) {
         let detail = format!("{} values came, expected 1 to {ITEMS_MAX}", found.len());
-        return Err(Refusal::field(pointer, detail));
+        return Err(Invalid::field(pointer, detail));
     }
     for (index, value) in found.iter().enumerate() {
         number(&format!("{pointer}/{index}"), *value, bounds)?;

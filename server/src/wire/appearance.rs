@@ -10,7 +10,7 @@ use palpate_schemas as wire;
 use palpate_schemas::{AppearanceTraining, ClusteringKind, Descriptor, FeatureSource};
 use palpate_store::catalogue::VersionObject;
 
-use crate::refusal::Refusal;
+use crate::wire::Invalid;
 use crate::wire::training::descriptor;
 use crate::wire::{count, number, within};
 
@@ -22,12 +22,12 @@ const CLASSES_MAX: u64 = 400;
 const SHRINKAGE: f64 = 0.1;
 
 /// A training's appearance with every default filled in, its numbers checked.
-pub(crate) fn training(request: &AppearanceTraining) -> Result<AppearanceTraining, Refusal> {
+pub(crate) fn training(request: &AppearanceTraining) -> Result<AppearanceTraining, Invalid> {
     let default = AppearanceConfig::default();
     let source = request.source.unwrap_or_default();
     if source == FeatureSource::Features && request.descriptor.is_some() {
         let detail = "came with the source `features`, expected with `images` only";
-        return Err(Refusal::field("/appearance/descriptor", detail));
+        return Err(Invalid::field("/appearance/descriptor", detail));
     }
     let is_images = source == FeatureSource::Images;
     let share = request.variance_share.unwrap_or(default.variance_share);
@@ -38,7 +38,7 @@ pub(crate) fn training(request: &AppearanceTraining) -> Result<AppearanceTrainin
     if !(1..=CANDIDATES_MAX).contains(&candidates.len()) {
         let found = candidates.len();
         let detail = format!("{found} candidates came, expected 1 to {CANDIDATES_MAX}");
-        return Err(Refusal::field("/appearance/n_classes", detail));
+        return Err(Invalid::field("/appearance/n_classes", detail));
     }
     for (place, n_classes) in candidates.iter().enumerate() {
         let at = format!("/appearance/n_classes/{place}");

@@ -11,9 +11,8 @@ use palpate_schemas as wire;
 use palpate_store::calibration::{StoredCalibration, StoredSpread};
 use palpate_store::entity::Sensor;
 
-use crate::refusal::Refusal;
 use crate::wire::reading::TAXELS_MAX;
-use crate::wire::{count, time};
+use crate::wire::{Invalid, count, time};
 
 /// The most presses at taxels' centres.
 const RESPONSE_PRESSES_MAX: usize = 100_000;
@@ -29,14 +28,14 @@ pub(crate) fn fitted(
     request: &wire::CalibrateSensor,
     sensor: &Sensor,
     created_at_ms: u64,
-) -> Result<StoredCalibration, Refusal> {
+) -> Result<StoredCalibration, Invalid> {
     let description = &sensor.description;
     let n_spread = request.spread.as_ref().map_or(0, |spread| spread.presses.len());
     n_presses("/response", request.response.len(), RESPONSE_PRESSES_MAX)?;
     let n_taxels = (request.response.len() + n_spread) * description.grid().n_taxels();
     if n_taxels > TAXELS_MAX {
         let detail = format!("{n_taxels} taxels came, expected at most {TAXELS_MAX}");
-        return Err(Refusal::field("/response", detail));
+        return Err(Invalid::field("/response", detail));
     }
     let presses = indentations(&request.response, description)?;
     let saturation = description.parameters().saturation;
@@ -60,7 +59,7 @@ pub(crate) fn fitted(
 fn indentations(
     given: &[wire::ResponsePress],
     description: &SensorDescription,
-) -> Result<Vec<Indentation>, Refusal> {
+) -> Result<Vec<Indentation>, Invalid> {
     let grid = description.grid();
     let one = |(index, press): (usize, &wire::ResponsePress)| {
         let at = format!("/response/{index}");
@@ -79,7 +78,7 @@ fn fitted_spread(
     given: &wire::SpreadPresses,
     description: &SensorDescription,
     calibration: &Calibration,
-) -> Result<StoredSpread, Refusal> {
+) -> Result<StoredSpread, Invalid> {
     n_presses("/spread/presses", given.presses.len(), SPREAD_PRESSES_MAX)?;
     let diameter = length("/spread/indenter_diameter", given.indenter_diameter, LENGTH_MIN)?;
     let thickness = |thickness| length("/spread/covering_thickness", thickness, LENGTH_MIN);
@@ -95,7 +94,7 @@ fn fitted_spread(
         pressures.iter_mut().flatten().for_each(|p| *p -= calibration.target().offset);
         Ok(SpreadPress { at: (x, y), pressures })
     };
-    let presses: Result<Vec<SpreadPress>, Refusal> =
+    let presses: Result<Vec<SpreadPress>, Invalid> =
         given.presses.iter().enumerate().map(one).collect();
     let presses = presses?;
     let fit = fit_spread(description.grid(), Indenter { diameter }, &presses).map_err(|error| {
@@ -105,26 +104,26 @@ fn fitted_spread(
             }
             SpreadError::Empty | SpreadError::AtEnd { .. } => "/spread/presses".to_owned(),
         };
-        Refusal::field(at, error)
+        Invalid::field(at, error)
     })?;
     let n_presses = count(presses.len());
     Ok(StoredSpread { fit, n_presses, indenter_diameter: diameter, covering_thickness })
 }
 
-fn n_presses(pointer: &str, found: usize, max: usize) -> Result<(), Refusal> {
+fn n_presses(pointer: &str, found: usize, max: usize) -> Result<(), Invalid> {
     if (1..=max).contains(&found) {
         return Ok(());
     }
-    Err(Refusal::field(pointer, format!("{found} presses came, expected 1 to {max}")))
+    Err(Invalid::field(pointer, format!("{found} presses came, expected 1 to {max}")))
 }
 
 /// Checks a length in metres.
-fn length(pointer: &str, found: f64, low: f64) -> Result<f64, Refusal> {
+fn length(pointer: &str, found: f64, low: f64) -> Result<f64, Invalid> {
     if found.is_finite() && (low..=LENGTH_MAX).contains(&found) {
         return Ok(found);
     }
     let low = if low < LENGTH_MIN && low > 0.0 { "above 0".to_owned() } else { low.to_string() };
-    Err(Refusal::field(
+    Err(Invalid::field(
         pointer,
         format!("came {} m, expected {low} to {LENGTH_MAX} m", Shown(found)),
     ))
@@ -134,17 +133,17 @@ fn image(
     pointer: &str,
     given: &[Option<f64>],
     description: &SensorDescription,
-) -> Result<Vec<Option<f64>>, Refusal> {
+) -> Result<Vec<Option<f64>>, Invalid> {
     checked(description, given).map_err(|error| {
         let at = match error {
             ReadingError::Pressure { taxel, .. } => format!("{pointer}/pressures/{taxel}"),
             _ => format!("{pointer}/pressures"),
         };
-        Refusal::field(at, error)
+        Invalid::field(at, error)
     })
 }
 
-fn refuse_response(error: ResponseError) -> Refusal {
+fn refuse_response(error: ResponseError) -> Invalid {
     let at = match error {
         ResponseError::Taxel { press, .. } => format!("/response/{press}/row"),
         ResponseError::Depth { press, .. } => format!("/response/{press}/depth"),
@@ -153,7 +152,7 @@ fn refuse_response(error: ResponseError) -> Refusal {
             "/response".to_owned()
         }
     };
-    Refusal::field(at, error)
+    Invalid::field(at, error)
 }
 
 /// A stored calibration for the wire.

@@ -11,9 +11,9 @@ use palpate_schemas::{AxisUnit, GeometryKind, PosePrior};
 use palpate_store::catalogue::VersionObject;
 use uuid::Uuid;
 
-use crate::belief::ObjectMarginals;
-use crate::catalogues::Model;
-use crate::refusal::Refusal;
+use crate::live::belief::ObjectMarginals;
+use crate::services::catalogues::Model;
+use crate::wire::Invalid;
 use crate::wire::{count, number, reading};
 
 /// The smallest and the largest side of a cell, in metres.
@@ -30,7 +30,7 @@ const HALF_ANGLE_MIN: f64 = 1e-3;
 const CENTER_MAX: f64 = 1e3;
 
 /// A training's geometry with its default filled in, its numbers checked.
-pub(crate) fn training(request: wire::GeometryTraining) -> Result<wire::GeometryTraining, Refusal> {
+pub(crate) fn training(request: wire::GeometryTraining) -> Result<wire::GeometryTraining, Invalid> {
     let [low, high] = CELL;
     let cell = request.cell.unwrap_or(config(&request).cell);
     let cell = number("/geometry/cell", cell, low, high)?;
@@ -74,7 +74,7 @@ pub(crate) fn occupancy_map(
     object: &VersionObject,
     map: &GeometricMap,
     slice: Option<u32>,
-) -> Result<wire::OccupancyMap, Refusal> {
+) -> Result<wire::OccupancyMap, Invalid> {
     let grid = &map.occupancy;
     let prior = (grid.prior() / (1.0 - grid.prior())).ln() as f32;
     let counted = |is: fn(f32, f32) -> bool| {
@@ -98,14 +98,14 @@ pub(crate) fn occupancy_map(
 }
 
 /// The log-odds of one layer of cells.
-fn slice(grid: &OccupancyGrid, slice: u32) -> Result<&[f32], Refusal> {
+fn slice(grid: &OccupancyGrid, slice: u32) -> Result<&[f32], Invalid> {
     let [x, y, _] = grid.shape().n();
     let slice = slice_number(grid, slice)?;
     Ok(&grid.log_odds()[slice * x * y..(slice + 1) * x * y])
 }
 
 /// The number of a layer that a grid has.
-pub(crate) fn slice_number(grid: &OccupancyGrid, slice: u32) -> Result<usize, Refusal> {
+pub(crate) fn slice_number(grid: &OccupancyGrid, slice: u32) -> Result<usize, Invalid> {
     let n_slices = grid.shape().n()[2];
     let last = n_slices as u64 - 1;
     super::within("?slice", u64::from(slice), 0, last).map(|slice| slice as usize)
@@ -120,7 +120,7 @@ fn kind_of(grid: &OccupancyGrid) -> GeometryKind {
 pub(crate) fn pose_prior(
     given: Option<&PosePrior>,
     kind: GeometryKind,
-) -> Result<PosePrior, Refusal> {
+) -> Result<PosePrior, Invalid> {
     match (kind, given) {
         (GeometryKind::Planar, None) => planar(None, None, None, None, None),
         (
@@ -130,16 +130,16 @@ pub(crate) fn pose_prior(
         (GeometryKind::Solid, Some(PosePrior::Bounded { pose, half_extents, half_angle })) => {
             bounded(pose, *half_extents, *half_angle)
         }
-        (GeometryKind::Solid, None) => Err(Refusal::field(
+        (GeometryKind::Solid, None) => Err(Invalid::field(
             "/pose_prior",
             "missing: the version's maps are of solids, expected a prior of kind `bounded` that \
              says about where the object is",
         )),
-        (GeometryKind::Planar, Some(PosePrior::Bounded { .. })) => Err(Refusal::field(
+        (GeometryKind::Planar, Some(PosePrior::Bounded { .. })) => Err(Invalid::field(
             "/pose_prior/kind",
             "came `bounded`, but the version's maps are planar: expected `planar`",
         )),
-        (GeometryKind::Solid, Some(PosePrior::Planar { .. })) => Err(Refusal::field(
+        (GeometryKind::Solid, Some(PosePrior::Planar { .. })) => Err(Invalid::field(
             "/pose_prior/kind",
             "came `planar`, but the version's maps are of solids: expected `bounded`",
         )),
@@ -152,7 +152,7 @@ fn planar(
     half_extent: Option<f64>,
     angle: Option<f64>,
     half_angle: Option<f64>,
-) -> Result<PosePrior, Refusal> {
+) -> Result<PosePrior, Invalid> {
     if let Some(plane) = &plane {
         reading::pose("/pose_prior/plane", plane)?;
     }
@@ -176,7 +176,7 @@ fn bounded(
     pose: &wire::Pose,
     half_extents: [f64; 3],
     half_angle: f64,
-) -> Result<PosePrior, Refusal> {
+) -> Result<PosePrior, Invalid> {
     reading::pose("/pose_prior/pose", pose)?;
     for (axis, value) in half_extents.into_iter().enumerate() {
         let pointer = format!("/pose_prior/half_extents/{axis}");
@@ -186,7 +186,7 @@ fn bounded(
     Ok(PosePrior::Bounded { pose: *pose, half_extents, half_angle })
 }
 
-fn half_angle(found: f64) -> Result<f64, Refusal> {
+fn half_angle(found: f64) -> Result<f64, Invalid> {
     // π as other programs print it is a little more than ours.
     number("/pose_prior/half_angle", found, HALF_ANGLE_MIN, PI + 1e-6).map(|angle| angle.min(PI))
 }
@@ -197,7 +197,7 @@ const IDENTITY: wire::Pose = wire::Pose { position: [0.0; 3], orientation: [0.0,
 ///
 /// # Errors
 /// [`Refusal`] when what is stored is no longer valid.
-pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Refusal> {
+pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Invalid> {
     match prior {
         PosePrior::Planar { plane, center, half_extent, angle, half_angle } => {
             Ok(CorePrior::Planar {

@@ -7,8 +7,8 @@ use palpate_store::entity::Session;
 
 use uuid::Uuid;
 
-use crate::catalogues::Model;
-use crate::refusal::Refusal;
+use crate::services::catalogues::Model;
+use crate::wire::Invalid;
 use crate::wire::session::{TTL_MAX, options, written};
 use crate::wire::{time, within};
 
@@ -63,7 +63,7 @@ impl Status {
 }
 
 /// How long a lease keeps a session open, checked.
-pub(crate) fn lease(asked: wire::ExtendSession) -> Result<Duration, Refusal> {
+pub(crate) fn lease(asked: wire::ExtendSession) -> Result<Duration, Invalid> {
     within("/seconds", u64::from(asked.seconds), 1, TTL_MAX).map(Duration::from_secs)
 }
 
@@ -82,7 +82,7 @@ pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
 }
 
 /// Notes what a session's object was; whether it was not known before.
-pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, Refusal> {
+pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, Invalid> {
     let mut options = options(session);
     match &options.truth {
         Some(before) if before.object == truth.object => Ok(false),
@@ -103,13 +103,13 @@ pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bo
 pub(crate) fn told_truth(
     asked: &wire::CloseSession,
     model: &Model,
-) -> Result<Option<Option<usize>>, Refusal> {
+) -> Result<Option<Option<usize>>, Invalid> {
     match (&asked.object, asked.none_of_these.unwrap_or(false)) {
         (None, false) => Ok(None),
         (None, true) => Ok(Some(None)),
         (Some(_), true) => {
             let detail = "came with `object`, expected one of the two";
-            Err(Refusal::field("/none_of_these", detail))
+            Err(Invalid::field("/none_of_these", detail))
         }
         (Some(reference), false) => match model.find(reference) {
             Some(object) => Ok(Some(Some(object))),
@@ -119,7 +119,7 @@ pub(crate) fn told_truth(
                     "version {version} of catalogue {name:?} does not know {reference:?}; of an \
                      object that it does not know say `\"none_of_these\": true`"
                 );
-                Err(Refusal::field("/object", detail))
+                Err(Invalid::field("/object", detail))
             }
         },
     }

@@ -8,8 +8,8 @@ use palpate_core::units::Shown;
 use palpate_schemas as wire;
 use uuid::Uuid;
 
-use crate::refusal::Refusal;
-use crate::sensors::Sensors;
+use crate::wire::Invalid;
+use crate::services::sensors::Sensors;
 use crate::wire::{INTEGER_MAX, count, number, reading, sensor, within};
 
 /// Approaches of an answer when the request does not say.
@@ -40,10 +40,10 @@ pub(crate) struct Question {
 pub(crate) fn question(
     asked: &wire::AskNextTouches,
     sensors: &Sensors,
-) -> Result<Question, Refusal> {
+) -> Result<Question, Invalid> {
     let found = sensors.find(&asked.sensor)?.ok_or_else(|| {
         let detail = format!("there is no sensor {:?}, expected an id or a name", asked.sensor);
-        Refusal::field("/sensor", detail)
+        Invalid::field("/sensor", detail)
     })?;
     let grid = found.description.grid();
     let n = within("/n", u64::from(asked.n.unwrap_or(N)), 1, N_MAX as u64)?;
@@ -66,18 +66,18 @@ pub(crate) fn question(
     })
 }
 
-fn approaches(candidates: &[wire::TouchCandidate]) -> Result<Vec<Approach>, Refusal> {
+fn approaches(candidates: &[wire::TouchCandidate]) -> Result<Vec<Approach>, Invalid> {
     if candidates.is_empty() || candidates.len() > N_MAX {
         let n = candidates.len();
         let detail = format!("{n} candidates came, expected 1 to {N_MAX}, or none at all");
-        return Err(Refusal::field("/candidates", detail));
+        return Err(Invalid::field("/candidates", detail));
     }
     let have_costs = candidates[0].cost.is_some();
     let one = |(index, candidate): (usize, &wire::TouchCandidate)| {
         let at = |field: &str| format!("/candidates/{index}/{field}");
         if candidate.cost.is_some() != have_costs {
             let detail = "expected a cost with all candidates or with none";
-            return Err(Refusal::field(at("cost"), detail));
+            return Err(Invalid::field(at("cost"), detail));
         }
         let cost = candidate.cost.map(|cost| positive(&at("cost"), cost, COST_MAX, ""));
         Ok(Approach {
@@ -89,7 +89,7 @@ fn approaches(candidates: &[wire::TouchCandidate]) -> Result<Vec<Approach>, Refu
     candidates.iter().enumerate().map(one).collect()
 }
 
-fn workspace(given: &wire::TouchWorkspace) -> Result<Workspace, Refusal> {
+fn workspace(given: &wire::TouchWorkspace) -> Result<Workspace, Invalid> {
     for (axis, value) in given.center.iter().enumerate() {
         let at = format!("/workspace/center/{axis}");
         number(&at, *value, -POSITION_MAX, POSITION_MAX)?;
@@ -98,12 +98,12 @@ fn workspace(given: &wire::TouchWorkspace) -> Result<Workspace, Refusal> {
     Ok(Workspace { center: DVec3::from_array(given.center), radius })
 }
 
-fn positive(pointer: &str, found: f64, max: f64, unit: &str) -> Result<f64, Refusal> {
+fn positive(pointer: &str, found: f64, max: f64, unit: &str) -> Result<f64, Invalid> {
     if found > 0.0 && found <= max {
         return Ok(found);
     }
     let detail = format!("came {}{unit}, expected above 0 and at most {max}{unit}", Shown(found));
-    Err(Refusal::field(pointer, detail))
+    Err(Invalid::field(pointer, detail))
 }
 
 /// An answer for the wire: the best `question.n`.

@@ -5,10 +5,10 @@ use palpate_schemas as wire;
 use palpate_sim::mesh::{Mesh, MeshFormat};
 use palpate_store::entity::Object;
 use palpate_store::mesh as store;
+use thiserror::Error;
 
 use crate::hints::{SIZE_LARGE, SIZE_SMALL};
-use crate::refusal::Refusal;
-use crate::wire::{count, time};
+use crate::wire::{Invalid, count, time};
 
 /// A stored object for the wire.
 pub(crate) fn object(
@@ -73,28 +73,34 @@ fn warnings(mesh: &Mesh, unit: store::MeshUnit) -> Vec<String> {
     warnings
 }
 
+/// Why an upload's format is not known.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub(crate) enum FormatError {
+    #[error("the content type is {found:?}, expected {MESH_TYPES}")]
+    ContentType { found: String },
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+}
+
+/// The content types of an upload.
+const MESH_TYPES: &str =
+    "model/stl, model/obj, model/ply, model/off, or application/octet-stream with ?format=";
+
 /// The format of an upload, by its content type or by the query.
 pub(crate) fn mesh_format(
     content_type: &str,
     asked: Option<wire::MeshFormat>,
-) -> Result<MeshFormat, Refusal> {
+) -> Result<MeshFormat, FormatError> {
     match (MeshFormat::from_media_type(content_type), asked) {
         (Some(format), None) => Ok(format),
         (Some(format), Some(asked)) if format == sim_format(asked) => Ok(format),
         (Some(format), Some(asked)) => {
             let detail = format!("came {asked:?}, but the content type is that of {format}");
-            Err(Refusal::field("?format", detail))
+            Err(Invalid::field("?format", detail).into())
         }
         (None, Some(asked)) if content_type == "application/octet-stream" => Ok(sim_format(asked)),
-        (None, None) if content_type == "application/octet-stream" => Err(Refusal::field(
-            "?format",
-            "missing, expected stl, obj, ply or off with application/octet-stream",
-        )),
-        (None, _) => Err(Refusal::ContentType {
-            found: content_type.to_owned(),
-            expected: "model/stl, model/obj, model/ply, model/off, or application/octet-stream \
-                       with ?format=",
-        }),
+        (None, None) if content_type == "application/octet-stream" => Err(Invalid::field("?format", "missing, expected stl, obj, ply or off with application/octet-stream").into()),
+        (None, _) => Err(FormatError::ContentType { found: content_type.to_owned() }),
     }
 }
 

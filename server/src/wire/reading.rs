@@ -12,9 +12,9 @@ use palpate_store::journal::{Entry, Event, NewEntry, ROBOT_BYTES_MAX};
 use uuid::Uuid;
 
 use crate::hints::{Judged, of_readings};
-use crate::keys::Keys;
-use crate::refusal::Refusal;
-use crate::sensors::Sensors;
+use crate::services::keys::Keys;
+use crate::wire::Invalid;
+use crate::services::sensors::Sensors;
 use crate::wire::{INTEGER_MAX, sensor};
 
 /// The most readings of one request.
@@ -67,11 +67,11 @@ pub(crate) fn readings(
     given: &[wire::Reading],
     sensors: &Sensors,
     frame_id: Option<&str>,
-) -> Result<Vec<Incoming>, Refusal> {
+) -> Result<Vec<Incoming>, Invalid> {
     if given.is_empty() || given.len() > READINGS_MAX {
         let n = given.len();
         let detail = format!("{n} readings came, expected 1 to {READINGS_MAX}");
-        return Err(Refusal::field("/readings", detail));
+        return Err(Invalid::field("/readings", detail));
     }
     let values = |reading: &wire::Reading| {
         reading.image.len() + reading.feature.as_ref().map_or(0, Vec::len)
@@ -82,21 +82,21 @@ pub(crate) fn readings(
             "{n_taxels} taxels and feature values came in one request, expected at most {TAXELS_MAX}: send fewer \
              readings at once"
         );
-        return Err(Refusal::field("/readings", detail));
+        return Err(Invalid::field("/readings", detail));
     }
     let mut errors = Vec::new();
     let mut checked = Vec::with_capacity(given.len());
     for (index, reading) in given.iter().enumerate() {
         match one(&format!("/readings/{index}"), reading, sensors, frame_id) {
             Ok(incoming) => checked.push(incoming),
-            Err(Refusal::Invalid(wrong)) => errors.extend(wrong),
+            Err(Invalid(wrong)) => errors.extend(wrong),
             Err(other) => return Err(other),
         }
         if errors.len() >= ERRORS_MAX {
             break;
         }
     }
-    if errors.is_empty() { Ok(checked) } else { Err(Refusal::Invalid(errors)) }
+    if errors.is_empty() { Ok(checked) } else { Err(Invalid(errors)) }
 }
 
 /// What is probably a mistake in the readings of a request, which follow those of a journal that
@@ -116,12 +116,12 @@ pub(crate) fn one(
     given: &wire::Reading,
     sensors: &Sensors,
     frame_id: Option<&str>,
-) -> Result<Incoming, Refusal> {
+) -> Result<Incoming, Invalid> {
     let id = reading_id(pointer, given)?;
     frame(pointer, given, frame_id)?;
     let sensor = sensors.find_to_use(&given.sensor)?.ok_or_else(|| {
         let detail = format!("there is no sensor {:?}, expected an id or a name", given.sensor);
-        Refusal::field(format!("{pointer}/sensor"), detail)
+        Invalid::field(format!("{pointer}/sensor"), detail)
     })?;
     let pose = given.pose.as_ref().map(|given| pose(&format!("{pointer}/pose"), given));
     feature(&format!("{pointer}/feature"), given.feature.as_deref())?;
@@ -142,7 +142,7 @@ pub(crate) fn one(
             ReadingError::Pressure { taxel, .. } => format!("{pointer}/image/{taxel}"),
             _ => format!("{pointer}/image"),
         };
-        Refusal::field(at, error)
+        Invalid::field(at, error)
     })?;
     Ok(Incoming { id, stored, reading, sensor })
 }
@@ -163,29 +163,29 @@ pub(crate) fn from_store(
 }
 
 /// How far a press came with nothing in touch, metres.
-fn approach(pointer: &str, given: &wire::Reading) -> Result<f64, Refusal> {
+fn approach(pointer: &str, given: &wire::Reading) -> Result<f64, Invalid> {
     let metres = given.approach_m.unwrap_or(0.0);
     if (0.0..=APPROACH_MAX).contains(&metres) {
         return Ok(metres);
     }
     let detail = format!("came {}, expected metres from 0 to {APPROACH_MAX}", Shown(metres));
-    Err(Refusal::field(format!("{pointer}/approach_m"), detail))
+    Err(Invalid::field(format!("{pointer}/approach_m"), detail))
 }
 
 /// How far the object may have moved, checked.
-fn object_moved(pointer: &str, given: &wire::Reading) -> Result<Option<Looseness>, Refusal> {
+fn object_moved(pointer: &str, given: &wire::Reading) -> Result<Option<Looseness>, Invalid> {
     let pointer = format!("{pointer}/object_moved");
     given.object_moved.map(|moved| looseness(&pointer, moved)).transpose()
 }
 
 /// Deviations of a place, checked.
-pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Looseness, Refusal> {
+pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Looseness, Invalid> {
     let within = |field: &str, value: f64, max: f64, unit: &str| {
         let detail = format!("came {}, expected {unit} above 0, at most {max}", Shown(value));
         let is_right = value > 0.0 && value <= max;
         is_right
             .then_some(value)
-            .ok_or_else(|| Refusal::field(format!("{pointer}/{field}"), detail))
+            .ok_or_else(|| Invalid::field(format!("{pointer}/{field}"), detail))
     };
     Ok(Looseness {
         position: within("position_m", given.position_m, 0.1, "metres")?,
@@ -242,34 +242,34 @@ pub(crate) fn of_session(
 }
 
 /// Checks a pose.
-pub(crate) fn pose(pointer: &str, given: &wire::Pose) -> Result<Pose, Refusal> {
+pub(crate) fn pose(pointer: &str, given: &wire::Pose) -> Result<Pose, Invalid> {
     let far = given.position.iter().position(|value| value.abs() > POSITION_MAX);
     if let Some(axis) = far {
         let found = given.position[axis];
         let detail = format!("came {} m, expected within ±{POSITION_MAX} m", Shown(found));
-        return Err(Refusal::field(format!("{pointer}/position/{axis}"), detail));
+        return Err(Invalid::field(format!("{pointer}/position/{axis}"), detail));
     }
     Pose::new(given.position, given.orientation).map_err(|error| match error {
         PoseError::Position { axis, .. } => {
-            Refusal::field(format!("{pointer}/position/{axis}"), error)
+            Invalid::field(format!("{pointer}/position/{axis}"), error)
         }
         PoseError::Component { component, .. } => {
-            Refusal::field(format!("{pointer}/orientation/{component}"), error)
+            Invalid::field(format!("{pointer}/orientation/{component}"), error)
         }
-        PoseError::Norm { norm } if norm <= f64::EPSILON => Refusal::field(
+        PoseError::Norm { norm } if norm <= f64::EPSILON => Invalid::field(
             format!("{pointer}/orientation"),
             format!("{error}; a quaternion of zeros is one that nobody has set"),
         ),
-        PoseError::Norm { .. } => Refusal::field(format!("{pointer}/orientation"), error),
+        PoseError::Norm { .. } => Invalid::field(format!("{pointer}/orientation"), error),
     })
 }
 
 /// Checks a client's own feature.
-fn feature(pointer: &str, given: Option<&[f64]>) -> Result<(), Refusal> {
+fn feature(pointer: &str, given: Option<&[f64]>) -> Result<(), Invalid> {
     let Some(feature) = given else { return Ok(()) };
     if !(1..=FEATURE_MAX).contains(&feature.len()) {
         let detail = format!("{} values came, expected 1 to {FEATURE_MAX}", feature.len());
-        return Err(Refusal::field(pointer, detail));
+        return Err(Invalid::field(pointer, detail));
     }
     let within = |value: &f64| value.abs() <= FEATURE_VALUE_MAX;
     match feature.iter().position(|value| !within(value)) {
@@ -278,22 +278,22 @@ fn feature(pointer: &str, given: Option<&[f64]>) -> Result<(), Refusal> {
             let found = feature[place];
             let detail =
                 format!("came {}, expected a number within ±{FEATURE_VALUE_MAX:e}", Shown(found));
-            Err(Refusal::field(format!("{pointer}/{place}"), detail))
+            Err(Invalid::field(format!("{pointer}/{place}"), detail))
         }
     }
 }
 
-fn reading_id(pointer: &str, given: &wire::Reading) -> Result<Option<ReadingId>, Refusal> {
+fn reading_id(pointer: &str, given: &wire::Reading) -> Result<Option<ReadingId>, Invalid> {
     let (robot, seq) = match (&given.robot, given.seq) {
         (None, None) => return Ok(None),
         (Some(robot), Some(seq)) => (robot.clone(), seq),
         (Some(_), None) => {
             let detail = "robot came without seq, expected both or neither";
-            return Err(Refusal::field(format!("{pointer}/seq"), detail));
+            return Err(Invalid::field(format!("{pointer}/seq"), detail));
         }
         (None, Some(_)) => {
             let detail = "seq came without robot, expected both or neither";
-            return Err(Refusal::field(format!("{pointer}/robot"), detail));
+            return Err(Invalid::field(format!("{pointer}/robot"), detail));
         }
     };
     self::robot(&format!("{pointer}/robot"), &robot)?;
@@ -302,28 +302,28 @@ fn reading_id(pointer: &str, given: &wire::Reading) -> Result<Option<ReadingId>,
 }
 
 /// Checks a robot's name.
-pub(crate) fn robot(pointer: &str, robot: &str) -> Result<(), Refusal> {
+pub(crate) fn robot(pointer: &str, robot: &str) -> Result<(), Invalid> {
     if robot.is_empty() || robot.len() > ROBOT_BYTES_MAX || robot.chars().any(super::is_control) {
         let detail = format!("came {robot:?}, expected 1 to {ROBOT_BYTES_MAX} printable bytes");
-        return Err(Refusal::field(pointer, detail));
+        return Err(Invalid::field(pointer, detail));
     }
     Ok(())
 }
 
-fn frame(pointer: &str, given: &wire::Reading, expected: Option<&str>) -> Result<(), Refusal> {
+fn frame(pointer: &str, given: &wire::Reading, expected: Option<&str>) -> Result<(), Invalid> {
     let Some(found) = given.frame_id.as_deref() else { return Ok(()) };
     let at = format!("{pointer}/frame_id");
     super::text(&at, found, FRAME_ID_MAX)?;
     match expected {
         Some(expected) if expected == found => Ok(()),
-        Some(expected) => Err(Refusal::field(
+        Some(expected) => Err(Invalid::field(
             at,
             format!(
                 "came {found:?}, expected {expected:?}: transform the pose into that frame before \
                  it is sent"
             ),
         )),
-        None => Err(Refusal::field(
+        None => Err(Invalid::field(
             at,
             format!(
                 "came {found:?}, but the session was created without a frame_id: name the frame \
@@ -333,7 +333,7 @@ fn frame(pointer: &str, given: &wire::Reading, expected: Option<&str>) -> Result
     }
 }
 
-fn stamp_ns(pointer: &str, given: wire::Stamp) -> Result<i64, Refusal> {
+fn stamp_ns(pointer: &str, given: wire::Stamp) -> Result<i64, Invalid> {
     super::within(&format!("{pointer}/stamp/sec"), given.sec, 0, STAMP_SEC_MAX)?;
     let nanosec = u64::from(given.nanosec);
     super::within(&format!("{pointer}/stamp/nanosec"), nanosec, 0, 999_999_999)?;
@@ -346,12 +346,12 @@ fn stamp(ns: i64) -> wire::Stamp {
 }
 
 /// The frame that the readings of one request share, or a refusal.
-pub(crate) fn shared_frame(given: &[wire::Reading]) -> Result<Option<&str>, Refusal> {
+pub(crate) fn shared_frame(given: &[wire::Reading]) -> Result<Option<&str>, Invalid> {
     let first = given.first().and_then(|reading| reading.frame_id.as_deref());
     let other = given.iter().position(|reading| reading.frame_id.as_deref() != first);
     match other {
         None => Ok(first),
-        Some(index) => Err(Refusal::Invalid(vec![FieldError {
+        Some(index) => Err(Invalid(vec![FieldError {
             pointer: format!("/readings/{index}/frame_id"),
             detail: format!(
                 "came {:?}, expected {first:?} as in the first reading: training readings are \

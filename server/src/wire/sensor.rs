@@ -12,10 +12,9 @@ use palpate_schemas as wire;
 use palpate_store::entity::Sensor;
 use uuid::Uuid;
 
-use crate::calibrations::Applied;
 use crate::hints::{Hint, Judged};
-use crate::refusal::Refusal;
-use crate::wire::time;
+use crate::wire::reading::Applied;
+use crate::wire::{Invalid, time};
 
 /// A stored sensor and the number of its newest calibration for the wire.
 pub(crate) fn sensor(sensor: &Sensor, calibration: Option<u32>) -> wire::Sensor {
@@ -34,16 +33,16 @@ pub(crate) fn new_sensor(
     request: &wire::CreateSensor,
     id: Uuid,
     created_at_ms: u64,
-) -> Result<Sensor, Refusal> {
+) -> Result<Sensor, Invalid> {
     super::name(&request.name)?;
     let description = match (request.preset, &request.description) {
         (Some(preset), None) => {
             let known = SensorDescription::preset_named(preset.name());
-            known.ok_or_else(|| Refusal::field("/preset", "not known to this server"))?
+            known.ok_or_else(|| Invalid::field("/preset", "not known to this server"))?
         }
         (None, Some(description)) => checked_description(description)?,
         (Some(_), Some(_)) | (None, None) => {
-            return Err(Refusal::field("/preset", "expected either a preset or a description"));
+            return Err(Invalid::field("/preset", "expected either a preset or a description"));
         }
     };
     let description = match request.image_order {
@@ -80,7 +79,7 @@ fn description(description: &SensorDescription) -> wire::SensorDescription {
 }
 
 /// What a data sheet does not say is filled in.
-fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription, Refusal> {
+fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription, Invalid> {
     let (thickness, saturation) = (given.covering_thickness, given.saturation);
     let force_curve = match &given.force_curve {
         None => defaults::force_curve(thickness, saturation),
@@ -111,7 +110,7 @@ fn checked_description(given: &wire::DescribeSensor) -> Result<SensorDescription
 fn with_order(
     description: &SensorDescription,
     given: wire::ImageOrder,
-) -> Result<SensorDescription, Refusal> {
+) -> Result<SensorDescription, Invalid> {
     let parameters = description.parameters().clone();
     let turned = SensorParameters { image_order: order(given), ..parameters };
     SensorDescription::new(turned).map_err(refuse)
@@ -125,7 +124,7 @@ fn order(given: wire::ImageOrder) -> ImageOrder {
     }
 }
 
-fn refuse(error: SensorError) -> Refusal {
+fn refuse(error: SensorError) -> Invalid {
     let pointer = match &error {
         SensorError::Count { field, .. } => format!("/description/grid/{field}"),
         SensorError::Range { field: field @ ("pitch" | "taxel_width"), .. } => {
@@ -134,7 +133,7 @@ fn refuse(error: SensorError) -> Refusal {
         SensorError::Range { field, .. } => format!("/description/{field}"),
         SensorError::ForceCurve { knot } => format!("/description/force_curve/{knot}"),
     };
-    Refusal::field(pointer, error)
+    Invalid::field(pointer, error)
 }
 
 /// How a reading is understood.

@@ -13,9 +13,9 @@ use palpate_store::model_codec::ModelPart;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use crate::catalogues::{Model, Pinned};
-use crate::keys::Keys;
-use crate::refusal::Refusal;
+use crate::services::catalogues::{Model, Pinned};
+use crate::services::keys::Keys;
+use crate::wire::Invalid;
 use crate::wire::life::{EndReason, Status};
 use crate::wire::reading::looseness;
 use crate::wire::{INTEGER_MAX, count, geometry, time};
@@ -183,11 +183,11 @@ pub(crate) fn new_session(
     model: &Model,
     id: Uuid,
     limits: Limits,
-) -> Result<Session, Refusal> {
+) -> Result<Session, Invalid> {
     let frame_id = request.frame_id.clone().unwrap_or_default();
     super::text("/frame_id", &frame_id, 256)?;
     if request.frame_id.is_some() && frame_id.is_empty() {
-        return Err(Refusal::field("/frame_id", "came empty, expected a frame's name"));
+        return Err(Invalid::field("/frame_id", "came empty, expected a frame's name"));
     }
     let time_to_live = match request.ttl_s {
         Some(ttl) => Duration::from_secs(super::within("/ttl_s", u64::from(ttl), 1, TTL_MAX)?),
@@ -237,10 +237,10 @@ fn checked_options(
     request: &wire::CreateSession,
     method: Method,
     model: &Model,
-) -> Result<Options, Refusal> {
+) -> Result<Options, Invalid> {
     let only = |field: &str, methods: &str| {
         let detail = format!("came with the method {}, expected with {methods}", name(method));
-        Refusal::field(field, detail)
+        Invalid::field(field, detail)
     };
     if !is_geometric(method) {
         let unused =
@@ -303,17 +303,17 @@ pub(crate) fn with_usual_size(chosen: &Options) -> Options {
 }
 
 /// Robots whose bases are not exact, checked.
-fn robots(given: &[wire::RobotBase]) -> Result<Vec<wire::RobotBase>, Refusal> {
+fn robots(given: &[wire::RobotBase]) -> Result<Vec<wire::RobotBase>, Invalid> {
     if given.len() > ROBOTS_MAX {
         let detail = format!("{} robots came, expected at most {ROBOTS_MAX}", given.len());
-        return Err(Refusal::field("/robots", detail));
+        return Err(Invalid::field("/robots", detail));
     }
     for (index, robot) in given.iter().enumerate() {
         let pointer = format!("/robots/{index}");
         super::text(&format!("{pointer}/robot"), &robot.robot, ROBOT_BYTES_MAX)?;
         if robot.robot.is_empty() || given[..index].iter().any(|o| o.robot == robot.robot) {
             let detail = format!("came {:?}, expected a name that comes once", robot.robot);
-            return Err(Refusal::field(format!("{pointer}/robot"), detail));
+            return Err(Invalid::field(format!("{pointer}/robot"), detail));
         }
         looseness(&format!("{pointer}/base"), robot.base)?;
     }
@@ -321,21 +321,21 @@ fn robots(given: &[wire::RobotBase]) -> Result<Vec<wire::RobotBase>, Refusal> {
 }
 
 /// A named risk, checked.
-fn risk(given: f64) -> Result<f64, Refusal> {
+fn risk(given: f64) -> Result<f64, Invalid> {
     if RISKS.contains(&given) {
         return Ok(given);
     }
     let (low, high) = (RISKS.start(), RISKS.end());
-    Err(Refusal::field("/risk", format!("came {}, expected {low} to {high}", Shown(given))))
+    Err(Invalid::field("/risk", format!("came {}, expected {low} to {high}", Shown(given))))
 }
 
 /// The probability of "none of these" before the first touch, checked.
-fn unknown_prior(given: f64) -> Result<f64, Refusal> {
+fn unknown_prior(given: f64) -> Result<f64, Invalid> {
     if given > 0.0 && given < 1.0 {
         return Ok(given);
     }
     let detail = format!("came {}, expected more than 0 and less than 1", Shown(given));
-    Err(Refusal::field("/unknown_prior", detail))
+    Err(Invalid::field("/unknown_prior", detail))
 }
 
 /// The recogniser's own probability of "none of these" when the client named none; in sessions
@@ -366,7 +366,7 @@ pub(crate) fn base(options: &Options, robot: Option<&str>) -> Option<Base> {
 }
 
 /// Bins of the histogram filter, checked.
-fn bins(n: [u32; 3]) -> Result<[u32; 3], Refusal> {
+fn bins(n: [u32; 3]) -> Result<[u32; 3], Invalid> {
     for (axis, n) in n.into_iter().enumerate() {
         super::within(&format!("/bins/{axis}"), u64::from(n), 2, 200)?;
     }
@@ -390,7 +390,7 @@ pub(crate) fn name(method: Method) -> &'static str {
 }
 
 /// The prior over all objects of the model; empty when the request names none.
-fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>, Refusal> {
+fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>, Invalid> {
     if entries.is_empty() {
         return Ok(Vec::new());
     }
@@ -402,16 +402,16 @@ fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>
                 "version {version} of catalogue {name:?} does not know the object {:?}",
                 entry.object
             );
-            Refusal::field(format!("/prior/{index}/object"), detail)
+            Invalid::field(format!("/prior/{index}/object"), detail)
         })?;
         let probability = entry.probability;
         if !(0.0..=1.0).contains(&probability) {
             let detail = format!("came {}, expected 0 to 1", Shown(probability));
-            return Err(Refusal::field(format!("/prior/{index}/probability"), detail));
+            return Err(Invalid::field(format!("/prior/{index}/probability"), detail));
         }
         if given[object].replace(probability).is_some() {
             let detail = format!("the object {:?} is named twice", entry.object);
-            return Err(Refusal::field(format!("/prior/{index}/object"), detail));
+            return Err(Invalid::field(format!("/prior/{index}/object"), detail));
         }
     }
     let sum: f64 = given.iter().flatten().sum();
@@ -419,7 +419,7 @@ fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>
     if sum > 1.0 + SUM_TOLERANCE || (n_others == 0 && sum < 1.0 - SUM_TOLERANCE) {
         let expected = if n_others == 0 { "exactly 1" } else { "at most 1" };
         let detail = format!("the probabilities sum to {sum}, expected {expected}");
-        return Err(Refusal::field("/prior", detail));
+        return Err(Invalid::field("/prior", detail));
     }
     let share = (1.0 - sum).max(0.0) / n_others.max(1) as f64;
     let all = given.iter().zip(&model.objects);
@@ -427,11 +427,11 @@ fn prior(entries: &[wire::PriorEntry], model: &Model) -> Result<Vec<(Uuid, f64)>
 }
 
 /// The sessions that `?sessions=` names.
-pub(crate) fn session_ids(query: &wire::EventsQuery) -> Result<Vec<Uuid>, Refusal> {
+pub(crate) fn session_ids(query: &wire::EventsQuery) -> Result<Vec<Uuid>, Invalid> {
     let mut ids: Vec<Uuid> = Vec::new();
     for part in query.sessions.split(',').filter(|part| !part.is_empty()) {
         let id = Uuid::parse_str(part.trim()).map_err(|_| {
-            Refusal::field("?sessions", format!("came {part:?}, expected a session's id"))
+            Invalid::field("?sessions", format!("came {part:?}, expected a session's id"))
         })?;
         if !ids.contains(&id) {
             ids.push(id);
@@ -439,6 +439,6 @@ pub(crate) fn session_ids(query: &wire::EventsQuery) -> Result<Vec<Uuid>, Refusa
     }
     match ids.len() {
         1..=100 => Ok(ids),
-        n => Err(Refusal::field("?sessions", format!("{n} ids came, expected 1 to 100"))),
+        n => Err(Invalid::field("?sessions", format!("{n} ids came, expected 1 to 100"))),
     }
 }

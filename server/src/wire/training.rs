@@ -13,7 +13,7 @@ use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};
 use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
 
-use crate::refusal::Refusal;
+use crate::wire::Invalid;
 use crate::wire::{INTEGER_MAX, count, time};
 
 /// How many switches of the current version an answer lists.
@@ -56,11 +56,20 @@ fn history(catalogue: &Catalogue) -> Vec<wire::CurrentVersion> {
     catalogue.history.iter().rev().zip(revisions).map(entry).collect()
 }
 
+/// A version whose stored parameters cannot be read.
+#[derive(Debug, Error)]
+#[error("what is stored of version {catalogue}/{version} cannot be used: {source}")]
+pub(crate) struct Unreadable {
+    catalogue: String,
+    version: u32,
+    source: serde_json::Error,
+}
+
 /// A version for the wire.
 pub(crate) fn version(
     catalogue: &Catalogue,
     manifest: &Manifest,
-) -> Result<wire::CatalogueVersion, Refusal> {
+) -> Result<wire::CatalogueVersion, Unreadable> {
     let parameters = parameters(catalogue, manifest)?;
     Ok(wire::CatalogueVersion {
         catalogue: catalogue.name.clone(),
@@ -79,11 +88,11 @@ pub(crate) fn version(
 pub(crate) fn parameters(
     catalogue: &Catalogue,
     manifest: &Manifest,
-) -> Result<VersionParameters, Refusal> {
-    serde_json::from_str(&manifest.parameters).map_err(|error| Refusal::Unusable {
-        what: "version",
-        id: format!("{}/{}", catalogue.name, manifest.version),
-        reason: error.to_string(),
+) -> Result<VersionParameters, Unreadable> {
+    serde_json::from_str(&manifest.parameters).map_err(|source| Unreadable {
+        catalogue: catalogue.name.clone(),
+        version: manifest.version,
+        source,
     })
 }
 
@@ -184,7 +193,7 @@ pub(crate) fn state(state: stored::JobState) -> JobState {
 
 /// A training with every default filled in, its numbers checked. Objects and sensor are
 /// still what the request names.
-pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal> {
+pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Invalid> {
     let n_readings = u64::from(request.readings_per_object.unwrap_or(1000));
     super::within("/readings_per_object", n_readings, 20, 20_000)?;
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
@@ -197,7 +206,7 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
     if !descriptor(chosen).gives_one_feature() {
         let name = descriptor(chosen).name();
         let detail = format!("came {name}, expected a descriptor with one feature a reading");
-        return Err(Refusal::field("/descriptor", detail));
+        return Err(Invalid::field("/descriptor", detail));
     }
     Ok(StartTraining {
         objects: request.objects.clone(),
@@ -223,15 +232,15 @@ fn surfaces(request: &StartTraining) -> bool {
 }
 
 /// Whether pair maps are to be learnt; without them there must be something else.
-fn pair_maps(request: &StartTraining) -> Result<bool, Refusal> {
+fn pair_maps(request: &StartTraining) -> Result<bool, Invalid> {
     let wanted = request.pair_maps.unwrap_or(true);
     if !wanted && request.appearance.is_none() && !surfaces(request) {
         let detail = "came false without `appearance` or `surfaces`: nothing would be learnt";
-        return Err(Refusal::field("/pair_maps", detail));
+        return Err(Invalid::field("/pair_maps", detail));
     }
     if !wanted && request.geometry.is_some() {
         let detail = "came false with `geometry`, whose maps need the frames of pair maps";
-        return Err(Refusal::field("/pair_maps", detail));
+        return Err(Invalid::field("/pair_maps", detail));
     }
     Ok(wanted)
 }
@@ -242,7 +251,7 @@ pub(crate) fn extension(
     request: &StartTraining,
     version: u32,
     base: &StartTraining,
-) -> Result<StartTraining, Refusal> {
+) -> Result<StartTraining, Invalid> {
     let given = [
         ("/n_classes", request.n_classes.is_some()),
         ("/descriptor", request.descriptor.is_some()),
@@ -254,14 +263,14 @@ pub(crate) fn extension(
     ];
     if let Some((field, _)) = given.iter().find(|(_, came)| *came) {
         let detail = format!("came with `extend`: it is as version {version} has it");
-        return Err(Refusal::field(*field, detail));
+        return Err(Invalid::field(*field, detail));
     }
     if base.geometry.is_some() {
         let detail = format!(
             "version {version} has maps of contact, whose classes are learnt from all objects \
              together: train all objects anew"
         );
-        return Err(Refusal::field("/extend", detail));
+        return Err(Invalid::field("/extend", detail));
     }
     let settings = StartTraining {
         n_classes: base.n_classes,
@@ -277,7 +286,7 @@ pub(crate) fn extension(
 }
 
 /// Core's configuration of a training that was checked.
-pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Refusal> {
+pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Invalid> {
     let default = TrainingConfig::default();
     Ok(TrainingConfig {
         n_classes: training.n_classes.map_or(default.n_classes, |n| n as usize),
@@ -304,20 +313,20 @@ pub(super) fn descriptor(descriptor: Descriptor) -> DescriptorKind {
     }
 }
 
-fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Refusal> {
+fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Invalid> {
     let fits = |value: f64| value.is_finite() && (0.0..=DISTANCE_MAX).contains(&value);
     if !fits(range.min) {
         let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", Shown(range.min));
-        return Err(Refusal::field("/distance_range/min", detail));
+        return Err(Invalid::field("/distance_range/min", detail));
     }
     let Some(max) = range.max else {
         return Ok(DistanceRange::ToLargest { min: range.min, n: DISTANCE_STEPS });
     };
     if !fits(max) {
         let detail = format!("came {}, expected 0 to {DISTANCE_MAX} m", Shown(max));
-        return Err(Refusal::field("/distance_range/max", detail));
+        return Err(Invalid::field("/distance_range/max", detail));
     }
     DistanceBins::new(range.min, max, DISTANCE_STEPS)
         .map(DistanceRange::Fixed)
-        .map_err(|error| Refusal::field("/distance_range", error))
+        .map_err(|error| Invalid::field("/distance_range", error))
 }

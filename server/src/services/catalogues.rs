@@ -12,15 +12,9 @@ mod removal;
 use std::sync::Arc;
 
 use dashmap::DashMap;
-use glam::DVec3;
-use palpate_core::geometric::{PreparedGeometry, TableBudget};
-use palpate_core::model::appearance::AppearanceModel;
-use palpate_core::model::geometry::GeometricModel;
-use palpate_core::model::surface::SurfaceModel;
-use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
-use palpate_core::symmetry::Symmetry;
+use palpate_core::geometric::TableBudget;
 use palpate_schemas as wire;
-use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
+use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
 use palpate_store::model_codec::ModelPart;
@@ -28,79 +22,14 @@ use uuid::Uuid;
 
 use crate::clock::now_ms;
 use crate::compute::Pool;
+use crate::model::Model;
 use crate::refusal::Refusal;
 use crate::wire::{cursor, page_id, page_length, page_number, training};
 use loading::Key;
-pub(crate) use loading::part_name;
 use memory::Memory;
 
 /// The catalogue that is meant when nobody names one.
 pub(crate) const DEFAULT: &str = "default";
-
-/// A version that can recognise: the part of it that a method needs, or all parts.
-pub(crate) struct Model {
-    pub(crate) catalogue: Uuid,
-    pub(crate) name: String,
-    pub(crate) version: u32,
-    pub(crate) core: Arc<CoreCatalogue>,
-    pub(crate) objects: Vec<VersionObject>,
-    /// Where each object's frame has its origin in the frame that it was taught in, metres.
-    pub(crate) origins_in_model: Arc<[DVec3]>,
-    /// The symmetries of its objects; empty where no method of the part answers poses modulo
-    /// symmetry.
-    pub(crate) symmetries: Arc<[Symmetry]>,
-    /// What sessions by geometry share.
-    prepared: Option<PreparedGeometry>,
-}
-
-impl Model {
-    /// The geometry of its objects with what sessions look up in it.
-    pub(crate) fn prepared(&self) -> Result<&PreparedGeometry, Refusal> {
-        self.prepared.as_ref().ok_or_else(|| self.no_geometry())
-    }
-
-    fn no_geometry(&self) -> Refusal {
-        Refusal::NoGeometry { catalogue: self.name.clone(), version: self.version }
-    }
-
-    /// What the version knows of its objects' geometry.
-    pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
-        self.core.geometry.as_ref().ok_or_else(|| self.no_geometry())
-    }
-
-    /// What the version knows of its objects' appearance.
-    pub(crate) fn appearance(&self) -> Result<&Arc<AppearanceModel>, Refusal> {
-        self.core.appearance.as_ref().ok_or_else(|| Refusal::NoAppearance {
-            catalogue: self.name.clone(),
-            version: self.version,
-        })
-    }
-
-    /// The surfaces of its objects.
-    pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, Refusal> {
-        self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurfaces {
-            catalogue: self.name.clone(),
-            version: self.version,
-        })
-    }
-
-    /// The maps of pairs of touches, one an object.
-    pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
-        let maps = self.core.objects.as_slice();
-        if maps.len() == self.objects.len() {
-            return Ok(maps);
-        }
-        Err(Refusal::NoPairMaps { catalogue: self.name.clone(), version: self.version })
-    }
-
-    /// The place of an object among the model's, by its id or its name when it was trained.
-    pub(crate) fn find(&self, reference: &str) -> Option<usize> {
-        match Uuid::parse_str(reference) {
-            Ok(id) => self.objects.iter().position(|object| object.id == id),
-            Err(_) => self.objects.iter().position(|object| object.name == reference),
-        }
-    }
-}
 
 /// All catalogues.
 pub(crate) struct Catalogues {

@@ -17,7 +17,7 @@ use tracing::Instrument;
 use tracing_opentelemetry::OpenTelemetrySpanExt;
 use uuid::Uuid;
 
-use crate::keys::secret::redacted;
+use crate::secret::redacted;
 use crate::problem;
 
 /// The header that names a request, in requests and answers.

@@ -14,7 +14,7 @@ use axum::response::Response;
 use tower_http::cors::CorsLayer;
 
 use crate::app::App;
-use crate::telemetry::REQUEST_ID;
+use crate::middleware::telemetry::REQUEST_ID;
 
 /// Of answers that are no pages: nothing in them is to be run or shown in a frame.
 const API_POLICY: &str = "default-src 'none'; frame-ancestors 'none'";

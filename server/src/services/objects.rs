@@ -18,9 +18,9 @@ use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::keys::Keys;
+use crate::services::keys::Keys;
 use crate::refusal::Refusal;
-use crate::sensors::Sensors;
+use crate::services::sensors::Sensors;
 use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, unit_metres};
 use crate::wire::reading::{Incoming, READINGS_MAX};
 use crate::wire::{self as convert, PAGE_BYTES, cursor, page_id, page_length, page_number};
@@ -259,7 +259,7 @@ impl Objects {
                 }))
             };
         let now = now_ms();
-        let new = crate::repeats::new_readings(readings, stored)?;
+        let new = crate::services::repeats::new_readings(readings, stored)?;
         Ok(new.into_iter().map(|reading| reading.entry(now, key)).collect())
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use palpate_schemas::ObjectReport;
 
 use super::material::Material;
-use crate::catalogues::Model;
+use crate::services::catalogues::Model;
 
 /// The version that a training extends.
 pub(crate) struct Base {

@@ -14,7 +14,7 @@ use super::fits::fits;
 use super::open::Full;
 use super::{Sessions, status};
 use crate::asker;
-use crate::catalogues::DEFAULT;
+use crate::services::catalogues::DEFAULT;
 use crate::clock::now_ms;
 use crate::live::Live;
 use crate::refusal::Refusal;

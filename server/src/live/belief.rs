@@ -27,7 +27,7 @@ use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
 
-use crate::catalogues::Model;
+use crate::services::catalogues::Model;
 use crate::refusal::Refusal;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;

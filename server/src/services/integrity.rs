@@ -11,7 +11,7 @@ use palpate_store::engine::EngineError;
 use palpate_store::fsck::{Checker, Report, Severity};
 use tokio::sync::watch;
 
-use crate::catalogues::Catalogues;
+use crate::services::catalogues::Catalogues;
 
 /// How many pairs are read at once.
 const PAIRS_PER_READ: usize = 1024;

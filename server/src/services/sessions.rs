@@ -27,15 +27,15 @@ use tokio::sync::broadcast;
 use uuid::Uuid;
 
 use crate::asker;
-use crate::catalogues::{Catalogues, Model};
-use crate::checkpoints::Checkpoints;
+use crate::services::catalogues::{Catalogues, Model};
+use crate::live::checkpoints::Checkpoints;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::keys::Keys;
+use crate::services::keys::Keys;
 use crate::live::{Live, Total};
 use crate::refusal::Refusal;
-use crate::sensors::Sensors;
+use crate::services::sensors::Sensors;
 use crate::wire::{self as convert};
 
 use open::Open;

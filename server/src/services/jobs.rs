@@ -27,13 +27,13 @@ use palpate_store::model_codec::model_to_blocks;
 use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
 
-use crate::catalogues::Catalogues;
+use crate::services::catalogues::Catalogues;
 use crate::clock::now_ms;
 use crate::config::Config;
-use crate::objects::Objects;
+use crate::services::objects::Objects;
 use crate::refusal::Refusal;
-use crate::sensors::Sensors;
-use crate::training::{Plan, Sources, TrainingFailure, train};
+use crate::services::sensors::Sensors;
+use crate::services::training::{Plan, Sources, TrainingFailure, train};
 use crate::wire::training::job as shown;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 
@@ -358,7 +358,7 @@ impl Jobs {
     }
 }
 
-type Outcome = (crate::training::Trained, Vec<(String, Vec<u8>)>);
+type Outcome = (crate::services::training::Trained, Vec<(String, Vec<u8>)>);
 
 fn finished(job: &Job) -> Refusal {
     Refusal::JobFinished { job: job.id, state: convert::training::state(job.state) }

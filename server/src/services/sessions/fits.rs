@@ -7,8 +7,8 @@ use palpate_core::geometric::{BeliefMemory, GeometricError};
 use palpate_schemas::{Method, PosePrior};
 use palpate_store::entity::Session;
 
-use crate::belief::{BeliefError, SessionBelief};
-use crate::catalogues::Model;
+use crate::live::belief::{BeliefError, SessionBelief};
+use crate::services::catalogues::Model;
 use crate::refusal::{Refusal, megabytes};
 use crate::wire::geometry::HALF_EXTENT;
 use crate::wire::session::{self, Options, options};

@@ -13,7 +13,7 @@ use palpate_store::entity::Sensor;
 use palpate_store::error::StoreError;
 use uuid::Uuid;
 
-use crate::calibrations::Calibrations;
+use crate::services::calibrations::Calibrations;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::wire::{cursor, page_id, page_length, reading, sensor};

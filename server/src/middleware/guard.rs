@@ -16,15 +16,15 @@ use palpate_schemas::Role;
 use palpate_store::access::AccessKey;
 
 use crate::app::App;
-use crate::audit::Attempt;
+use crate::services::audit::Attempt;
 use crate::client::Client;
 use crate::dashboard;
 use crate::door::Peer;
-use crate::keys::KeyFault;
-use crate::keys::secret::redacted;
+use crate::services::keys::KeyFault;
+use crate::secret::redacted;
 use crate::refusal::Refusal;
 use crate::roles::{self, Asked, Effect, Rule, Who};
-use crate::telemetry::REQUEST_ID;
+use crate::middleware::telemetry::REQUEST_ID;
 use crate::wire;
 
 /// Who asks, for handlers and for the audit log.

@@ -10,7 +10,7 @@ use palpate_store::model_codec::APPEARANCE_BLOCK;
 use uuid::Uuid;
 
 use crate::clock::now_ms;
-use crate::training::Trained;
+use crate::services::training::Trained;
 use crate::wire as convert;
 use crate::wire::training::VersionParameters;
 

@@ -17,7 +17,8 @@ use palpate_store::model_codec::{CodecError, ModelPart};
 use uuid::Uuid;
 
 use super::memory::NoRoom;
-use super::{Catalogues, Model, parameters_of};
+use super::{Catalogues, parameters_of};
+use crate::model::{Model, NoPart, part_name};
 use crate::refusal::Refusal;
 use crate::wire::count;
 
@@ -51,7 +52,7 @@ impl Catalogues {
         }
         let manifest = self.table.manifest(catalogue, version)?;
         if !manifest.has(part) {
-            return Err(untrained(part, name, version));
+            return Err(NoPart { part, catalogue: name, version }.into());
         }
         let no_room = |needed: u64, why: NoRoom| match why {
             NoRoom::TooLarge => Refusal::ModelTooLarge {
@@ -115,26 +116,6 @@ impl Catalogues {
     /// The bytes of a part of all models in memory.
     pub(crate) fn bytes_in_memory(&self, part: ModelPart) -> u64 {
         self.memory.bytes(|key| key.2 == part)
-    }
-}
-
-/// A part's name for people and metrics.
-pub(crate) fn part_name(part: ModelPart) -> &'static str {
-    match part {
-        ModelPart::PairMaps => "pair maps",
-        ModelPart::Geometry => "geometry",
-        ModelPart::Appearance => "appearance",
-        ModelPart::Surfaces => "surfaces",
-    }
-}
-
-/// A version that was trained without a part.
-fn untrained(part: ModelPart, catalogue: String, version: u32) -> Refusal {
-    match part {
-        ModelPart::PairMaps => Refusal::NoPairMaps { catalogue, version },
-        ModelPart::Geometry => Refusal::NoGeometry { catalogue, version },
-        ModelPart::Appearance => Refusal::NoAppearance { catalogue, version },
-        ModelPart::Surfaces => Refusal::NoSurfaces { catalogue, version },
     }
 }
 

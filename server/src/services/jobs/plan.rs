@@ -6,7 +6,7 @@ use palpate_store::entity::Object;
 
 use super::Jobs;
 use crate::refusal::Refusal;
-use crate::training::{AppearancePlan, Base, Plan};
+use crate::services::training::{AppearancePlan, Base, Plan};
 use crate::wire as convert;
 
 impl Jobs {

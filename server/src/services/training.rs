@@ -30,7 +30,7 @@ use palpate_store::entity::Sensor;
 use rayon::prelude::*;
 
 use crate::hints::{of_catalogue, of_object};
-use crate::sensors::Sensors;
+use crate::services::sensors::Sensors;
 use crate::wire::symmetry::axes;
 use crate::wire::{count, geometry as wire_geometry};
 pub(crate) use appearance::AppearancePlan;

@@ -1,0 +1,109 @@
+//! A version of a catalogue in memory: the values of core and store that sessions recognise by.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use palpate_core::geometric::PreparedGeometry;
+use palpate_core::model::appearance::AppearanceModel;
+use palpate_core::model::geometry::GeometricModel;
+use palpate_core::model::surface::SurfaceModel;
+use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
+use palpate_core::symmetry::Symmetry;
+use palpate_store::catalogue::VersionObject;
+use palpate_store::model_codec::ModelPart;
+use thiserror::Error;
+use uuid::Uuid;
+
+/// A version that can recognise: the part of it that a method needs, or all parts.
+pub(crate) struct Model {
+    pub(crate) catalogue: Uuid,
+    pub(crate) name: String,
+    pub(crate) version: u32,
+    pub(crate) core: Arc<CoreCatalogue>,
+    pub(crate) objects: Vec<VersionObject>,
+    /// Where each object's frame has its origin in the frame that it was taught in, metres.
+    pub(crate) origins_in_model: Arc<[DVec3]>,
+    /// The symmetries of its objects; empty where no method of the part answers poses modulo
+    /// symmetry.
+    pub(crate) symmetries: Arc<[Symmetry]>,
+    /// What sessions by geometry share.
+    pub(crate) prepared: Option<PreparedGeometry>,
+}
+
+/// A version that was trained without a part of the model.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("version {version} of catalogue {catalogue:?} {}", lacking(*.part))]
+pub(crate) struct NoPart {
+    pub(crate) part: ModelPart,
+    pub(crate) catalogue: String,
+    pub(crate) version: u32,
+}
+
+impl Model {
+    /// The geometry of its objects with what sessions look up in it.
+    pub(crate) fn prepared(&self) -> Result<&PreparedGeometry, NoPart> {
+        self.prepared.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometry))
+    }
+
+    /// What the version knows of its objects' geometry.
+    pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, NoPart> {
+        self.core.geometry.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometry))
+    }
+
+    /// What the version knows of its objects' appearance.
+    pub(crate) fn appearance(&self) -> Result<&Arc<AppearanceModel>, NoPart> {
+        self.core.appearance.as_ref().ok_or_else(|| self.lacks(ModelPart::Appearance))
+    }
+
+    /// The surfaces of its objects.
+    pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, NoPart> {
+        self.core.surface.as_ref().ok_or_else(|| self.lacks(ModelPart::Surfaces))
+    }
+
+    /// The maps of pairs of touches, one an object.
+    pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], NoPart> {
+        let maps = self.core.objects.as_slice();
+        if maps.len() == self.objects.len() {
+            return Ok(maps);
+        }
+        Err(self.lacks(ModelPart::PairMaps))
+    }
+
+    /// The place of an object among the model's, by its id or its name when it was trained.
+    pub(crate) fn find(&self, reference: &str) -> Option<usize> {
+        match Uuid::parse_str(reference) {
+            Ok(id) => self.objects.iter().position(|object| object.id == id),
+            Err(_) => self.objects.iter().position(|object| object.name == reference),
+        }
+    }
+    fn lacks(&self, part: ModelPart) -> NoPart {
+        NoPart { part, catalogue: self.name.clone(), version: self.version }
+    }
+}
+
+/// A part's name for people and metrics.
+pub(crate) fn part_name(part: ModelPart) -> &'static str {
+    match part {
+        ModelPart::PairMaps => "pair maps",
+        ModelPart::Geometry => "geometry",
+        ModelPart::Appearance => "appearance",
+        ModelPart::Surfaces => "surfaces",
+    }
+}
+
+/// What a version without a part lacks, and what to do about it.
+fn lacking(part: ModelPart) -> &'static str {
+    match part {
+        ModelPart::PairMaps => {
+            "has no pair maps: it was trained with `\"pair_maps\": false`, use the methods \
+             `appearance…`"
+        }
+        ModelPart::Geometry => {
+            "has no geometry: train one with `\"geometry\": {\"kind\": \"planar\"}` or `solid`"
+        }
+        ModelPart::Appearance => "has no appearance: train one with `\"appearance\": {}`",
+        ModelPart::Surfaces => {
+            "was trained without surfaces: train it again, or use the method `sva`"
+        }
+    }
+}
