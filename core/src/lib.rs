@@ -52,7 +52,7 @@ pub mod train;
 
 pub mod recognise;
 
-pub mod hybrid;
+pub mod surface;
 
 pub mod next_touch;
 

@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::occupancy::OccupancyGrid;
+use palpate_dissertation::occupancy::OccupancyGrid;
 use crate::pose::Pose;
 
 /// How mass is spread in a body: what the inertial distance needs.
@@ -146,7 +146,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::occupancy::GridShape;
+    use palpate_dissertation::occupancy::GridShape;
     use crate::rng::{Purpose, Stream};
 
     /// A uniform ball of radius 40 mm: J/m = r²/5.

@@ -9,7 +9,7 @@
 //! has pressed, on the same objects and seeds.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::appearance::AppearanceRule;
+use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::DEG;

@@ -7,7 +7,7 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use palpate_core::model::appearance::{AppearanceModel, AppearanceRule};
+use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};

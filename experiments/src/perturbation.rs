@@ -8,11 +8,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::{Catalogue, ObjectIdx};
+use palpate_dissertation::sva::model::Catalogue;
+use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::{SvaBelief, SvaOptions};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_core::training::TrainingSet;
 use palpate_sim::noise::NoiseLevel;
 use rayon::prelude::*;
 use serde_json::json;

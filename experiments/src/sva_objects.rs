@@ -20,13 +20,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use palpate_core::metric::Inertia;
-use palpate_core::model::{Catalogue, ObjectIdx};
+use palpate_dissertation::sva::model::Catalogue;
+use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::{SvaBelief, SvaOptions};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
 use rayon::prelude::*;
 use serde_json::json;

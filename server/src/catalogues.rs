@@ -13,11 +13,11 @@ use std::sync::Arc;
 
 use dashmap::DashMap;
 use glam::DVec3;
-use palpate_core::geometric::{PreparedGeometry, TableBudget};
-use palpate_core::model::appearance::AppearanceModel;
-use palpate_core::model::geometry::GeometricModel;
-use palpate_core::model::surface::SurfaceModel;
-use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
+use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
+use palpate_dissertation::appearance::model::AppearanceModel;
+use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_recogniser::model::SurfaceModel;
+use palpate_dissertation::sva::model::{Catalogue as CoreCatalogue, ObjectMap};
 use palpate_core::symmetry::Symmetry;
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
@@ -60,7 +60,7 @@ impl Model {
     }
 
     fn no_geometry(&self) -> Refusal {
-        Refusal::NoGeometry { catalogue: self.name.clone(), version: self.version }
+        Refusal::NoGeometric { catalogue: self.name.clone(), version: self.version }
     }
 
     /// What the version knows of its objects' geometry.
@@ -78,7 +78,7 @@ impl Model {
 
     /// The surfaces of its objects.
     pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, Refusal> {
-        self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurfaces {
+        self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurface {
             catalogue: self.name.clone(),
             version: self.version,
         })
@@ -90,7 +90,7 @@ impl Model {
         if maps.len() == self.objects.len() {
             return Ok(maps);
         }
-        Err(Refusal::NoPairMaps { catalogue: self.name.clone(), version: self.version })
+        Err(Refusal::NoSva { catalogue: self.name.clone(), version: self.version })
     }
 
     /// The place of an object among the model's, by its id or its name when it was trained.

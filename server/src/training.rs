@@ -18,10 +18,11 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use palpate_core::model::{Catalogue, ObjectMap};
+use palpate_dissertation::sva::model::{Catalogue, ObjectMap};
 use palpate_core::pose::Pose;
-use palpate_core::train::geometry::GeometryConfig;
-use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_dissertation::geometric::train::GeometryConfig;
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_core::training::TrainingSet;
 use palpate_core::vocabulary::Vocabulary;
 use palpate_schemas::{JobStage, ObjectReport, SkippedObject, SymmetryBy, Warning};
 use palpate_store::catalogue::VersionObject;

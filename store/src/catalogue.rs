@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use palpate_core::model::Catalogue as Model;
+use palpate_dissertation::sva::model::Catalogue as Model;
 use palpate_core::symmetry::Symmetry;
 use uuid::Uuid;
 

@@ -17,12 +17,13 @@ mod writer;
 
 use std::sync::Arc;
 
-use palpate_core::model::geometry::ClassTableError;
-use palpate_core::model::{Catalogue, MapPatch, ObjectMap};
-use palpate_core::occupancy::GridError;
-use palpate_core::patch_pair::distance::DistanceBinsError;
-use palpate_core::patch_pair::index::Posting;
-use palpate_core::patch_pair::{DistanceBins, PairIndex};
+use palpate_dissertation::geometric::model::ClassTableError;
+use palpate_dissertation::sva::model::{Catalogue, ObjectMap};
+use palpate_core::object::MapPatch;
+use palpate_dissertation::occupancy::GridError;
+use palpate_dissertation::patch_pair::distance::DistanceBinsError;
+use palpate_dissertation::patch_pair::index::Posting;
+use palpate_dissertation::patch_pair::{DistanceBins, PairIndex};
 use palpate_core::vocabulary::gmm::MixtureError;
 use palpate_core::vocabulary::{AssociationRule, MAX_CLASSES, Vocabulary};
 use reader::Reader;

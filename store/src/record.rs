@@ -12,9 +12,7 @@ mod journal_entry;
 
 use bincode::config::{self, Configuration, Fixint, Limit, LittleEndian};
 use bincode::{Decode, Encode};
-use palpate_core::sensor::{
-    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
-};
+use palpate_core::sensor::{ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid};
 use uuid::Uuid;
 
 use crate::catalogue::{BlockEntry, Catalogue, Manifest, Switch, VersionObject};
@@ -287,7 +285,7 @@ struct SessionRecordV1 {
     closed_at_ms: Option<u64>,
 }
 
-const METHODS: [Method; 4] = [Method::Hybrid, Method::Sva, Method::Appearance, Method::Geometric];
+const METHODS: [Method; 4] = [Method::Surface, Method::Sva, Method::Appearance, Method::Geometric];
 
 impl Record for Session {
     const KIND: Kind = Kind::Session;

@@ -54,7 +54,7 @@ const CORE_ORDER: &[&str] = &[
     "belief",
     "train",
     "recognise",
-    "hybrid",
+    "surface",
     "next_touch",
     "geometric",
     "appearance",

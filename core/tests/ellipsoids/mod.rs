@@ -5,14 +5,14 @@
 use std::sync::{Arc, LazyLock};
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate_core::hybrid::{HybridBelief, HybridOptions};
-use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
+use palpate_core::training::TrainingSet;
+use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use palpate_core::units::MM;
 
 pub(crate) const N_OBJECTS: usize = 3;
@@ -74,11 +74,11 @@ pub(crate) static MODEL: LazyLock<Arc<SurfaceModel>> = LazyLock::new(|| {
     Arc::new(SurfaceModel::new(space, EvidenceCalibration::default(), maps))
 });
 
-pub(crate) fn belief() -> HybridBelief {
-    HybridBelief::new(MODEL.clone(), HybridOptions::default(), None).unwrap()
+pub(crate) fn belief() -> SurfaceBelief {
+    SurfaceBelief::new(MODEL.clone(), SurfaceOptions::default(), None).unwrap()
 }
 
-pub(crate) fn recognise(object: usize, session_from_object: Pose, n: usize) -> HybridBelief {
+pub(crate) fn recognise(object: usize, session_from_object: Pose, n: usize) -> SurfaceBelief {
     let mut belief = belief();
     for reading in touches(object, n, 2) {
         belief.add(&reading.moved_by(session_from_object), &six_by_six());

@@ -7,9 +7,9 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate_core::geometric::{PreparedGeometry, TableBudget};
-use palpate_core::hybrid::{HybridOptions, prepare};
-use palpate_core::model::Catalogue as CoreCatalogue;
+use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
+use palpate_recogniser::belief::{SurfaceOptions, prepare};
+use palpate_dissertation::sva::model::Catalogue as CoreCatalogue;
 use palpate_core::symmetry::Symmetry;
 use palpate_store::catalogue::{Catalogues as Table, Manifest, VersionObject};
 use palpate_store::error::StoreError;
@@ -131,10 +131,10 @@ pub(crate) fn part_name(part: ModelPart) -> &'static str {
 /// A version that was trained without a part.
 fn untrained(part: ModelPart, catalogue: String, version: u32) -> Refusal {
     match part {
-        ModelPart::PairMaps => Refusal::NoPairMaps { catalogue, version },
-        ModelPart::Geometry => Refusal::NoGeometry { catalogue, version },
+        ModelPart::PairMaps => Refusal::NoSva { catalogue, version },
+        ModelPart::Geometry => Refusal::NoGeometric { catalogue, version },
         ModelPart::Appearance => Refusal::NoAppearance { catalogue, version },
-        ModelPart::Surfaces => Refusal::NoSurfaces { catalogue, version },
+        ModelPart::Surfaces => Refusal::NoSurface { catalogue, version },
     }
 }
 
@@ -170,7 +170,7 @@ fn read_part(
     let what = part_name(part);
     tracing::info!("Read {what} of {n_objects} objects, version {version} of catalogue {name:?}");
     if let Some(surface) = &core.surface {
-        prepare(surface, &HybridOptions::default());
+        prepare(surface, &SurfaceOptions::default());
     }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
         (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),

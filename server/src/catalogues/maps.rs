@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
-use palpate_core::model::Catalogue as CoreCatalogue;
-use palpate_core::model::geometry::{GeometricMap, GeometricModel};
+use palpate_dissertation::sva::model::Catalogue as CoreCatalogue;
+use palpate_dissertation::geometric::model::{GeometricMap, GeometricModel};
 use palpate_schemas as wire;
 use palpate_schemas::PlyForm;
 use palpate_sim::render::occupancy::{cloud_ply, layer_png, surface_ply};

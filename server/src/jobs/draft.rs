@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use palpate_core::model::Catalogue;
+use palpate_dissertation::sva::model::Catalogue;
 use palpate_schemas as wire;
 use palpate_schemas::StartTraining;
 use palpate_store::catalogue::{Draft, VersionObject, block_hash};

@@ -1,10 +1,10 @@
 //! Why a training came to nothing, in words for the one who asked for it.
 
-use palpate_core::occupancy::GridError;
-use palpate_core::occupancy::grid::CELLS_MAX;
+use palpate_dissertation::occupancy::GridError;
+use palpate_dissertation::occupancy::grid::CELLS_MAX;
 use palpate_core::reading::ReadingError;
-use palpate_core::train::TrainError;
-use palpate_core::train::appearance::AppearanceTrainError;
+use palpate_dissertation::sva::train::TrainError;
+use palpate_dissertation::appearance::train::AppearanceTrainError;
 use palpate_core::units::Shown;
 use palpate_sim::mesh::MeshError;
 use palpate_sim::rig::PlanarError;

@@ -1,9 +1,10 @@
 //! Catalogues, trainings and jobs for the wire.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::{MapPatch, ObjectMap};
-use palpate_core::patch_pair::DistanceBins;
-use palpate_core::train::{DistanceRange, TrainingConfig};
+use palpate_core::object::MapPatch;
+use palpate_dissertation::sva::model::ObjectMap;
+use palpate_dissertation::patch_pair::DistanceBins;
+use palpate_dissertation::sva::train::{DistanceRange, TrainingConfig};
 use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;

@@ -1,7 +1,7 @@
 //! A whole model, to blocks and back.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::patch::Patch;
+use palpate_dissertation::patch::Patch;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::vocabulary::{Association, ClassIdx};
 
