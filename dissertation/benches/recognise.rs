@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use glam::{DQuat, DVec3};
-use palpate_dissertation::sva::model::Catalogue;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_core::training::TrainingSet;
+use palpate_dissertation::sva::model::SvaModel;
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 
 /// A touch of an ellipsoid; a blob's width varies over it.
 fn touch(half: DVec3, stream: &mut Stream) -> Reading {
@@ -46,14 +46,7 @@ fn one_more_reading(criterion: &mut Criterion) {
     let vocabulary = learn_vocabulary(&sets, &config, 1).expect("everything touches");
     let map = |set| map_object(set, &vocabulary, &config, None).expect("1,000 touches");
     let objects = sets.iter().map(|set| Arc::new(map(set))).collect();
-    let catalogue = Arc::new(Catalogue {
-        vocabulary,
-        association: config.association,
-        objects,
-        geometry: None,
-        appearance: None,
-        surface: None,
-    });
+    let catalogue = Arc::new(SvaModel { vocabulary, association: config.association, objects });
 
     let unseen = touches(3, 20, 2);
     for n in [3, 10, 20] {

@@ -5,18 +5,20 @@
 //! and of where the object was, so an object may move between touches. The evidence is kept
 //! sorted and summed in that order: no order of readings changes a bit.
 
+pub mod model;
+pub mod train;
+
 use std::sync::Arc;
 
 use thiserror::Error;
 
+use crate::appearance::model::{AppearanceModel, AppearanceRule, AppearanceSource, ObjectShares};
 use palpate_core::belief::answer::Answer;
+use palpate_core::belief::{MismatchError, log_prior};
+use palpate_core::contact::touches;
 use palpate_core::descriptor::FeatureMatrix;
 use palpate_core::log_prob::{entropy_bits, normalize};
-use crate::sva::model::Catalogue;
-use crate::appearance::model::{AppearanceModel, AppearanceRule, AppearanceSource, ObjectShares};
-use palpate_core::contact::touches;
 use palpate_core::reading::Reading;
-use palpate_core::belief::{BeliefError, log_prior};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::vocabulary::bag::{joint_shares, log_likelihood};
 
@@ -59,15 +61,12 @@ impl AppearanceOptions {
     }
 }
 
-/// Why a reading or a catalogue cannot be used.
+/// Why a reading cannot be used with an appearance model.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum AppearanceError {
-    /// The catalogue was trained without appearance.
-    #[error("the catalogue has no appearance model, expected one trained with appearance")]
-    NotTrained,
     /// The reading's image or the prior does not fit the catalogue.
     #[error(transparent)]
-    Recognise(#[from] BeliefError),
+    Recognise(#[from] MismatchError),
     /// The model knows clients' own features, and an image came.
     #[error("reading without a feature, expected {dimension} values as the model was trained with")]
     FeatureExpected {
@@ -117,13 +116,12 @@ impl AppearanceBelief {
     /// is even.
     ///
     /// # Errors
-    /// [`AppearanceError::NotTrained`], or a prior that does not fit the catalogue.
+    /// [`AppearanceError::Recognise`] when the prior does not fit the catalogue.
     pub fn new(
-        catalogue: &Catalogue,
+        model: Arc<AppearanceModel>,
         options: AppearanceOptions,
         prior: Option<&[f64]>,
     ) -> Result<Self, AppearanceError> {
-        let model = catalogue.appearance.clone().ok_or(AppearanceError::NotTrained)?;
         let log_prior = log_prior(prior, model.objects.len())?;
         let shares = match options.rule {
             AppearanceRule::Mixture | AppearanceRule::Divergence => {
@@ -153,7 +151,7 @@ impl AppearanceBelief {
         };
         let Some(features) = self.model.vocabulary.describe(image) else {
             let (found_rows, found_cols) = (image.rows, image.cols);
-            return Err(BeliefError::Shape { rows, cols, found_rows, found_cols }.into());
+            return Err(MismatchError::Shape { rows, cols, found_rows, found_cols }.into());
         };
         self.n_readings += 1;
         if touches(reading, sensor) {

@@ -8,7 +8,9 @@
 
 mod blur;
 mod error;
+mod force;
 mod marginals;
+pub mod model;
 mod options;
 mod planar;
 mod polish;
@@ -16,6 +18,7 @@ mod prepared;
 mod printed;
 mod solid;
 mod tables;
+pub mod train;
 
 use palpate_core::belief::answer::Answer;
 use palpate_core::log_prob::normalize;

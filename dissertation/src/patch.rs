@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use palpate_core::contact::{center_of_pressure, contact_points, normal_constraint};
+use palpate_core::contact::{center_of_pressure, contact_points, normal_constraint, touches};
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::vocabulary::{Association, AssociationRule, Vocabulary};
@@ -21,17 +21,6 @@ pub struct Patch {
     pub normal_confidence: f64,
     /// The appearance classes it may belong to; weights sum to 1.
     pub classes: Vec<Association>,
-}
-
-/// A trained surface patch, in the object frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MapPatch {
-    /// Position, metres.
-    pub position: [f32; 3],
-    /// Outward normal, norm 1.
-    pub normal: [f32; 3],
-    /// How well the contact fixed the normal, 0 to 1.
-    pub normal_confidence: f32,
 }
 
 /// The patch of a reading, or `None` when the press touched nothing.
@@ -53,20 +42,6 @@ pub fn observe_patch(
         normal_confidence: normal_constraint(&contact_points(image, sensor)),
         classes: vocabulary.associate(&vocabulary.feature(image), rule),
     })
-}
-
-/// True when any taxel reads clearly more than noise: above [`contact_floor`].
-#[must_use]
-pub fn touches(reading: &Reading, sensor: &SensorDescription) -> bool {
-    reading.image().max() > contact_floor(sensor)
-}
-
-/// The pressure (Pa) above which a taxel reads clearly more than noise: five deviations and two
-/// steps of the converter, and at least one part in two hundred of the sensing range.
-#[must_use]
-pub fn contact_floor(sensor: &SensorDescription) -> f64 {
-    let parameters = sensor.parameters();
-    (5.0 * parameters.noise).max(2.0 * parameters.quantisation).max(parameters.saturation / 200.0)
 }
 
 #[cfg(test)]

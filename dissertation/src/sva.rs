@@ -6,86 +6,35 @@
 //! does not depend on the number of threads.
 
 mod matching;
+pub mod model;
 mod options;
+pub mod refine;
 #[cfg(test)]
 mod test_support;
+pub mod train;
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-use thiserror::Error;
-
-use palpate_core::belief::answer::{Answer, ModeScale, WeightedPose, answer};
-use crate::sva::refine::refine;
 use crate::filter::sparse::{PairEvidence, SparseHistogram};
-use palpate_core::log_prob::normalize;
-use crate::sva::model::{Catalogue, ObjectMap};
-use palpate_core::object::ObjectIdx;
 use crate::patch::{Patch, observe_patch};
-use palpate_core::reading::Reading;
 use crate::rotation_grid::RotationGrid;
+use crate::sva::model::{ObjectMap, SvaModel};
+use crate::sva::refine::refine;
+use matching::{PairQuery, find_poses};
+pub use options::{BinPose, PairWeight, SvaOptions};
+use palpate_core::belief::answer::{Answer, ModeScale, WeightedPose, answer};
+use palpate_core::belief::{MismatchError, log_prior};
+use palpate_core::object::ObjectIdx;
+use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::vocabulary::Association;
-use matching::{PairQuery, find_poses};
-pub use options::{BinPose, PairWeight, SvaOptions};
-
-/// Why a reading cannot be used with a catalogue.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-pub enum BeliefError {
-    /// The sensor has another shape than the one the catalogue was trained with.
-    #[error(
-        "image of {found_rows}×{found_cols} taxels, expected {rows}×{cols} as in the catalogue"
-    )]
-    Shape {
-        /// Rows of the catalogue's images.
-        rows: usize,
-        /// Columns of the catalogue's images.
-        cols: usize,
-        /// Rows that came.
-        found_rows: usize,
-        /// Columns that came.
-        found_cols: usize,
-    },
-    /// The prior does not fit the catalogue.
-    #[error(
-        "prior over {found} objects, expected {expected} finite weights of at least 0, not all 0"
-    )]
-    Prior {
-        /// Objects of the catalogue.
-        expected: usize,
-        /// Weights that came.
-        found: usize,
-    },
-}
-
-/// ln of a prior over the objects, normalised; `None` is even.
-///
-/// # Errors
-/// [`BeliefError::Prior`] when there is not one finite weight of at least 0 an object, or
-/// all are 0.
-pub(crate) fn log_prior(
-    prior: Option<&[f64]>,
-    n_objects: usize,
-) -> Result<Vec<f64>, BeliefError> {
-    let logs = match prior {
-        None => vec![0.0; n_objects],
-        Some(weights) => {
-            let valid = weights.iter().all(|weight| weight.is_finite() && *weight >= 0.0);
-            if weights.len() != n_objects || !valid || weights.iter().all(|w| *w <= 0.0) {
-                let found = weights.len();
-                return Err(BeliefError::Prior { expected: n_objects, found });
-            }
-            weights.iter().map(|weight| weight.ln()).collect()
-        }
-    };
-    Ok(normalize(&logs).into_iter().map(f64::ln).collect())
-}
+use rayon::prelude::*;
 
 /// A belief over the identity and pose of one object, from the readings so far.
 #[derive(Clone, Debug)]
 pub struct SvaBelief {
-    catalogue: Arc<Catalogue>,
+    catalogue: Arc<SvaModel>,
     options: SvaOptions,
     log_prior: Vec<f64>,
     seen: Vec<Patch>,
@@ -111,12 +60,12 @@ impl SvaBelief {
     /// is even.
     ///
     /// # Errors
-    /// [`BeliefError::Prior`] when the weights do not fit the catalogue.
+    /// [`MismatchError::Prior`] when the weights do not fit the catalogue.
     pub fn new(
-        catalogue: Arc<Catalogue>,
+        catalogue: Arc<SvaModel>,
         options: SvaOptions,
         prior: Option<&[f64]>,
-    ) -> Result<Self, BeliefError> {
+    ) -> Result<Self, MismatchError> {
         let n_objects = catalogue.objects.len();
         let log_prior = log_prior(prior, n_objects)?;
         let histograms = vec![SparseHistogram::new(options.rule, options.bins_max); n_objects];
@@ -133,15 +82,15 @@ impl SvaBelief {
     /// says nothing about the pose.
     ///
     /// # Errors
-    /// [`BeliefError::Shape`] when the image does not fit the catalogue's vocabulary.
+    /// [`MismatchError::Shape`] when the image does not fit the catalogue's vocabulary.
     pub fn add(
         &mut self,
         reading: &Reading,
         sensor: &SensorDescription,
-    ) -> Result<(), BeliefError> {
+    ) -> Result<(), MismatchError> {
         let vocabulary = &self.catalogue.vocabulary;
         if !vocabulary.fits(reading.image()) {
-            return Err(BeliefError::Shape {
+            return Err(MismatchError::Shape {
                 rows: vocabulary.rows,
                 cols: vocabulary.cols,
                 found_rows: reading.image().rows,

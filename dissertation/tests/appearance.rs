@@ -5,19 +5,23 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use palpate_dissertation::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions, Exponent};
+use palpate_core::belief::MismatchError;
 use palpate_core::descriptor::DescriptorKind;
-use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
-use palpate_dissertation::sva::model::Catalogue;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::belief::BeliefError;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_dissertation::appearance::train::{AppearanceConfig, AppearanceSet, AppearanceTrainError, ClusteringMethod, DiscriminantConfig, appearance_model, learn_appearance_vocabulary, learn_appearance_vocabulary_heard, object_histogram};
-use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary};
 use palpate_core::training::TrainingSet;
+use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
+use palpate_dissertation::appearance::train::{
+    AppearanceConfig, AppearanceSet, AppearanceTrainError, ClusteringMethod, DiscriminantConfig,
+    appearance_model, learn_appearance_vocabulary, learn_appearance_vocabulary_heard,
+    object_histogram,
+};
+use palpate_dissertation::appearance::{
+    AppearanceBelief, AppearanceError, AppearanceOptions, Exponent,
+};
 
 /// How often touches of the three objects meet a point, an edge and a plane.
 const KINDS: [[f64; 3]; 3] = [[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]];
@@ -72,28 +76,12 @@ fn learn(config: &AppearanceConfig, kinds: &[[f64; 3]]) -> AppearanceModel {
     appearance_model(vocabulary, objects, config, 1)
 }
 
-/// A catalogue that knows appearance alone.
-fn catalogue(appearance: AppearanceModel) -> Catalogue {
-    let sensor = SensorDescription::digitacts_6x6();
-    let readings = touches(KINDS[0], 60, 9);
-    let set = TrainingSet { readings: &readings, sensor: &sensor };
-    let settings = TrainingConfig::default();
-    Catalogue {
-        vocabulary: learn_vocabulary(&[set], &settings, 1).unwrap(),
-        association: settings.association,
-        objects: Vec::new(),
-        geometry: None,
-        appearance: Some(Arc::new(appearance)),
-        surface: None,
-    }
-}
-
 fn believe(
-    catalogue: &Catalogue,
+    model: &Arc<AppearanceModel>,
     options: AppearanceOptions,
     readings: &[Reading],
 ) -> AppearanceBelief {
-    let mut belief = AppearanceBelief::new(catalogue, options, None).unwrap();
+    let mut belief = AppearanceBelief::new(model.clone(), options, None).unwrap();
     for reading in readings {
         belief.add(reading, &SensorDescription::digitacts_6x6()).unwrap();
     }
@@ -113,12 +101,12 @@ fn unseen_touches_without_poses_name_the_object() {
     for (clustering, discriminant) in methods {
         let model = learn(&AppearanceConfig { clustering, discriminant, ..config() }, &KINDS);
         assert!(model.report.accuracy > 0.9, "{:?}", model.report);
-        let catalogue = catalogue(model);
+        let model = Arc::new(model);
         let rule = AppearanceRule::Mixture;
         let mixture = AppearanceOptions { rule, exponent: Exponent::Calibrated };
         for options in [AppearanceOptions::default(), mixture, AppearanceOptions::literal()] {
             for (object, kinds) in KINDS.iter().enumerate() {
-                let answer = believe(&catalogue, options, &touches(*kinds, 40, 77)).answer();
+                let answer = believe(&model, options, &touches(*kinds, 40, 77)).answer();
                 assert_eq!(answer.best_object(), Some(ObjectIdx(object as u32)), "{answer:?}");
                 assert!(answer.modes.is_empty());
                 assert_eq!(answer.n_readings, 40);
@@ -129,19 +117,19 @@ fn unseen_touches_without_poses_name_the_object() {
 
 #[test]
 fn no_order_of_readings_changes_a_bit() {
-    let catalogue = catalogue(learn(&config(), &KINDS));
+    let model = Arc::new(learn(&config(), &KINDS));
     let readings = touches(KINDS[1], 25, 5);
     for rule in [AppearanceRule::Mixture, AppearanceRule::Divergence, AppearanceRule::LiteralJoint]
     {
         let options = AppearanceOptions { rule, exponent: Exponent::Fixed(0.3) };
-        let given = believe(&catalogue, options, &readings).answer();
+        let given = believe(&model, options, &readings).answer();
         let mut shuffled = readings.clone();
         let mut stream = Stream::new(3, Purpose::ReadingChoice, 0);
         for _shuffle in 0..5 {
             for place in (1..shuffled.len()).rev() {
                 shuffled.swap(place, stream.index(place + 1));
             }
-            assert_eq!(believe(&catalogue, options, &shuffled).answer(), given, "{rule:?}");
+            assert_eq!(believe(&model, options, &shuffled).answer(), given, "{rule:?}");
         }
     }
 }
@@ -157,9 +145,9 @@ fn the_number_of_threads_does_not_change_a_bit() {
 
 #[test]
 fn a_press_without_contact_counts_and_says_nothing() {
-    let catalogue = catalogue(learn(&config(), &KINDS));
+    let model = Arc::new(learn(&config(), &KINDS));
     let readings = touches(KINDS[2], 5, 6);
-    let mut belief = believe(&catalogue, AppearanceOptions::default(), &readings);
+    let mut belief = believe(&model, AppearanceOptions::default(), &readings);
     let before = belief.answer();
     let sensor = SensorDescription::digitacts_6x6();
     let nothing = Reading::new(SensorId(0), &sensor, &[Some(0.0); 36], Pose::IDENTITY).unwrap();
@@ -170,16 +158,16 @@ fn a_press_without_contact_counts_and_says_nothing() {
 
 #[test]
 fn before_any_reading_the_prior_is_the_answer() {
-    let catalogue = catalogue(learn(&config(), &KINDS));
+    let model = Arc::new(learn(&config(), &KINDS));
     for options in [AppearanceOptions::default(), AppearanceOptions::literal_joint()] {
-        let belief = AppearanceBelief::new(&catalogue, options, Some(&[1.0, 3.0, 0.0])).unwrap();
+        let belief = AppearanceBelief::new(model.clone(), options, Some(&[1.0, 3.0, 0.0])).unwrap();
         let found = belief.answer().probabilities;
         for (found, expected) in found.iter().zip([0.25, 0.75, 0.0]) {
             assert!((found - expected).abs() < 1e-12);
         }
     }
-    let wrong = AppearanceBelief::new(&catalogue, AppearanceOptions::default(), Some(&[1.0]));
-    let expected = BeliefError::Prior { expected: 3, found: 1 };
+    let wrong = AppearanceBelief::new(model.clone(), AppearanceOptions::default(), Some(&[1.0]));
+    let expected = MismatchError::Prior { expected: 3, found: 1 };
     assert_eq!(wrong.err(), Some(AppearanceError::Recognise(expected)));
 }
 
@@ -187,10 +175,10 @@ fn before_any_reading_the_prior_is_the_answer() {
 fn the_calibrated_exponent_is_never_surer_than_print() {
     let model = learn(&config(), &KINDS);
     assert!((0.01..=1.0).contains(&model.exponent));
-    let catalogue = catalogue(model);
+    let model = Arc::new(model);
     let readings = touches(KINDS[0], 30, 8);
-    let calibrated = believe(&catalogue, AppearanceOptions::default(), &readings).answer();
-    let printed = believe(&catalogue, AppearanceOptions::literal(), &readings).answer();
+    let calibrated = believe(&model, AppearanceOptions::default(), &readings).answer();
+    let printed = believe(&model, AppearanceOptions::literal(), &readings).answer();
     assert!(calibrated.entropy_bits >= printed.entropy_bits);
 }
 
@@ -263,8 +251,9 @@ fn clients_features_use_the_same_machinery() {
         .iter()
         .map(|set| Arc::new(object_histogram(set, &vocabulary, &config()).unwrap()))
         .collect();
-    let catalogue = catalogue(appearance_model(vocabulary, objects, &config(), 1));
-    let mut belief = AppearanceBelief::new(&catalogue, AppearanceOptions::default(), None).unwrap();
+    let model = Arc::new(appearance_model(vocabulary, objects, &config(), 1));
+    let mut belief =
+        AppearanceBelief::new(model.clone(), AppearanceOptions::default(), None).unwrap();
     let mut stream = Stream::new(50, Purpose::Shape, 0);
     for _reading in 0..8 {
         belief.add_feature(&feature(2, &mut stream)).unwrap();
@@ -310,8 +299,4 @@ fn what_does_not_fit_is_refused_by_name() {
     let mixed = [sets[0], AppearanceSet::Features(&features)];
     let mixed = learn_appearance_vocabulary(&mixed, &config(), 1);
     assert_eq!(mixed.err(), Some(AppearanceTrainError::MixedSources));
-    let mut untrained = catalogue(learn(&config(), &KINDS));
-    untrained.appearance = None;
-    let belief = AppearanceBelief::new(&untrained, AppearanceOptions::default(), None);
-    assert_eq!(belief.err(), Some(AppearanceError::NotTrained));
 }

@@ -6,16 +6,19 @@ use std::f64::consts::PI;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DQuat, DVec3};
-use palpate_dissertation::geometric::{AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior, PreparedGeometry};
 use palpate_core::object::ObjectIdx;
-use palpate_dissertation::geometric::model::GeometricModel;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
-use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
+};
 
 /// Bumps of two bodies: x, y (mm) and height (kPa), all 2.7 mm wide.
 const BODIES: [&[[f64; 3]]; 2] = [

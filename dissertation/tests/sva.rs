@@ -5,18 +5,20 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use palpate_core::belief::MismatchError;
 use palpate_core::descriptor::DescriptorKind;
-use palpate_dissertation::sva::model::Catalogue;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::belief::BeliefError;
-use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_dissertation::sva::train::{TrainError, TrainingConfig, learn_vocabulary, map_object};
-use palpate_core::training::TrainingSet;
+use palpate_core::training::{TrainingError, TrainingSet};
 use palpate_core::units::MM;
+use palpate_dissertation::sva::model::SvaModel;
+use palpate_dissertation::sva::train::{
+    SvaTrainError, TrainingConfig, learn_vocabulary, map_object,
+};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 
 const N_OBJECTS: usize = 3;
 
@@ -52,7 +54,7 @@ fn touches(object: usize, n: usize, seed: u64) -> Vec<Reading> {
     (0..n).map(|_| touch(object, &mut stream)).collect()
 }
 
-fn train() -> Arc<Catalogue> {
+fn train() -> Arc<SvaModel> {
     let sensor = SensorDescription::digitacts_6x6();
     let readings: Vec<Vec<Reading>> = (0..N_OBJECTS).map(|o| touches(o, 300, 1)).collect();
     let sets: Vec<TrainingSet<'_>> =
@@ -63,18 +65,11 @@ fn train() -> Arc<Catalogue> {
         .iter()
         .map(|set| Arc::new(map_object(set, &vocabulary, &config, Some(DVec3::ZERO)).unwrap()))
         .collect();
-    Arc::new(Catalogue {
-        vocabulary,
-        association: config.association,
-        objects,
-        geometry: None,
-        appearance: None,
-        surface: None,
-    })
+    Arc::new(SvaModel { vocabulary, association: config.association, objects })
 }
 
 fn recognise(
-    catalogue: &Arc<Catalogue>,
+    catalogue: &Arc<SvaModel>,
     object: usize,
     session_from_object: Pose,
     n: usize,
@@ -137,7 +132,7 @@ fn an_object_ruled_out_by_the_prior_stays_ruled_out() {
 #[test]
 fn a_prior_of_the_wrong_length_is_refused() {
     let error = SvaBelief::new(train(), SvaOptions::default(), Some(&[1.0])).unwrap_err();
-    assert_eq!(error, BeliefError::Prior { expected: 3, found: 1 });
+    assert_eq!(error, MismatchError::Prior { expected: 3, found: 1 });
 }
 
 #[test]
@@ -159,7 +154,7 @@ fn a_sensor_of_another_shape_is_refused_with_both_shapes() {
     let reading = Reading::new(SensorId(0), &sensor, &[Some(1.0); 48], Pose::IDENTITY).unwrap();
     let mut belief = SvaBelief::new(train(), SvaOptions::default(), None).unwrap();
     let error = belief.add(&reading, &sensor).unwrap_err();
-    assert_eq!(error, BeliefError::Shape { rows: 6, cols: 6, found_rows: 6, found_cols: 8 });
+    assert_eq!(error, MismatchError::Shape { rows: 6, cols: 6, found_rows: 6, found_cols: 8 });
     assert_eq!(belief.n_readings(), 0);
 }
 
@@ -179,7 +174,7 @@ fn training_without_contact_says_so() {
     let nothing = Reading::new(SensorId(0), &sensor, &[Some(0.0); 36], Pose::IDENTITY).unwrap();
     let set = TrainingSet { readings: &[nothing], sensor: &sensor };
     let error = learn_vocabulary(&[set], &TrainingConfig::default(), 1).unwrap_err();
-    assert_eq!(error, TrainError::NothingTouched);
+    assert_eq!(error, TrainingError::NothingTouched.into());
 }
 
 #[test]
@@ -208,7 +203,7 @@ fn every_descriptor_of_one_feature_a_reading_trains_and_mr8_is_refused() {
                 assert!((norm - 1.0).abs() < 1e-9, "{descriptor:?}");
             }
             Err(error) => {
-                assert_eq!(error, TrainError::SeveralFeatures { descriptor: "mr8" });
+                assert_eq!(error, SvaTrainError::SeveralFeatures { descriptor: "mr8" });
             }
         }
     }

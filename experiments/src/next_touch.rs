@@ -14,14 +14,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
-use palpate_recogniser::model::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_recogniser::train::SurfaceConfig;
 use palpate_core::units::MM;
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::press::PressSimulator;
 use rayon::prelude::*;
 use serde_json::json;

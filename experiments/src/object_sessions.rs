@@ -10,21 +10,22 @@ use std::time::Instant;
 
 use glam::DVec3;
 use palpate_core::belief::answer::Answer;
-use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
-use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
-use palpate_dissertation::sva::model::Catalogue;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
-use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
-use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
-use palpate_dissertation::sva::train::{TrainError, TrainingConfig, learn_vocabulary, map_object};
+use palpate_core::training::TrainingError;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::MM;
+use palpate_dissertation::sva::model::SvaModel;
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
+use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use rayon::prelude::*;
 
 use crate::disturbance::{Disturbance, Presented};
@@ -42,7 +43,7 @@ pub enum Recogniser {
     /// Spatially varying appearance, section 5.5.1.
     Sva {
         /// What it knows.
-        catalogue: Arc<Catalogue>,
+        catalogue: Arc<SvaModel>,
         /// How it works.
         options: SvaOptions,
     },
@@ -118,14 +119,7 @@ pub fn train_sva(
     let vocabulary = learn_vocabulary(&sets, training, seed)?;
     let map = |set| map_object(set, &vocabulary, training, Some(DVec3::ZERO)).map(Arc::new);
     let objects: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
-    let catalogue = Catalogue {
-        vocabulary,
-        association: training.association,
-        objects: objects?,
-        geometry: None,
-        appearance: None,
-        surface: None,
-    };
+    let catalogue = SvaModel { vocabulary, association: training.association, objects: objects? };
     Ok(Recogniser::Sva { catalogue: Arc::new(catalogue), options })
 }
 
@@ -146,7 +140,7 @@ pub fn train_surface(
     let space = learn_space(&sets, seed)?;
     let map = |(set, symmetry): (&TrainingSet<'_>, &Symmetry)| {
         let map = map_surface(set, &space, surface, Some(DVec3::ZERO))?;
-        Ok::<_, TrainError>(Arc::new(map.with_symmetry(symmetry.clone())))
+        Ok::<_, TrainingError>(Arc::new(map.with_symmetry(symmetry.clone())))
     };
     let maps: Result<Vec<_>, _> = sets.par_iter().zip(symmetries).map(map).collect();
     let calibration = EvidenceCalibration::default();

@@ -13,14 +13,14 @@ mod differences;
 
 use std::path::PathBuf;
 
-use palpate_recogniser::belief::SurfaceOptions;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_dissertation::sva::SvaOptions;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::train::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::press::{CoveringConfig, Physics};
 use rayon::prelude::*;
 use serde_json::json;

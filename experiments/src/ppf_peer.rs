@@ -14,13 +14,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
-use palpate_recogniser::belief::SurfaceOptions;
-use palpate_recogniser::model::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::sensor::SensorDescription;
+use palpate_core::units::{DEG, MM};
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::surface::touch::observe_touch;
 use palpate_recogniser::train::SurfaceConfig;
-use palpate_core::units::{DEG, MM};
 use serde_json::json;
 
 use crate::disturbance::Disturbance;

@@ -13,13 +13,13 @@ mod conditions;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use palpate_recogniser::model::SurfaceModel;
 use palpate_core::reading::Reading;
-use palpate_dissertation::sva::SvaOptions;
 use palpate_core::symmetry::Symmetry;
-use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::train::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 
 use crate::object_sessions::{Played, Recogniser, Sessions, train_surface, train_sva};
@@ -119,7 +119,11 @@ pub fn run(
     Ok(Outcome { report, plot: svg(&panels(lines)), pictures: Vec::new() })
 }
 
-fn learn(config: &SurfaceNoise, trained: Trained, objects: &[TestObject]) -> anyhow::Result<Learnt> {
+fn learn(
+    config: &SurfaceNoise,
+    trained: Trained,
+    objects: &[TestObject],
+) -> anyhow::Result<Learnt> {
     let sensing = trained.sensing()?;
     let train = sensing.touch_all(objects, config.train_readings, 2 * config.seed)?;
     let surface = SurfaceConfig::default();

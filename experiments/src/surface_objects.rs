@@ -8,14 +8,14 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use palpate_recogniser::belief::SurfaceOptions;
 use palpate_core::reading::Reading;
-use palpate_dissertation::sva::SvaOptions;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::{AxisOrder, Symmetry};
-use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::train::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 
 use crate::disturbance::Disturbance;

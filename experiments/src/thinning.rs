@@ -8,16 +8,16 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use palpate_recogniser::belief::SurfaceOptions;
-use palpate_recogniser::model::SurfaceModel;
 use palpate_core::reading::Reading;
-use palpate_dissertation::sva::SvaOptions;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_recogniser::surface::SurfaceMap;
-use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::train::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::surface::SurfaceMap;
+use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 
 use crate::disturbance::Disturbance;

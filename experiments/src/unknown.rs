@@ -18,14 +18,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use palpate_recogniser::belief::SurfaceOptions;
 use palpate_core::reading::Reading;
-use palpate_dissertation::sva::SvaOptions;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
-use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::train::SurfaceConfig;
 use palpate_core::units::MM;
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::shapes::assembled;
 use rayon::prelude::*;
 

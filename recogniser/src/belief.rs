@@ -48,18 +48,18 @@ pub use options::SurfaceOptions;
 pub use outlook::Expected;
 pub use usual::prepare;
 
-use palpate_core::log_prob::log_sum_exp;
 use crate::model::SurfaceModel;
-use palpate_core::reading::Reading;
-use palpate_core::belief::{BeliefError, log_prior};
-use palpate_core::sensor::SensorDescription;
-use palpate_core::stop::Stop;
 use crate::surface::SurfaceMap;
 use crate::surface::joint_pairs::TOUCHES_PER_OBJECT;
 use crate::surface::touch::observe_touch;
 use carried::Carried;
 use evidence::Evidence;
 use hypothesis::{Hypothesis, merge};
+use palpate_core::belief::{MismatchError, log_prior};
+use palpate_core::log_prob::log_sum_exp;
+use palpate_core::reading::Reading;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::stop::Stop;
 use partners::in_turn;
 use pattern::{Miss, Pattern};
 use score::Kernel;
@@ -156,12 +156,12 @@ impl SurfaceBelief {
     /// a weight of zero is searched for as little as one that the catalogue does not have.
     ///
     /// # Errors
-    /// [`BeliefError::Prior`] when the weights do not fit the catalogue.
+    /// [`MismatchError::Prior`] when the weights do not fit the catalogue.
     pub fn new(
         model: Arc<SurfaceModel>,
         options: SurfaceOptions,
         prior: Option<&[f64]>,
-    ) -> Result<Self, BeliefError> {
+    ) -> Result<Self, MismatchError> {
         let log_prior = log_prior(prior, model.maps().len())?;
         Ok(Self {
             objects: log_prior.iter().map(|log| ObjectState::new(*log)).collect(),

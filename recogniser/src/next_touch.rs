@@ -17,14 +17,14 @@ use glam::DVec3;
 use thiserror::Error;
 
 use crate::belief::{Expected, SurfaceBelief};
+use candidates::own_approaches;
+use footprint::{Hand, Met, Ray, meet};
+use information::{Outcome, Scatter, information};
 use palpate_core::log_prob::entropy_bits;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
-use candidates::own_approaches;
-use footprint::{Hand, Met, Ray, meet};
-use information::{Outcome, Scatter, information};
 
 /// What a bit about the pose is worth beside one about the identity: knowing the pose is what
 /// makes the next touch worth more.

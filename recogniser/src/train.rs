@@ -7,20 +7,21 @@
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-use palpate_dissertation::sva::train::TrainError;
-use palpate_core::training::{TrainingSet, check_shapes};
-use palpate_core::contact::{center_of_pressure, contact_points, normal_constraint};
-use palpate_core::object::MapError;
-use palpate_core::object::MapPatch;
-use palpate_core::contact::touches;
-use palpate_core::pose::Pose;
-use palpate_core::reading::Reading;
-use palpate_core::rng::{Purpose, Stream};
-use crate::surface::appearance::{AppearanceSpace, N_AXES, StoredFeature, project, raw_descriptor, raw_feature, stored};
+use crate::surface::appearance::{
+    AppearanceSpace, N_AXES, StoredFeature, project, raw_descriptor, raw_feature, stored,
+};
 use crate::surface::map::{PATCHES_MAX, SurfaceLayout, SurfaceMap, SurfacePatch};
 use crate::surface::thinning::farthest_first;
 use crate::surface::touch::{Touch, observe_touch};
+use palpate_core::contact::touches;
+use palpate_core::contact::{center_of_pressure, contact_points, normal_constraint};
+use palpate_core::object::MapError;
+use palpate_core::object::MapPatch;
+use palpate_core::pose::Pose;
+use palpate_core::reading::Reading;
+use palpate_core::rng::{Purpose, Stream};
 use palpate_core::symmetry::{Finding, Press};
+use palpate_core::training::{TrainingError, TrainingSet, check_shapes};
 use palpate_core::units::MM;
 use palpate_core::vocabulary::discriminant::find_discriminants;
 
@@ -60,15 +61,15 @@ impl Default for SurfaceConfig {
 /// Learns the appearance space of a catalogue.
 ///
 /// # Errors
-/// [`TrainError`] when nothing was touched, images differ in shape, or no two touches are of
+/// [`TrainingError`] when nothing was touched, images differ in shape, or no two touches are of
 /// one place.
-pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpace, TrainError> {
+pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpace, TrainingError> {
     let touched: Vec<Vec<&Reading>> = sets
         .iter()
         .map(|set| set.readings.iter().filter(|r| touches(r, set.sensor)).collect())
         .collect();
     let Some(set) = sets.iter().zip(&touched).find(|(_, readings)| !readings.is_empty()) else {
-        return Err(TrainError::NothingTouched);
+        return Err(TrainingError::NothingTouched);
     };
     let grid = *set.0.sensor.grid();
     for readings in &touched {
@@ -83,7 +84,7 @@ pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpac
     let mut stream = Stream::new(seed, Purpose::Clustering, 1);
     let pairs = palpate_core::training::subsample(&pairs, PLACES_MAX, &mut stream);
     let mut projection = find_discriminants(&pairs, N_AXES, 0.02)
-        .ok_or(TrainError::Map(MapError::TooFew { found: pairs.len(), expected: 2 }))?;
+        .ok_or(TrainingError::Map(MapError::TooFew { found: pairs.len(), expected: 2 }))?;
     // Of two touches each is half their difference from their mean: halved, they differ by 1.
     projection.axes.iter_mut().flatten().for_each(|value| *value *= 0.5);
     let all: Vec<StoredFeature> =
@@ -136,13 +137,13 @@ fn same_places(readings: &[&Reading], reach: f64, facing: f64) -> Vec<[usize; 2]
 /// origin; `None` is the centroid of the touches.
 ///
 /// # Errors
-/// [`TrainError`] when images do not fit the space or too few readings touched.
+/// [`TrainingError`] when images do not fit the space or too few readings touched.
 pub fn map_surface(
     set: &TrainingSet<'_>,
     space: &AppearanceSpace,
     config: &SurfaceConfig,
     origin_in_training: Option<DVec3>,
-) -> Result<SurfaceMap, TrainError> {
+) -> Result<SurfaceMap, TrainingError> {
     let touches: Vec<Touch> =
         set.readings.iter().filter_map(|r| observe_touch(r, set.sensor, space)).collect();
     let found = touches.len();
@@ -215,10 +216,10 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
+    use crate::surface::appearance::raw_descriptor;
     use palpate_core::descriptor::Descriptor as _;
     use palpate_core::reading::SensorId;
     use palpate_core::sensor::SensorDescription;
-    use crate::surface::appearance::raw_descriptor;
     use palpate_core::symmetry::{AxisOrder, PATCHES_MIN};
     use palpate_core::vocabulary::discriminant::Discriminant;
 
@@ -325,13 +326,13 @@ mod tests {
         let sensor = SensorDescription::digitacts_6x6();
         let set = |readings| TrainingSet { readings, sensor: &sensor };
         let nothing = [press([0.0; 3], DVec3::Z, 0.0)];
-        assert_eq!(learn_space(&[set(&nothing)], 1), Err(TrainError::NothingTouched));
+        assert_eq!(learn_space(&[set(&nothing)], 1), Err(TrainingError::NothingTouched));
         let apart = [press([0.0; 3], DVec3::Z, 5e3), press([9.0; 3], DVec3::Z, 5e3)];
         let few = MapError::TooFew { found: 0, expected: 2 };
-        assert_eq!(learn_space(&[set(&apart[..1])], 1), Err(TrainError::Map(few)));
+        assert_eq!(learn_space(&[set(&apart[..1])], 1), Err(TrainingError::Map(few)));
         let few = MapError::TooFew { found: 2, expected: 10 };
         let config = SurfaceConfig::default();
         let error = map_surface(&set(&apart), &space(), &config, None).unwrap_err();
-        assert_eq!(error, TrainError::Map(few));
+        assert_eq!(error, TrainingError::Map(few));
     }
 }

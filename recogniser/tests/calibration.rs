@@ -8,13 +8,13 @@ mod ellipsoids;
 use std::sync::Arc;
 
 use glam::DVec3;
+use palpate_core::reading::Reading;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::training::TrainingSet;
 use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
 use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
 use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
-use palpate_core::reading::Reading;
-use palpate_core::rng::{Purpose, Stream};
 use palpate_recogniser::surface::SurfaceMap;
-use palpate_core::training::TrainingSet;
 use palpate_recogniser::train::{SurfaceConfig, map_surface};
 
 use ellipsoids::*;

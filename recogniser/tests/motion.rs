@@ -6,12 +6,12 @@ mod ellipsoids;
 
 use glam::{DQuat, DVec3};
 use palpate_core::belief::answer::Answer;
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions, NotConclusions};
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Base, Looseness, Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
+use palpate_recogniser::belief::{NotConclusions, SurfaceBelief, SurfaceOptions};
 
 use ellipsoids::{MODEL, N_OBJECTS, belief, recognise, six_by_six, some_pose, touches};
 

@@ -7,18 +7,18 @@ mod ellipsoids;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use palpate_core::belief::MismatchError;
 use palpate_core::belief::answer::Answer;
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
 use palpate_core::object::ObjectIdx;
-use palpate_recogniser::model::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::belief::BeliefError;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
+use palpate_core::units::MM;
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::surface::touch::observe_touch;
 use palpate_recogniser::train::SAME_PLACE;
-use palpate_core::units::MM;
 
 use ellipsoids::*;
 
@@ -208,7 +208,7 @@ fn before_any_reading_the_prior_is_the_answer_and_what_it_rules_out_stays_out() 
 fn a_prior_of_the_wrong_length_is_refused() {
     let options = SurfaceOptions::default();
     let error = SurfaceBelief::new(MODEL.clone(), options, Some(&[1.0])).unwrap_err();
-    assert_eq!(error, BeliefError::Prior { expected: N_OBJECTS, found: 1 });
+    assert_eq!(error, MismatchError::Prior { expected: N_OBJECTS, found: 1 });
 }
 
 #[test]

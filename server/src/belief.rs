@@ -5,22 +5,25 @@
 
 use std::sync::Arc;
 
-use palpate_dissertation::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions};
+use palpate_core::belief::MismatchError;
 use palpate_core::belief::answer::Answer;
 use palpate_core::belief::orbits::{OrbitScale, merge_orbits};
-use palpate_dissertation::filter::particle::ParticleOptions;
-use palpate_dissertation::geometric::{AdaptiveOptions, BeliefMemory, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, Marginals, PrintedFilter};
-use palpate_recogniser::belief::SurfaceBelief;
 use palpate_core::object::ObjectIdx;
-use palpate_dissertation::appearance::model::AppearanceSource;
-use palpate_recogniser::next_touch::{Ranking, rank};
 use palpate_core::reading::Reading;
-use palpate_core::belief::BeliefError;
-use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::appearance::model::AppearanceSource;
+use palpate_dissertation::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions};
+use palpate_dissertation::filter::particle::ParticleOptions;
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, BeliefMemory, GeometricBelief, GeometricError, GeometricFilter,
+    GeometricOptions, Marginals, PrintedFilter,
+};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
+use palpate_recogniser::belief::SurfaceBelief;
+use palpate_recogniser::next_touch::{Ranking, rank};
 use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
@@ -30,7 +33,7 @@ use crate::refusal::Refusal;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
-use crate::wire::session::{Options, surface_options, is_appearance, is_geometric, name, options};
+use crate::wire::session::{Options, is_appearance, is_geometric, name, options, surface_options};
 
 /// Poses of pair maps are one within half a bin and a few degrees: they are refined.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
@@ -58,7 +61,7 @@ pub(crate) struct ObjectMarginals {
 #[derive(Debug, Error)]
 pub(crate) enum BeliefError {
     #[error(transparent)]
-    Recognise(#[from] BeliefError),
+    Recognise(#[from] MismatchError),
     #[error(transparent)]
     Geometric(#[from] GeometricError),
     #[error(transparent)]
@@ -76,7 +79,7 @@ impl SessionBelief {
     pub(crate) fn new(session: &Session, model: &Model) -> Result<Self, BeliefError> {
         let weights: Vec<f64> = session.prior.iter().map(|(_, weight)| *weight).collect();
         let prior = (!weights.is_empty()).then_some(weights.as_slice());
-        let catalogue = Arc::clone(&model.core);
+        let sva = || Arc::clone(&model.core.sva);
         let options = options(session);
         match options.method {
             Method::Surface => {
@@ -85,20 +88,28 @@ impl SessionBelief {
                 Ok(Self::Surface(Box::new(SurfaceBelief::new(surfaces, options, prior)?)))
             }
             Method::Sva => {
-                let belief = SvaBelief::new(catalogue, SvaOptions::default(), prior)?;
+                let belief = SvaBelief::new(sva(), SvaOptions::default(), prior)?;
                 Ok(Self::Sva(belief, Arc::clone(&model.symmetries)))
             }
             Method::SvaLiteral => {
-                let belief = SvaBelief::new(catalogue, SvaOptions::literal(), prior)?;
+                let belief = SvaBelief::new(sva(), SvaOptions::literal(), prior)?;
                 Ok(Self::Sva(belief, Arc::default()))
             }
             Method::Appearance => {
                 let options = AppearanceOptions::default();
-                Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?))
+                Ok(Self::Appearance(AppearanceBelief::new(
+                    Arc::clone(model.appearance()?),
+                    options,
+                    prior,
+                )?))
             }
             Method::AppearanceLiteral => {
                 let options = AppearanceOptions::literal();
-                Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?))
+                Ok(Self::Appearance(AppearanceBelief::new(
+                    Arc::clone(model.appearance()?),
+                    options,
+                    prior,
+                )?))
             }
             Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
                 let options = geometric_options(&options, session.seed)?;
@@ -313,7 +324,7 @@ fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'sta
     match options.method {
         Method::Surface | Method::Appearance | Method::AppearanceLiteral => None,
         Method::Sva | Method::SvaLiteral => {
-            let (vocabulary, image) = (&model.core.vocabulary, reading.image());
+            let (vocabulary, image) = (&model.core.sva.vocabulary, reading.image());
             let error = shape_error([vocabulary.rows, vocabulary.cols], reading);
             (!vocabulary.fits(image)).then(|| ("sensor", error.to_string()))
         }
@@ -350,7 +361,7 @@ fn unfit_for_appearance(model: &Model, incoming: &Incoming) -> Option<(&'static 
     }
 }
 
-fn shape_error([rows, cols]: [usize; 2], reading: &Reading) -> BeliefError {
+fn shape_error([rows, cols]: [usize; 2], reading: &Reading) -> MismatchError {
     let (found_rows, found_cols) = (reading.image().rows, reading.image().cols);
-    BeliefError::Shape { rows, cols, found_rows, found_cols }
+    MismatchError::Shape { rows, cols, found_rows, found_cols }
 }

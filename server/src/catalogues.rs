@@ -13,16 +13,17 @@ use std::sync::Arc;
 
 use dashmap::DashMap;
 use glam::DVec3;
-use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
+use palpate_core::symmetry::Symmetry;
 use palpate_dissertation::appearance::model::AppearanceModel;
 use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
+use palpate_dissertation::sva::model::ObjectMap;
 use palpate_recogniser::model::SurfaceModel;
-use palpate_dissertation::sva::model::{Catalogue as CoreCatalogue, ObjectMap};
-use palpate_core::symmetry::Symmetry;
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
+use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::ModelPart;
 use uuid::Uuid;
 
@@ -42,7 +43,7 @@ pub(crate) struct Model {
     pub(crate) catalogue: Uuid,
     pub(crate) name: String,
     pub(crate) version: u32,
-    pub(crate) core: Arc<CoreCatalogue>,
+    pub(crate) core: Arc<TrainedModel>,
     pub(crate) objects: Vec<VersionObject>,
     /// Where each object's frame has its origin in the frame that it was taught in, metres.
     pub(crate) origins_in_model: Arc<[DVec3]>,
@@ -65,7 +66,7 @@ impl Model {
 
     /// What the version knows of its objects' geometry.
     pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
-        self.core.geometry.as_ref().ok_or_else(|| self.no_geometry())
+        self.core.geometric.as_ref().ok_or_else(|| self.no_geometry())
     }
 
     /// What the version knows of its objects' appearance.
@@ -86,7 +87,7 @@ impl Model {
 
     /// The maps of pairs of touches, one an object.
     pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
-        let maps = self.core.objects.as_slice();
+        let maps = self.core.sva.objects.as_slice();
         if maps.len() == self.objects.len() {
             return Ok(maps);
         }

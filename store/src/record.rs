@@ -12,7 +12,9 @@ mod journal_entry;
 
 use bincode::config::{self, Configuration, Fixint, Limit, LittleEndian};
 use bincode::{Decode, Encode};
-use palpate_core::sensor::{ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid};
+use palpate_core::sensor::{
+    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+};
 use uuid::Uuid;
 
 use crate::catalogue::{BlockEntry, Catalogue, Manifest, Switch, VersionObject};

@@ -8,7 +8,9 @@ use palpate_client::schemas::{
     CalibrateSensor, ResponsePress, Sensor, SensorCalibration, SpreadPress, SpreadPresses,
     TaxelState,
 };
-use palpate_core::sensor::{ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid};
+use palpate_core::sensor::{
+    ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
+};
 use palpate_sim::indent::{INDENTER, indentation_run};
 
 use crate::output;

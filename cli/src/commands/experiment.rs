@@ -5,8 +5,8 @@
 
 mod appearance;
 mod exploration;
-mod surface;
 mod robustness;
+mod surface;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,8 +31,8 @@ use crate::output::{Output, table};
 use crate::progress::StepProgress;
 use appearance::AppearanceExperiment;
 use exploration::ExplorationExperiment;
-use surface::SurfaceExperiment;
 use robustness::RobustnessExperiment;
+use surface::SurfaceExperiment;
 
 /// The page that states every figure.
 const RESULTS: &str = "docs/results.md";

@@ -218,7 +218,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::descriptor::test_support::{any_image, check_quarter_turn, feature, mirrored, turned_affinity};
+    use crate::descriptor::test_support::{
+        any_image, check_quarter_turn, feature, mirrored, turned_affinity,
+    };
     use crate::descriptor::{DescriptorKind, affinity, normalize};
 
     const FORMS: [DescriptorKind; 4] = [

@@ -128,7 +128,9 @@ impl Descriptor for PolarSpectrum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::descriptor::test_support::{blob, feature, mirrored, quarter_turned, turned_affinity};
+    use crate::descriptor::test_support::{
+        blob, feature, mirrored, quarter_turned, turned_affinity,
+    };
     use crate::descriptor::{DescriptorKind, affinity};
 
     /// An L of 3 × 2 taxels at (row, col) of an array of 9 × 12.

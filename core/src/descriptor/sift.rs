@@ -181,7 +181,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::descriptor::test_support::{any_image, blob, check_quarter_turn, feature, turned_affinity};
+    use crate::descriptor::test_support::{
+        any_image, blob, check_quarter_turn, feature, turned_affinity,
+    };
     use crate::descriptor::{DescriptorKind, affinity};
 
     #[test]

@@ -8,7 +8,9 @@ use std::sync::Arc;
 
 use palpate_core::descriptor::{DescriptorKind, FeatureMatrix};
 use palpate_core::reading::TactileImage;
-use palpate_core::vocabulary::bag::{ClassHistogram, Clustering, log_likelihood, log_mixture_ratio, reading_shares};
+use palpate_core::vocabulary::bag::{
+    ClassHistogram, Clustering, log_likelihood, log_mixture_ratio, reading_shares,
+};
 use palpate_core::vocabulary::choice::ClassCount;
 use palpate_core::vocabulary::discriminant::Discriminant;
 use palpate_core::vocabulary::pca::Pca;

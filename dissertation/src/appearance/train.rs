@@ -13,9 +13,12 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use palpate_core::training::TrainingSet;
+use crate::appearance::model::{
+    AppearanceModel, AppearanceVocabulary, ObjectAppearance, ObjectShares, ReadingClasses,
+};
+use features::{Split, source_of, split};
 use palpate_core::descriptor::{DescriptorKind, FeatureMatrix};
-use crate::appearance::model::{AppearanceModel, AppearanceVocabulary, ObjectAppearance, ObjectShares, ReadingClasses};
+use palpate_core::training::TrainingSet;
 use palpate_core::vocabulary::bag::{ClassHistogram, Clustering, joint_shares};
 use palpate_core::vocabulary::choice::{ClassCount, best_class_count};
 use palpate_core::vocabulary::discriminant::{Discriminant, find_discriminants};
@@ -23,7 +26,6 @@ use palpate_core::vocabulary::gmm::{Covariances, MixtureConfig, MixtureError, fi
 use palpate_core::vocabulary::kmeans::{KMeansConfig, k_means};
 use palpate_core::vocabulary::labelled::labelled_mixture;
 use palpate_core::vocabulary::pca::{Keep, Pca, PcaError};
-use features::{Split, source_of, split};
 pub use trials::{CONFUSED_SHARE, NEAR_DUPLICATE};
 use trials::{count, fit_exponent, report};
 

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use glam::{DQuat, DVec2};
 
 use super::planes::{BinShare, ObjectPlanes, center_of_angle};
-use palpate_core::log_prob::log_sum_exp;
 use crate::occupancy::{ClassTable, ClassifiedPress, OccupancyGrid, log_likelihood};
+use palpate_core::log_prob::log_sum_exp;
 use palpate_core::pose::Pose;
 use palpate_core::stop::Stop;
 

@@ -5,8 +5,8 @@
 
 use glam::DVec3;
 
-use palpate_core::pose::Pose;
 use crate::rotation_grid::RotationGrid;
+use palpate_core::pose::Pose;
 
 /// The name of a bin: three lattice coordinates and a rotation bin, 16 bits each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

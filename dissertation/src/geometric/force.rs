@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
-use crate::sva::train::TrainError;
 use crate::geometric::model::{GeometricMap, GeometricModel, SensorGains};
+use crate::geometric::train::GeometricTrainError;
 use crate::mosaic::learn::{MosaicOptions, MosaicSet, build_mosaic, learn_gains};
 use crate::occupancy::GridShape;
 use palpate_core::reading::Reading;
@@ -17,7 +17,7 @@ use palpate_core::sensor::SensorDescription;
 pub(super) fn add_force(
     model: &mut GeometricModel,
     sets: &[(Vec<Reading>, &SensorDescription)],
-) -> Result<(), TrainError> {
+) -> Result<(), GeometricTrainError> {
     let options = MosaicOptions::default();
     let mut mosaic_sets = Vec::with_capacity(sets.len());
     for (map, (readings, sensor)) in model.maps.iter().zip(sets) {

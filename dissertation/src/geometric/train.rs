@@ -8,23 +8,57 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use thiserror::Error;
 
 use crate::geometric::force::add_force;
-use crate::sva::train::TrainError;
-use palpate_core::training::TrainingSet;
-use palpate_core::object::MapError;
 use crate::geometric::model::{GeometricMap, GeometricModel};
 use crate::mosaic::ForceMosaic;
 use crate::mosaic::face::FaceDepth;
 use crate::occupancy::mapping::{map_presses, shape_around};
-use crate::occupancy::{ClassifiedPress, ContactClass, GridShape, InverseModel, OccupancyGrid, learn_table};
+use crate::occupancy::{
+    ClassifiedPress, ContactClass, GridError, GridShape, InverseModel, OccupancyGrid, learn_table,
+};
+use palpate_core::object::MapError;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
+use palpate_core::training::{TrainingError, TrainingSet};
 use palpate_core::units::{DEG, MM};
 
 /// How far a planar press may be tilted from the object's −z.
 pub const PLANAR_TILT_MAX: f64 = 30.0 * DEG;
+
+/// Why geometry cannot be trained.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum GeometricTrainError {
+    /// The readings do not train anything.
+    #[error(transparent)]
+    Readings(#[from] TrainingError),
+    /// The cells of a map are not usable.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The number of origins is not the number of objects.
+    #[error("{found} origins of object frames, expected {expected}, one an object")]
+    Origins {
+        /// The number of objects.
+        expected: usize,
+        /// The number of origins.
+        found: usize,
+    },
+    /// A reading for a planar map does not press along the object's −z.
+    #[error(
+        "reading {reading} of object {object} presses {tilt_degrees:.1} degrees off the object's \
+         -z, expected at most 30 for a planar map"
+    )]
+    NotPlanar {
+        /// The object, by its position.
+        object: usize,
+        /// The first such reading of it.
+        reading: usize,
+        /// The angle between the sensor's z and the object's −z, degrees.
+        tilt_degrees: f64,
+    },
+}
 
 /// Planar or solid maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,16 +106,16 @@ impl Default for GeometryConfig {
 /// frame: above the sensors that touched by how deep they were pressed.
 ///
 /// # Errors
-/// [`TrainError`] when an object has no reading or no origin, when a planar reading does not
+/// [`GeometricTrainError`] when an object has no reading or no origin, when a planar reading does not
 /// press along −z, or when a map would have too many cells.
 pub fn map_geometry(
     sets: &[TrainingSet<'_>],
     origins_in_training: &[DVec3],
     config: &GeometryConfig,
-) -> Result<GeometricModel, TrainError> {
+) -> Result<GeometricModel, GeometricTrainError> {
     if sets.len() != origins_in_training.len() {
         let (expected, found) = (sets.len(), origins_in_training.len());
-        return Err(TrainError::Origins { expected, found });
+        return Err(GeometricTrainError::Origins { expected, found });
     }
     let mut presses = Vec::new();
     let mut maps = Vec::new();
@@ -110,7 +144,10 @@ pub fn map_geometry(
 }
 
 /// A map whose plane is that of the sensors, moved to the face that they were pressed onto.
-fn at_the_face(map: &GeometricMap, sensor: &SensorDescription) -> Result<GeometricMap, TrainError> {
+fn at_the_face(
+    map: &GeometricMap,
+    sensor: &SensorDescription,
+) -> Result<GeometricMap, GeometricTrainError> {
     let Some(mosaic) = &map.mosaic else { return Ok(map.clone()) };
     let depth = FaceDepth::of_mosaic(mosaic, sensor).mean;
     let raised =
@@ -133,9 +170,9 @@ fn map_one(
     readings: &[Reading],
     set: &TrainingSet<'_>,
     config: &GeometryConfig,
-) -> Result<(OccupancyGrid, Vec<ClassifiedPress>), TrainError> {
+) -> Result<(OccupancyGrid, Vec<ClassifiedPress>), GeometricTrainError> {
     if readings.is_empty() {
-        return Err(MapError::TooFew { found: 0, expected: 1 }.into());
+        return Err(TrainingError::Map(MapError::TooFew { found: 0, expected: 1 }).into());
     }
     let presses: Vec<ClassifiedPress> =
         readings.iter().map(|reading| config.inverse.classified(reading, set.sensor)).collect();
@@ -165,14 +202,14 @@ fn pressed_height(readings: &[Reading], presses: &[ClassifiedPress]) -> f64 {
     heights.iter().sum::<f64>() / heights.len() as f64
 }
 
-fn check_planar(readings: &[Reading], object: usize) -> Result<(), TrainError> {
+fn check_planar(readings: &[Reading], object: usize) -> Result<(), GeometricTrainError> {
     let tilt = |reading: &Reading| {
         reading.session_from_sensor().turn(DVec3::Z).angle_between(DVec3::NEG_Z)
     };
     let tilted = readings.iter().map(tilt).enumerate().find(|(_, tilt)| *tilt > PLANAR_TILT_MAX);
     match tilted {
         Some((reading, tilt)) => {
-            Err(TrainError::NotPlanar { object, reading, tilt_degrees: tilt / DEG })
+            Err(GeometricTrainError::NotPlanar { object, reading, tilt_degrees: tilt / DEG })
         }
         None => Ok(()),
     }
@@ -213,7 +250,7 @@ mod tests {
         readings: &[Reading],
         origin: DVec3,
         config: &GeometryConfig,
-    ) -> Result<GeometricModel, TrainError> {
+    ) -> Result<GeometricModel, GeometricTrainError> {
         let sensor = SensorDescription::digitacts_6x6();
         map_geometry(&[TrainingSet { readings, sensor: &sensor }], &[origin], config)
     }
@@ -242,7 +279,7 @@ mod tests {
     fn a_tilted_planar_reading_is_named_and_a_solid_one_is_not() {
         let readings = presses(0.0, 40.0 * DEG);
         let error = mapped(&readings, DVec3::ZERO, &GeometryConfig::planar()).unwrap_err();
-        let TrainError::NotPlanar { object: 0, reading: 0, tilt_degrees } = error else {
+        let GeometricTrainError::NotPlanar { object: 0, reading: 0, tilt_degrees } = error else {
             panic!("{error}");
         };
         assert!((tilt_degrees - 40.0).abs() < 1e-9);
@@ -253,10 +290,16 @@ mod tests {
     #[test]
     fn objects_without_readings_or_origins_are_refused() {
         let none = mapped(&[], DVec3::ZERO, &GeometryConfig::planar());
-        assert!(matches!(none, Err(TrainError::Map(MapError::TooFew { found: 0, .. }))));
+        assert!(matches!(
+            none,
+            Err(GeometricTrainError::Readings(TrainingError::Map(MapError::TooFew {
+                found: 0,
+                ..
+            })))
+        ));
         let sensor = SensorDescription::digitacts_6x6();
         let set = TrainingSet { readings: &presses(0.0, 0.0), sensor: &sensor };
         let error = map_geometry(&[set], &[], &GeometryConfig::planar()).unwrap_err();
-        assert_eq!(error, TrainError::Origins { expected: 1, found: 0 });
+        assert_eq!(error, GeometricTrainError::Origins { expected: 1, found: 0 });
     }
 }

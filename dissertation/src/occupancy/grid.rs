@@ -5,6 +5,7 @@
 //! Source: section 3.2.1. Not here: what a press says about the cells.
 
 use glam::DVec3;
+use palpate_core::metric::Inertia;
 use thiserror::Error;
 
 use super::table::logit;
@@ -262,6 +263,14 @@ impl OccupancyGrid {
     }
 }
 
+/// The inertia of the cells that are more likely occupied than not (section 3.4.2); `None`
+/// when there are none.
+#[must_use]
+pub fn inertia(map: &OccupancyGrid) -> Option<Inertia> {
+    let occupied = map.log_odds().iter().enumerate().filter(|(_, log_odds)| **log_odds > 0.0);
+    Inertia::of_points(occupied.map(|(cell, _)| (map.shape().center(cell), 1.0)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -350,5 +359,17 @@ mod tests {
         assert_eq!(spanning(-0.7).n(), [7, 3, 1]);
         assert_eq!(spanning(-0.7).min(), DVec3::new(-1.0, -0.5, 1.0));
         assert_eq!(spanning(0.6).min(), DVec3::new(0.5, -0.5, 1.0));
+    }
+
+    #[test]
+    fn occupied_cells_make_a_body() {
+        let shape = GridShape::new(DVec3::ZERO, 1.0, [3, 1, 1]).unwrap();
+        let map = OccupancyGrid::from_parts(shape, 0.5, vec![2.0, -1.0, 0.1]).unwrap();
+        // Cells at x 0.5 and 2.5: centre 1.5, variance 1.
+        let body = inertia(&map).unwrap();
+        assert!(body.center.distance(DVec3::new(1.5, 0.5, 0.0)) < 1e-12);
+        assert!((body.second_moment.x_axis.x - 1.0).abs() < 1e-12);
+        let empty = OccupancyGrid::from_parts(shape, 0.5, vec![-1.0; 3]).unwrap();
+        assert_eq!(inertia(&empty), None);
     }
 }

@@ -4,10 +4,10 @@
 
 use super::options::SvaOptions;
 use crate::filter::sparse::PairEvidence;
-use palpate_core::object::MapPatch;
-use crate::sva::model::ObjectMap;
 use crate::patch::Patch;
 use crate::patch_pair::alignment::{PairAxis, PairEnd, PairFrame};
+use crate::sva::model::ObjectMap;
+use palpate_core::object::MapPatch;
 use palpate_core::vocabulary::Association;
 
 /// An observed pair, ready to be looked up.

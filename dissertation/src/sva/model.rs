@@ -3,27 +3,15 @@
 //! An object frame has its origin at the centroid of the object's training touches, or of
 //! its mesh when trained from one, and the axes of training.
 
-pub mod appearance;
-pub mod geometry;
-pub mod surface;
-
 use std::sync::Arc;
 
 use glam::DVec3;
-use thiserror::Error;
 
-pub use palpate_core::object::MapPatch;
 use crate::patch::Patch;
 use crate::patch_pair::index::{IndexedPatch, MAX_PATCHES};
 use crate::patch_pair::{DistanceBins, PairIndex};
+use palpate_core::object::{MIN_PATCHES, MapError, MapPatch};
 use palpate_core::vocabulary::{AssociationRule, Vocabulary};
-use appearance::AppearanceModel;
-use geometry::GeometricModel;
-use surface::SurfaceModel;
-
-/// An object of a catalogue, by its position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ObjectIdx(pub u32);
 
 /// The map of one object: its patches and the index of their pairs (section 5.3).
 #[derive(Clone, Debug, PartialEq)]
@@ -32,30 +20,6 @@ pub struct ObjectMap {
     patches: Vec<MapPatch>,
     index: PairIndex,
 }
-
-/// Why patches do not make a map.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-pub enum MapError {
-    /// The object was touched too rarely to have a pair.
-    #[error("{found} training readings touched the object, expected at least {expected}")]
-    TooFew {
-        /// How many did.
-        found: usize,
-        /// How many are needed.
-        expected: usize,
-    },
-    /// More patches than a posting can name.
-    #[error("{found} training readings touched the object, expected at most {expected}")]
-    TooMany {
-        /// How many did.
-        found: usize,
-        /// How many are possible.
-        expected: usize,
-    },
-}
-
-/// The fewest patches that make a map.
-pub const MIN_PATCHES: usize = 10;
 
 impl ObjectMap {
     /// Maps patches given in the training frame; `origin_in_training` (metres) becomes the
@@ -129,19 +93,13 @@ impl ObjectMap {
     }
 }
 
-/// Everything that recognition needs: a vocabulary and the maps of the objects.
+/// The vocabulary and the maps that spatially varying appearance recognises objects by.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Catalogue {
+pub struct SvaModel {
     /// The appearance classes that all maps share.
     pub vocabulary: Vocabulary,
     /// How features were, and are to be, associated with classes.
     pub association: AssociationRule,
-    /// The objects; [`ObjectIdx`] counts them.
+    /// The objects; [`palpate_core::object::ObjectIdx`] counts them.
     pub objects: Vec<Arc<ObjectMap>>,
-    /// What chapter 3 knows of the same objects, when it was trained.
-    pub geometry: Option<Arc<GeometricModel>>,
-    /// What chapter 4 knows of the same objects, when it was trained.
-    pub appearance: Option<Arc<AppearanceModel>>,
-    /// The surfaces of the same objects, for the surface recogniser, when they were trained.
-    pub surface: Option<Arc<SurfaceModel>>,
 }

@@ -1,9 +1,9 @@
 //! How the filter works: the service's own resolutions, and those of the dissertation.
 
-use crate::sva::refine::Refinement;
 use crate::filter::pose_bins::PoseBins;
 use crate::filter::sparse::ProductRule;
 use crate::rotation_grid::RotationGrid;
+use crate::sva::refine::Refinement;
 use palpate_core::units::MM;
 
 /// How often the evidence of a pair counts.

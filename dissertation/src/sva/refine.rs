@@ -9,8 +9,8 @@
 use glam::{DQuat, DVec3};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use palpate_core::object::MapPatch;
 use crate::patch::Patch;
+use palpate_core::object::MapPatch;
 use palpate_core::pose::Pose;
 use palpate_core::units::{DEG, MM};
 

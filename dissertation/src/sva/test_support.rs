@@ -5,10 +5,10 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::SvaOptions;
-use palpate_core::descriptor::DescriptorKind;
-use crate::sva::model::{Catalogue, ObjectMap};
 use crate::patch::Patch;
 use crate::patch_pair::DistanceBins;
+use crate::sva::model::{ObjectMap, SvaModel};
+use palpate_core::descriptor::DescriptorKind;
 use palpate_core::units::MM;
 use palpate_core::vocabulary::{Association, AssociationRule, ClassIdx, Vocabulary};
 
@@ -42,7 +42,7 @@ pub(super) fn map(patches: &[Patch], n: usize) -> Arc<ObjectMap> {
 }
 
 /// A catalogue of maps, for images that are described as they are.
-pub(super) fn catalogue(objects: Vec<Arc<ObjectMap>>) -> Arc<Catalogue> {
+pub(super) fn catalogue(objects: Vec<Arc<ObjectMap>>) -> Arc<SvaModel> {
     let vocabulary = Vocabulary {
         descriptor: DescriptorKind::Vectorize,
         rows: 6,
@@ -52,14 +52,7 @@ pub(super) fn catalogue(objects: Vec<Arc<ObjectMap>>) -> Arc<Catalogue> {
         spreads: vec![0.1; N_CLASSES],
     };
     let association = AssociationRule::default();
-    Arc::new(Catalogue {
-        vocabulary,
-        association,
-        objects,
-        geometry: None,
-        appearance: None,
-        surface: None,
-    })
+    Arc::new(SvaModel { vocabulary, association, objects })
 }
 
 /// The printed filter whose matches name one turn each, the likeliest.

@@ -14,12 +14,12 @@ fn pair(from: [f64; 3], mm: f64) -> [Patch; 2] {
 }
 
 /// Two objects that hold the pair of 35 mm once: among 10 patches and among 20.
-fn small_and_large() -> Arc<Catalogue> {
+fn small_and_large() -> Arc<SvaModel> {
     let held = pair([0.0; 3], 35.0);
     catalogue(vec![map(&held, 10), map(&held, 20)])
 }
 
-fn belief(catalogue: &Arc<Catalogue>, options: SvaOptions) -> SvaBelief {
+fn belief(catalogue: &Arc<SvaModel>, options: SvaOptions) -> SvaBelief {
     SvaBelief::new(catalogue.clone(), options, None).unwrap()
 }
 

@@ -6,24 +6,18 @@
 //! Frames: a training reading's pose is `object_from_sensor` in the frame of the mesh or of
 //! the robot that took it. Not here: where readings come from, and storing the result.
 
-pub mod appearance;
-mod force;
-pub mod geometry;
-pub mod surface;
-
 use glam::DVec3;
 use thiserror::Error;
 
+use crate::patch::{Patch, observe_patch};
+use crate::patch_pair::DistanceBins;
+use crate::sva::model::ObjectMap;
+use palpate_core::contact::touches;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::object::MapError;
-use crate::sva::model::ObjectMap;
-use crate::occupancy::GridError;
-use crate::patch::{Patch, observe_patch};
-use palpate_core::contact::touches;
-use crate::patch_pair::DistanceBins;
 use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::SensorDescription;
+use palpate_core::training::{TrainingError, TrainingSet, check_shapes, subsample};
 use palpate_core::units::MM;
 use palpate_core::vocabulary::association::spreads;
 use palpate_core::vocabulary::medoids::choose_medoids;
@@ -82,40 +76,14 @@ impl TrainingConfig {
     }
 }
 
-/// Readings of one object by one sensor.
-#[derive(Clone, Copy, Debug)]
-pub struct TrainingSet<'a> {
-    /// The readings; poses are `object_from_sensor` in the training frame.
-    pub readings: &'a [Reading],
-    /// The sensor that took them.
-    pub sensor: &'a SensorDescription,
-}
-
-/// Why training is impossible.
+/// Why training of vocabularies and maps is impossible.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum TrainError {
-    /// No reading of any object touched anything.
-    #[error("no training reading touched anything, expected at least one")]
-    NothingTouched,
+pub enum SvaTrainError {
     /// The number of classes is out of range.
     #[error("{found} appearance classes, expected 1 to {MAX_CLASSES}")]
     Classes {
-        /// What was asked for.
+        /// The number that was requested.
         found: usize,
-    },
-    /// Images of different shapes in one catalogue.
-    #[error(
-        "image of {found_rows}×{found_cols} taxels, expected {rows}×{cols} as the catalogue's other sensors"
-    )]
-    Shape {
-        /// Rows of the vocabulary.
-        rows: usize,
-        /// Columns of the vocabulary.
-        cols: usize,
-        /// Rows that came.
-        found_rows: usize,
-        /// Columns that came.
-        found_cols: usize,
     },
     /// Each touch needs one appearance, but the descriptor gives several.
     #[error("descriptor {descriptor} gives several features a reading, expected one of the others")]
@@ -123,33 +91,9 @@ pub enum TrainError {
         /// The descriptor's name.
         descriptor: &'static str,
     },
-    /// The readings of one object do not make a map.
+    /// The readings do not train anything.
     #[error(transparent)]
-    Map(#[from] MapError),
-    /// The cells of a map of chapter 3 are not usable.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// Not one origin an object.
-    #[error("{found} origins of object frames, expected {expected}, one an object")]
-    Origins {
-        /// How many objects there are.
-        expected: usize,
-        /// How many origins came.
-        found: usize,
-    },
-    /// A reading for a planar map does not press along the object's −z.
-    #[error(
-        "reading {reading} of object {object} presses {tilt_degrees:.1} degrees off the object's \
-         -z, expected at most 30 for a planar map"
-    )]
-    NotPlanar {
-        /// The object, by its position.
-        object: usize,
-        /// The first such reading of it.
-        reading: usize,
-        /// The angle between the sensor's z and the object's −z, degrees.
-        tilt_degrees: f64,
-    },
+    Readings(#[from] TrainingError),
 }
 
 /// Learns the appearance classes from the readings of all objects together.
@@ -158,25 +102,25 @@ pub enum TrainError {
 /// are of all features.
 ///
 /// # Errors
-/// [`TrainError`] when nothing was touched, images differ in shape, the number of classes is
+/// [`SvaTrainError`] when nothing was touched, images differ in shape, the number of classes is
 /// not 1 to 255, or the descriptor gives several features a reading.
 pub fn learn_vocabulary(
     sets: &[TrainingSet<'_>],
     config: &TrainingConfig,
     seed: u64,
-) -> Result<Vocabulary, TrainError> {
+) -> Result<Vocabulary, SvaTrainError> {
     if !(1..=MAX_CLASSES).contains(&config.n_classes) {
-        return Err(TrainError::Classes { found: config.n_classes });
+        return Err(SvaTrainError::Classes { found: config.n_classes });
     }
     if !config.descriptor.gives_one_feature() {
-        return Err(TrainError::SeveralFeatures { descriptor: config.descriptor.name() });
+        return Err(SvaTrainError::SeveralFeatures { descriptor: config.descriptor.name() });
     }
     let readings: Vec<&Reading> = sets
         .iter()
         .flat_map(|set| set.readings.iter().filter(|reading| touches(reading, set.sensor)))
         .collect();
     let Some(first) = readings.first() else {
-        return Err(TrainError::NothingTouched);
+        return Err(TrainingError::NothingTouched.into());
     };
     let (rows, cols) = (first.image().rows, first.image().cols);
     check_shapes(&readings, rows, cols)?;
@@ -210,13 +154,13 @@ pub fn learn_vocabulary(
 /// mesh's centroid, or `None` for the centroid of the touches.
 ///
 /// # Errors
-/// [`TrainError`] when images do not fit the vocabulary or too few readings touched.
+/// [`SvaTrainError`] when images do not fit the vocabulary or too few readings touched.
 pub fn map_object(
     set: &TrainingSet<'_>,
     vocabulary: &Vocabulary,
     config: &TrainingConfig,
     origin_in_training: Option<DVec3>,
-) -> Result<ObjectMap, TrainError> {
+) -> Result<ObjectMap, SvaTrainError> {
     let readings: Vec<&Reading> = set.readings.iter().collect();
     check_shapes(&readings, vocabulary.rows, vocabulary.cols)?;
     let patches: Vec<Patch> = readings
@@ -226,8 +170,9 @@ pub fn map_object(
     let centroid =
         || patches.iter().map(|p| p.position).sum::<DVec3>() / patches.len().max(1) as f64;
     let origin = origin_in_training.unwrap_or_else(centroid);
-    let distances = distance_bins(&patches, config.distances)?;
-    Ok(ObjectMap::build(&patches, origin, vocabulary.n_classes(), distances)?)
+    let distances = distance_bins(&patches, config.distances).map_err(TrainingError::Map)?;
+    Ok(ObjectMap::build(&patches, origin, vocabulary.n_classes(), distances)
+        .map_err(TrainingError::Map)?)
 }
 
 fn distance_bins(patches: &[Patch], range: DistanceRange) -> Result<DistanceBins, MapError> {
@@ -244,28 +189,4 @@ fn distance_bins(patches: &[Patch], range: DistanceRange) -> Result<DistanceBins
                 .map_err(|_| MapError::TooFew { found: patches.len(), expected: 2 })
         }
     }
-}
-
-fn check_shapes(readings: &[&Reading], rows: usize, cols: usize) -> Result<(), TrainError> {
-    let other =
-        readings.iter().map(|r| r.image()).find(|image| (image.rows, image.cols) != (rows, cols));
-    match other {
-        Some(image) => {
-            Err(TrainError::Shape { rows, cols, found_rows: image.rows, found_cols: image.cols })
-        }
-        None => Ok(()),
-    }
-}
-
-/// Up to `n` of the features, drawn without replacement, in their order.
-fn subsample<T: Clone>(features: &[T], n: usize, stream: &mut Stream) -> Vec<T> {
-    let mut left = n.min(features.len());
-    let mut chosen = Vec::with_capacity(left);
-    for (index, feature) in features.iter().enumerate() {
-        if stream.index(features.len() - index) < left {
-            chosen.push(feature.clone());
-            left -= 1;
-        }
-    }
-    chosen
 }

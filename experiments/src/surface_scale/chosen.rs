@@ -7,9 +7,9 @@
 
 use std::sync::Arc;
 
+use palpate_core::reading::Reading;
 use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
 use palpate_recogniser::model::SurfaceModel;
-use palpate_core::reading::Reading;
 use palpate_sim::press::PressSimulator;
 use serde_json::json;
 

@@ -10,18 +10,18 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use glam::DVec3;
-use palpate_recogniser::belief::{SurfaceOptions, prepare};
-use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
 use palpate_core::reading::Reading;
-use palpate_recogniser::surface::SurfaceMap;
-use palpate_recogniser::surface::map::SurfaceLayout;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::training::TrainingSet;
+use palpate_recogniser::belief::{SurfaceOptions, prepare};
+use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::surface::SurfaceMap;
+use palpate_recogniser::surface::map::SurfaceLayout;
 use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use palpate_sim::shapes::assembled;
 use serde_json::json;
 
-use super::{SurfaceScale, LETTER, report_left_out};
+use super::{LETTER, SurfaceScale, report_left_out};
 use crate::disturbance::Disturbance;
 use crate::families::Families;
 use crate::object_sessions::{Recogniser, Sessions};
@@ -198,7 +198,8 @@ fn measure(
     progress: Progress<'_>,
 ) -> anyhow::Result<Measured> {
     let count = model.maps().len();
-    let surface = Recogniser::Surface { model: Arc::new(model), options: SurfaceOptions::default() };
+    let surface =
+        Recogniser::Surface { model: Arc::new(model), options: SurfaceOptions::default() };
     let mut sessions = Sessions {
         sensor: &config.sensor,
         test,

@@ -9,10 +9,10 @@ use glam::DQuat;
 
 use super::hypothesis::Hypothesis;
 use super::options::SurfaceOptions;
+use crate::surface::SurfaceMap;
 use palpate_core::belief::orbits::OrbitScale;
 use palpate_core::log_prob::log_sum_exp;
 use palpate_core::pose::Pose;
-use crate::surface::SurfaceMap;
 use palpate_core::symmetry::Symmetry;
 
 /// Hypotheses of less than this share of the belief add nothing to an answer.

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use super::usual::Counted;
 use super::{SurfaceBelief, SurfaceOptions, usual};
-use palpate_core::log_prob::log_sum_exp;
 use crate::model::{CalibrationBasis, EvidenceCalibration, EvidenceStage, SurfaceModel};
+use palpate_core::log_prob::log_sum_exp;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;

@@ -12,7 +12,7 @@ use super::carried::Carried;
 use super::hypothesis::Hypothesis;
 use super::motion::AMPLITUDES;
 use super::turned::Turned;
-use super::{SurfaceBelief, ObjectState, PairEvidence, is_impossible};
+use super::{ObjectState, PairEvidence, SurfaceBelief, is_impossible};
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 

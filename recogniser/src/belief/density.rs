@@ -6,10 +6,10 @@ use super::options::SurfaceOptions;
 use super::score::Kernel;
 use super::test_support::{map_of, places, seen};
 use super::turned::Turned;
-use palpate_core::pose::Pose;
-use palpate_core::rng::{Purpose, Stream};
 use crate::surface::Touch;
 use crate::surface::thinning::farthest_first;
+use palpate_core::pose::Pose;
+use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 
 /// Places at random on the two faces of a plate of so many millimetres, the second face

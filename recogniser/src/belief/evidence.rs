@@ -11,8 +11,8 @@ use super::refine::refine;
 use super::score::Kernel;
 use super::sighting::Sighting;
 use super::turned::Turned;
-use palpate_core::stop::Stop;
 use crate::surface::SurfaceMap;
+use palpate_core::stop::Stop;
 
 /// A refined pose may score this much (ln) less: scores prefer poses on which touches lie on
 /// mapped touches instead of between them.

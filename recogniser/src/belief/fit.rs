@@ -7,10 +7,10 @@
 use super::SurfaceBelief;
 use super::pattern::Pattern;
 use super::sighting::Sighting;
+use crate::surface::touch::observe_touch;
 use palpate_core::log_prob::{log_sum_exp, normalize};
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
-use crate::surface::touch::observe_touch;
 
 /// Objects less probable than this predict nothing.
 const PROBABILITY_MIN: f64 = 1e-6;

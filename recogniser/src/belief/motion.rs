@@ -10,7 +10,7 @@ use super::carried::{self, Carried};
 use super::evidence::{Evidence, Known};
 use super::hypothesis::{Hypothesis, merge};
 use super::placement::HALF;
-use super::{SurfaceBelief, ObjectState, for_each_object, is_impossible};
+use super::{ObjectState, SurfaceBelief, for_each_object, is_impossible};
 use palpate_core::reading::Looseness;
 
 /// What is known rules no object out for good when it is carried over; a prior of zero does.

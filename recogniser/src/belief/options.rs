@@ -2,8 +2,8 @@
 
 use super::pattern::PatternScale;
 use super::propose::Effort;
-use palpate_core::reading::Looseness;
 use crate::surface::pair_geometry::PairTolerance;
+use palpate_core::reading::Looseness;
 use palpate_core::units::MM;
 
 /// Deviations of a touch from the touches of a map that explain it.

@@ -8,9 +8,9 @@ use glam::{DQuat, DVec3};
 
 use super::SurfaceBelief;
 use super::stretch::aligned;
+use crate::model::SurfaceModel;
 use palpate_core::log_prob::normalize;
 use palpate_core::object::ObjectIdx;
-use crate::model::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::rng::Stream;
 

@@ -11,9 +11,9 @@ use glam::{Vec2, Vec3};
 use super::options::SurfaceOptions;
 use super::sighting::Sighting;
 use super::stretch::aligned;
-use palpate_core::exponential::exp;
 use crate::surface::facet::Facet;
 use crate::surface::pair_geometry::PairGeometry;
+use palpate_core::exponential::exp;
 
 /// The part of the scatter of normals by which an observed pair misses the nearest stored ones:
 /// there are many pairs about each, which scatter as well.
@@ -118,9 +118,9 @@ mod tests {
     use super::*;
     use crate::belief::propose::loosened;
     use crate::belief::test_support::{map_of, places, seen};
-    use palpate_core::pose::Pose;
     use crate::surface::bend::Bend;
     use crate::surface::{SurfaceMap, Touch};
+    use palpate_core::pose::Pose;
 
     /// Two touches 20 mm apart along x whose normals are at right angles to the axis and to each
     /// other, and whose contacts are stretched in these directions.

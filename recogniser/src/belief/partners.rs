@@ -78,8 +78,8 @@ mod tests {
 
     use super::*;
     use crate::belief::test_support::{places, seen};
-    use palpate_core::pose::Pose;
     use crate::surface::Touch;
+    use palpate_core::pose::Pose;
 
     #[test]
     fn partners_are_far_and_face_across_the_way() {

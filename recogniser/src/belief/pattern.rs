@@ -9,9 +9,9 @@ use glam::{DVec3, Vec3};
 
 use super::placement::left;
 use super::turned::Turned;
+use crate::surface::SurfaceMap;
 use palpate_core::reading::{Looseness, Reading};
 use palpate_core::sensor::SensorDescription;
-use crate::surface::SurfaceMap;
 
 /// So many points along each side of the array.
 const SIDE: usize = 4;

@@ -215,9 +215,9 @@ mod tests {
 
     use super::*;
     use crate::belief::test_support::{error, map_of, places, seen, single, some_pose};
-    use palpate_core::pose::Pose;
     use crate::surface::SurfacePatch;
     use crate::surface::Touch;
+    use palpate_core::pose::Pose;
 
     #[test]
     fn an_exact_pair_proposes_the_exact_pose() {

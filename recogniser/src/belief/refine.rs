@@ -12,8 +12,8 @@ use super::options::SurfaceOptions;
 use super::score::Kernel;
 use super::sighting::Sighting;
 use super::turned::Turned;
-use palpate_core::reading::Base;
 use crate::surface::SurfaceMap;
+use palpate_core::reading::Base;
 
 /// The most passes of Gauss–Newton: the next touch refines anew.
 const PASSES_MAX: usize = 3;
@@ -196,8 +196,8 @@ mod tests {
 
     use super::*;
     use crate::belief::test_support::{error, map_of, places, seen, single, some_pose};
-    use palpate_core::pose::Pose;
     use crate::surface::Touch;
+    use palpate_core::pose::Pose;
 
     fn refined(start: &Pose, map: &SurfaceMap, touches: &[Sighting]) -> Hypothesis {
         let options = SurfaceOptions::default();

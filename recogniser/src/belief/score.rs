@@ -10,13 +10,13 @@
 
 use glam::{Vec2, Vec3};
 
-use super::options::{SurfaceOptions, RefinementScale};
+use super::options::{RefinementScale, SurfaceOptions};
 use super::sighting::Sighting;
 use super::stretch::aligned;
 use super::turned::{Contact, Met, Turned};
-use palpate_core::exponential::exp;
 use crate::surface::SurfaceMap;
 use crate::surface::facet::Facet;
+use palpate_core::exponential::exp;
 
 /// Touches are taken to be explained no better than this (ln) when hopeless poses are given up.
 /// It is no strict bound: a rare look on a map of few touches can exceed it.
@@ -262,8 +262,8 @@ mod tests {
 
     use super::*;
     use crate::belief::test_support::{map_of, places, seen, single, some_pose};
-    use palpate_core::pose::Pose;
     use crate::surface::Touch;
+    use palpate_core::pose::Pose;
 
     fn turned(pose: &Pose) -> Turned {
         let (rotation, translation) = single(pose);

@@ -8,7 +8,7 @@ use super::partners::{Partner, in_turn, partners};
 use super::propose::{Proposal, propose};
 use super::sighting::Sighting;
 use super::turned::Turned;
-use super::{SurfaceBelief, ObjectState, PairEvidence, for_each_object};
+use super::{ObjectState, PairEvidence, SurfaceBelief, for_each_object};
 
 /// Poses of less than this (ln) beside the best add nothing to its share.
 const ALIKE_REACH: f32 = 8.0;
@@ -234,8 +234,8 @@ mod tests {
     use crate::belief::SurfaceOptions;
     use crate::belief::options::{Budget, ManyBudget};
     use crate::belief::test_support::{belief_over, error, places, seen, single, some_pose};
-    use palpate_core::pose::Pose;
     use crate::surface::Touch;
+    use palpate_core::pose::Pose;
 
     /// A belief over `n` objects of 200 random places each, after `touches` of the first one,
     /// the newest of them pressed so evenly. Nothing was proposed yet.

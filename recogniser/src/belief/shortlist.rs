@@ -13,7 +13,7 @@ use super::options::SurfaceOptions;
 use super::pair_fit::{alignment, fit};
 use super::propose::loosened;
 use super::sighting::Sighting;
-use super::{SurfaceBelief, ObjectState, PairEvidence};
+use super::{ObjectState, PairEvidence, SurfaceBelief};
 use crate::surface::joint_pairs::{JointPairs, JointTable, OBJECTS_PER_TABLE};
 use crate::surface::pair_geometry::PairGeometry;
 
@@ -195,9 +195,9 @@ mod tests {
     use super::*;
     use crate::belief::partners::in_turn;
     use crate::belief::test_support::{belief_over, map_of, places, seen, some_pose};
-    use palpate_core::pose::Pose;
     use crate::surface::Touch;
     use crate::surface::pair_table::PairTable;
+    use palpate_core::pose::Pose;
 
     /// What the table says of objects of 120 random places each, for touches of the third.
     fn estimates(touches: [usize; 2], wanted: [bool; 4]) -> Vec<Option<Estimate>> {

@@ -7,10 +7,10 @@ use glam::{DVec3, Vec3};
 use super::options::TouchScale;
 use super::placement::{Placement, Variances};
 use super::steadiness::Steadiness;
-use palpate_core::reading::{Base, Looseness};
 use crate::surface::appearance::{Feature, StoredFeature, ratio};
 use crate::surface::features::Features;
 use crate::surface::{AppearanceSpace, Touch};
+use palpate_core::reading::{Base, Looseness};
 
 /// Touches of one place agree: nearer ones than this (m) are no independent evidence.
 const SAME_PLACE: f32 = 0.003;

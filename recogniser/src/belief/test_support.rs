@@ -6,14 +6,14 @@ use glam::{DQuat, DVec3, Vec3};
 
 use super::sighting::{Looks, Sighting};
 use super::{SurfaceBelief, SurfaceOptions};
-use palpate_core::descriptor::Descriptor as _;
 use crate::model::{EvidenceCalibration, SurfaceModel};
-use palpate_core::pose::Pose;
-use palpate_core::rng::{Purpose, Stream};
-use palpate_core::sensor::SensorDescription;
 use crate::surface::appearance::{N_AXES, raw_descriptor};
 use crate::surface::map::SurfaceLayout;
 use crate::surface::{AppearanceSpace, SurfaceMap, SurfacePatch, Touch};
+use palpate_core::descriptor::Descriptor as _;
+use palpate_core::pose::Pose;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
 use palpate_core::vocabulary::discriminant::Discriminant;
 
 /// Half axes of the ellipsoid, metres.

@@ -12,9 +12,9 @@ use glam::{DQuat, DVec3};
 use super::{Approach, NextTouchOptions};
 use crate::belief::Expected;
 use crate::model::SurfaceModel;
+use crate::surface::SurfaceMap;
 use palpate_core::pose::Pose;
 use palpate_core::rng::Stream;
-use crate::surface::SurfaceMap;
 use palpate_core::units::MM;
 
 /// How far outside of the object an approach begins at least, metres.

@@ -9,11 +9,11 @@ use super::information::{Outcome, Scatter, information};
 use super::*;
 use crate::belief::SurfaceOptions;
 use crate::model::{EvidenceCalibration, SurfaceModel};
-use palpate_core::reading::{Reading, SensorId};
-use palpate_core::sensor::SensorDescription;
 use crate::surface::appearance::raw_dimension;
 use crate::surface::map::SurfaceLayout;
 use crate::surface::{AppearanceSpace, SurfaceMap, SurfacePatch};
+use palpate_core::reading::{Reading, SensorId};
+use palpate_core::sensor::SensorDescription;
 use palpate_core::vocabulary::discriminant::Discriminant;
 
 const HAND: Hand = Hand { half_width: 0.006, recenters: true };

@@ -107,8 +107,8 @@ fn neighbour(patch: &SurfacePatch, other: &SurfacePatch, spacing: f32) -> Option
 #[cfg(test)]
 mod tests {
     use super::*;
-    use palpate_core::rng::{Purpose, Stream};
     use crate::surface::facet::Facet;
+    use palpate_core::rng::{Purpose, Stream};
 
     fn patch(position: Vec3, normal: Vec3) -> SurfacePatch {
         SurfacePatch {

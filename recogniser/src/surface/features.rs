@@ -114,8 +114,8 @@ fn squares(feature: &Feature, block: &Block) -> [f32; LANES] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use palpate_core::rng::{Purpose, Stream};
     use crate::surface::appearance::{kernel, ratio, stored};
+    use palpate_core::rng::{Purpose, Stream};
 
     fn some(n: usize) -> Vec<Feature> {
         let mut stream = Stream::new(1, Purpose::Shape, 0);

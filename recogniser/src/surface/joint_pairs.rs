@@ -169,9 +169,9 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     use super::*;
-    use palpate_core::rng::{Purpose, Stream};
     use crate::surface::SurfacePatch;
     use crate::surface::map::SurfaceLayout;
+    use palpate_core::rng::{Purpose, Stream};
 
     const TOLERANCE: PairTolerance = PairTolerance { distance: 0.002_5, cosine: 0.22 };
 

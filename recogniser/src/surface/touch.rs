@@ -7,8 +7,8 @@
 use glam::{DVec2, DVec3};
 
 use super::appearance::{AppearanceSpace, Feature};
-use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::contact::touches;
+use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
@@ -94,10 +94,10 @@ fn stretch(image: &TactileImage, sensor: &SensorDescription) -> (DVec2, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::surface::appearance::{N_AXES, raw_descriptor};
     use palpate_core::descriptor::Descriptor as _;
     use palpate_core::pose::Pose;
     use palpate_core::reading::SensorId;
-    use crate::surface::appearance::{N_AXES, raw_descriptor};
     use palpate_core::vocabulary::discriminant::Discriminant;
 
     fn space(sensor: &SensorDescription) -> AppearanceSpace {

@@ -6,8 +6,13 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceVocabulary, ObjectAppearance};
-use palpate_dissertation::appearance::train::{AppearanceConfig, AppearanceSet, AppearanceTrainError, appearance_model, learn_appearance_vocabulary_heard, object_histogram};
+use palpate_dissertation::appearance::model::{
+    AppearanceModel, AppearanceVocabulary, ObjectAppearance,
+};
+use palpate_dissertation::appearance::train::{
+    AppearanceConfig, AppearanceSet, AppearanceTrainError, appearance_model,
+    learn_appearance_vocabulary_heard, object_histogram,
+};
 use palpate_schemas::{FeatureSource, JobStage};
 
 use super::base::extended;

@@ -8,14 +8,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use palpate_recogniser::belief::SurfaceOptions;
-use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
-use palpate_dissertation::sva::model::ObjectMap;
-use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
 use palpate_core::reading::Reading;
-use palpate_recogniser::surface::{AppearanceSpace, SurfaceMap};
 use palpate_core::symmetry::{Finding, Symmetry};
 use palpate_core::training::TrainingSet;
+use palpate_dissertation::sva::model::ObjectMap;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
+use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::surface::{AppearanceSpace, SurfaceMap};
 use palpate_recogniser::train::{SurfaceConfig, find_symmetry, learn_space, map_surface};
 use palpate_schemas::{JobStage, SurfaceReport};
 use rayon::prelude::*;
@@ -129,7 +129,7 @@ fn map_all(
         // All that is known of an object is in one frame.
         let origin = maps.get(index).map(ObjectMap::origin_in_training).or(material.origin);
         let map = map_surface(set, space, config, origin).map_err(|source| {
-            TrainingFailure::Mapping { object: material.object.name.clone(), source }
+            TrainingFailure::Surface { object: material.object.name.clone(), source }
         })?;
         let (symmetry, decided) = symmetry(material, map.origin_in_training());
         let now = done.fetch_add(1, Ordering::Relaxed) + 1;

@@ -1,6 +1,8 @@
 //! Analyses: questions about coverings in, trade-offs out.
 
-use palpate_core::sensor::covering::{ALIASING_SPREAD, Acuity, force_resolutions, recommended, thickness_of_spread};
+use palpate_core::sensor::covering::{
+    ALIASING_SPREAD, Acuity, force_resolutions, recommended, thickness_of_spread,
+};
 use palpate_core::sensor::point_spread::{ELEMENT_WIDTH, point_spread_of_covering};
 use palpate_core::units::{INCH, MM, Shown};
 use palpate_schemas as wire;

@@ -4,8 +4,12 @@ use std::sync::Arc;
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::object::ObjectIdx;
-use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceSource, ObjectAppearance};
-use palpate_dissertation::appearance::train::{AppearanceConfig, ClusteringMethod, DiscriminantConfig};
+use palpate_dissertation::appearance::model::{
+    AppearanceModel, AppearanceSource, ObjectAppearance,
+};
+use palpate_dissertation::appearance::train::{
+    AppearanceConfig, ClusteringMethod, DiscriminantConfig,
+};
 use palpate_schemas as wire;
 use palpate_schemas::{AppearanceTraining, ClusteringKind, Descriptor, FeatureSource};
 use palpate_store::catalogue::VersionObject;

@@ -1,11 +1,13 @@
 //! Sensors: descriptions in, descriptions and dry-runs out.
 
-use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::contact::contact_floor;
+use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::point_spread::point_spread_of_covering;
-use palpate_core::sensor::{ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid, defaults};
+use palpate_core::sensor::{
+    ForceCurve, ImageOrder, SensorDescription, SensorError, SensorParameters, TaxelGrid, defaults,
+};
 use palpate_schemas as wire;
 use palpate_store::entity::Sensor;
 use uuid::Uuid;

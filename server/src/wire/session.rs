@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use palpate_recogniser::belief::SurfaceOptions;
 use palpate_core::reading::{Base, Looseness};
 use palpate_core::units::Shown;
+use palpate_recogniser::belief::SurfaceOptions;
 use palpate_schemas as wire;
 use palpate_schemas::{Method, SessionEnd, SessionState};
 use palpate_store::entity::{Method as StoredMethod, Session};
@@ -275,7 +275,8 @@ fn checked_options(
     match method {
         Method::Surface => {
             options.is_unknown_prior_told = unknown_prior.is_some();
-            options.unknown_prior = Some(unknown_prior.unwrap_or(SurfaceOptions::default().unknown));
+            options.unknown_prior =
+                Some(unknown_prior.unwrap_or(SurfaceOptions::default().unknown));
             return model.surfaces().map(|_| options);
         }
         Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),

@@ -2,12 +2,12 @@
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::object::MapPatch;
-use palpate_dissertation::sva::model::ObjectMap;
-use palpate_dissertation::patch_pair::DistanceBins;
-use palpate_dissertation::sva::train::{DistanceRange, TrainingConfig};
 use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;
+use palpate_dissertation::patch_pair::DistanceBins;
+use palpate_dissertation::sva::model::ObjectMap;
+use palpate_dissertation::sva::train::{DistanceRange, TrainingConfig};
 use palpate_schemas as wire;
 use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};

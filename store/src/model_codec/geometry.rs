@@ -6,11 +6,13 @@
 
 use std::sync::Arc;
 
-use palpate_dissertation::geometric::model::{ClassTable, GeometricMap, GeometricModel, SensorGains};
+use palpate_core::reading::SensorId;
+use palpate_dissertation::geometric::model::{
+    ClassTable, GeometricMap, GeometricModel, SensorGains,
+};
 use palpate_dissertation::mosaic::ForceMosaic;
 use palpate_dissertation::occupancy::grid::CELLS_MAX;
 use palpate_dissertation::occupancy::{GridShape, OccupancyGrid};
-use palpate_core::reading::SensorId;
 use uuid::Uuid;
 
 use super::reader::Reader;

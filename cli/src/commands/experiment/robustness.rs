@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use palpate_core::units::MM;
-use palpate_experiments::surface_noise::{self, SurfaceNoise};
 use palpate_experiments::other_physics::{self, OtherPhysics};
 use palpate_experiments::ppf_peer::{self, PpfPeer};
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::solid_geometry::{self, SolidGeometry};
+use palpate_experiments::surface_noise::{self, SurfaceNoise};
 use palpate_experiments::thinning::{self, Thinning};
 use palpate_experiments::unknown::{self, Unknown};
 

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use palpate_core::units::MM;
-use palpate_experiments::surface_objects::{self, SurfaceObjects};
-use palpate_experiments::surface_scale::{self, SurfaceScale};
 use palpate_experiments::next_touch::{self, NextTouch};
 use palpate_experiments::report::{Outcome, Progress};
+use palpate_experiments::surface_objects::{self, SurfaceObjects};
+use palpate_experiments::surface_scale::{self, SurfaceScale};
 
 use super::{count, meshes_of, millimetres};
 

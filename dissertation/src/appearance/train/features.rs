@@ -1,9 +1,9 @@
 //! Features of training sets, and which readings are held back.
 
 use super::{AppearanceSet, AppearanceTrainError};
-use palpate_core::descriptor::{DescriptorKind, FeatureMatrix};
 use crate::appearance::model::AppearanceSource;
 use palpate_core::contact::touches;
+use palpate_core::descriptor::{DescriptorKind, FeatureMatrix};
 use palpate_core::reading::TactileImage;
 
 /// The features of one object's readings that touched it, one matrix a reading.

@@ -7,9 +7,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::appearance::model::{
+    AppearanceReport, AppearanceRule, NearDuplicate, ObjectAppearance, ObjectShares,
+};
 use palpate_core::log_prob;
 use palpate_core::object::ObjectIdx;
-use crate::appearance::model::{AppearanceReport, AppearanceRule, NearDuplicate, ObjectAppearance, ObjectShares};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::vocabulary::bag::correlation;
 use palpate_core::vocabulary::choice::ClassCount;

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::*;
-use palpate_core::log_prob::normalize;
 use crate::occupancy::{ContactClass, GridShape};
+use palpate_core::log_prob::normalize;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 

@@ -5,15 +5,15 @@
 use std::sync::{Arc, LazyLock};
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
-use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
-use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use palpate_core::units::MM;
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 
 pub(crate) const N_OBJECTS: usize = 3;
 
