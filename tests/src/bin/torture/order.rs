@@ -24,7 +24,7 @@ const WAYS: u64 = 8;
 /// The server is killed once every this many rounds, and its answers are checked again.
 const KILL_EVERY: u32 = 25;
 /// Recognition methods, drawn for each session.
-const METHODS: [&str; 4] = ["hybrid", "hybrid", "sva", "appearance"];
+const METHODS: [&str; 4] = ["surface", "surface", "sva", "appearance"];
 
 /// Contents of one round.
 struct Case {
@@ -107,7 +107,7 @@ impl Case {
                     // A coarse clock: many stamps are equal.
                     reading["stamp"] = json!({"sec": stream.index(12), "nanosec": 0});
                 }
-                if method == "hybrid" && stream.index(12) == 0 {
+                if method == "surface" && stream.index(12) == 0 {
                     reading["object_moved"] = json!({"position_m": 0.002, "angle_rad": 0.02});
                 }
                 own.push(reading);

@@ -18,7 +18,7 @@ const OBJECTS_MAX: usize = 4;
 /// With keys: one request in this many creates or revokes one.
 const KEYS_EVERY: usize = 12;
 /// Recognition methods, drawn for each session.
-const METHODS: [&str; 3] = ["hybrid", "sva", "appearance"];
+const METHODS: [&str; 3] = ["surface", "sva", "appearance"];
 
 /// One client.
 pub(crate) struct Robot {
