@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate_core::geometric::PreparedGeometry;
-use palpate_core::model::appearance::AppearanceModel;
-use palpate_core::model::geometry::GeometricModel;
-use palpate_core::model::surface::SurfaceModel;
-use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
+use palpate_dissertation::geometric::PreparedGeometry;
+use palpate_dissertation::appearance::model::AppearanceModel;
+use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_recogniser::model::SurfaceModel;
+use palpate_dissertation::sva::model::{Catalogue as CoreCatalogue, ObjectMap};
 use palpate_core::symmetry::Symmetry;
 use palpate_store::catalogue::VersionObject;
 use palpate_store::model_codec::ModelPart;

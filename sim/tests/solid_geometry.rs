@@ -6,17 +6,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate_core::geometric::{
-    AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
-    PreparedGeometry,
-};
-use palpate_core::model::ObjectIdx;
+use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::geometry::{GeometryConfig, map_geometry};
+use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
+};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SamplerConfig, sample};
 use palpate_sim::shapes::example;
@@ -49,7 +49,7 @@ fn options(pose: PosePrior) -> GeometricOptions {
 }
 
 #[test]
-fn a_body_within_bounds_is_named_and_placed() {
+fn a_body_within_bounds_is_recognised_and_located() {
     let geometry = geometry();
     let nominal = Pose::from_parts(DQuat::from_rotation_z(0.8), DVec3::new(0.5, 0.1, 0.3));
     let pose = PosePrior::Bounded {

@@ -7,12 +7,12 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate_core::geometric::{PreparedGeometry, TableBudget};
-use palpate_core::hybrid::{HybridOptions, prepare};
-use palpate_core::model::Catalogue as CoreCatalogue;
 use palpate_core::symmetry::Symmetry;
+use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
+use palpate_recogniser::belief::{SurfaceOptions, prepare};
 use palpate_store::catalogue::{Catalogues as Table, Manifest, VersionObject};
 use palpate_store::error::StoreError;
+use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{CodecError, ModelPart};
 use uuid::Uuid;
 
@@ -134,7 +134,7 @@ fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
 }
 
 /// How much memory the surfaces take that were read; other parts take what was expected.
-fn bytes_found(core: &CoreCatalogue) -> Option<u64> {
+fn bytes_found(core: &TrainedModel) -> Option<u64> {
     core.surface.as_ref().map(|surface| surface.bytes() as u64)
 }
 
@@ -151,14 +151,14 @@ fn read_part(
     let what = part_name(part);
     tracing::info!("Read {what} of {n_objects} objects, version {version} of catalogue {name:?}");
     if let Some(surface) = &core.surface {
-        prepare(surface, &HybridOptions::default());
+        prepare(surface, &SurfaceOptions::default());
     }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
         (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),
         (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };
-    let geometry = core.geometry.clone();
+    let geometry = core.geometric.clone();
     let prepared = geometry.map(|model| PreparedGeometry::within(model, Arc::clone(tables)));
     let origins_in_model = origins_in_model(&manifest)?;
     let (core, objects) = (Arc::new(core), manifest.objects);
