@@ -13,9 +13,6 @@ use crate::commands::{
     sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
 };
 
-/// Where a server listens when nobody says otherwise.
-pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
-
 const EXAMPLES: &str = "\
 Examples:
   palpate demo                                see the whole of it, with simulated robots

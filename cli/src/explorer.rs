@@ -18,7 +18,7 @@ use palpate_sim::noise::NoiseLevel;
 use palpate_sim::press::{PressConfig, PressSimulator};
 use palpate_sim::render::{View, arm_png};
 
-use crate::commands::touch::described;
+use crate::robot::described;
 
 /// How far from the middle of the arm's workspace the middle of the object lies at most, along
 /// each axis.

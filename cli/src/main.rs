@@ -6,20 +6,22 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
 
 mod admin_key;
-mod args;
 mod calibrated;
-mod commands;
-mod exit;
-mod explorer;
-mod logging;
+mod json_file;
 mod output;
+mod exit;
 mod progress;
 mod readings_file;
 mod robot;
+mod explorer;
 mod settings;
 mod symmetry;
-mod trial;
 mod verdict;
+mod trial;
+mod commands;
+mod args;
+mod dispatch;
+mod logging;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -44,7 +46,7 @@ fn main() -> ExitCode {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let outcome = match runtime {
         Ok(runtime) => {
-            let outcome = runtime.block_on(commands::run(cli));
+            let outcome = runtime.block_on(dispatch::run(cli));
             // Simulated touches that nobody waits for any more are not waited for.
             runtime.shutdown_background();
             outcome

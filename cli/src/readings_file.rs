@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use palpate_client::schemas::Reading;
 use serde::{Deserialize, Serialize};
 
-use crate::commands::sensors::read_json;
+use crate::json_file::read_json;
 
 /// What the file calls itself.
 const FORMAT: &str = "palpate-readings";

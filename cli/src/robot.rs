@@ -11,10 +11,13 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use glam::{DQuat, DVec3};
-use palpate_client::schemas::{self, MeshUnit, NextTouch, PosePrior, TouchWorkspace};
+use palpate_client::schemas::{
+    self, MeshUnit, NextTouch, PosePrior, SensorPreset, TouchWorkspace,
+};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
 use palpate_sim::controller::{Landing, RecenterConfig, touch_recentered};
 use palpate_sim::mesh::{Mesh, MeshFormat};
@@ -239,6 +242,11 @@ pub(crate) fn wire_format(format: MeshFormat) -> schemas::MeshFormat {
 
 fn to_wire(pose: Pose) -> schemas::Pose {
     schemas::Pose { position: pose.translation.to_array(), orientation: pose.rotation.to_array() }
+}
+
+/// The preset's description, for the simulation.
+pub(crate) fn described(preset: SensorPreset) -> SensorDescription {
+    SensorDescription::preset_named(preset.name()).expect("the wire's presets are core's")
 }
 
 #[cfg(test)]

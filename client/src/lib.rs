@@ -19,33 +19,20 @@
 //! ```
 
 mod error;
-
 mod retry;
-
 mod request;
-
 mod client;
-
 mod sensors;
-
 mod objects;
-
 mod training;
-
 mod maps;
-
 mod keys;
-
 mod compactions;
-mod sessions;
 mod snapshots;
-
 mod history;
-
+mod sessions;
 mod stamps;
-
 mod events;
-
 mod touch_session;
 
 pub use client::{Client, ClientOptions};

@@ -5,33 +5,18 @@
 //! corrections in `docs/equations.md`.
 
 pub mod units;
-
 pub mod stop;
-
 pub mod rng;
-
 pub mod log_prob;
-
 pub mod exponential;
-
 pub mod pose;
-
 pub mod sensor;
-
 pub mod reading;
-
 pub mod contact;
-
 pub mod object;
-
 pub mod training;
-
 pub mod metric;
-
 pub mod descriptor;
-
 pub mod vocabulary;
-
 pub mod symmetry;
-
 pub mod belief;

@@ -6,19 +6,11 @@
 //! Corrections are in `docs/equations.md`. Not here: the service's own recogniser.
 
 pub mod occupancy;
-
 pub mod mosaic;
-
 pub mod rotation_grid;
-
 pub mod filter;
-
 pub mod geometric;
-
 pub mod appearance;
-
 pub mod patch;
-
 pub mod patch_pair;
-
 pub mod sva;

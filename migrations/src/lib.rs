@@ -6,9 +6,9 @@
 //! while the database's lock is held, so there is no other writer. Not here: downgrades. An
 //! older Palpate refuses a newer layout.
 
+mod raw;
 mod layout;
 mod m0002_journal_entries;
-mod raw;
 
 use palpate_store::engine::{CommitError, Engine, EngineError};
 use palpate_store::envelope::EnvelopeError;

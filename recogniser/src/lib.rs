@@ -4,11 +4,7 @@
 //! randomness but a seed's. Not here: the dissertation's methods.
 
 pub mod surface;
-
 pub mod model;
-
 pub mod train;
-
 pub mod belief;
-
 pub mod next_touch;

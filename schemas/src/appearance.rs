@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use crate::training::Descriptor;
+use crate::descriptor::Descriptor;
 
 /// What a training is to learn for the methods `appearance…`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]

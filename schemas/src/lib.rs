@@ -6,24 +6,25 @@
 
 pub mod access;
 pub mod analysis;
-pub mod appearance;
-pub mod belief;
 pub mod calibration;
-pub mod fleet;
-pub mod geometry;
+pub mod descriptor;
+pub mod appearance;
 pub mod health;
-pub mod history;
-pub mod next_touch;
-pub mod object;
 pub mod page;
 pub mod pose;
+pub mod geometry;
+pub mod next_touch;
 pub mod problem;
 pub mod reading;
+pub mod symmetry;
+pub mod belief;
+pub mod history;
+pub mod warning;
+pub mod object;
 pub mod sensor;
 pub mod session;
-pub mod symmetry;
+pub mod fleet;
 pub mod training;
-pub mod warning;
 
 pub use access::{
     ApiKey, ApiKeyPage, AuditEntry, AuditPage, AuditQuery, AuditRing, BindRobot, CreateKey,
@@ -42,6 +43,7 @@ pub use calibration::{
     SensorCalibration, SpreadCalibration, SpreadPress, SpreadPresses, TaxelCalibration, TaxelPlace,
     TaxelState,
 };
+pub use descriptor::Descriptor;
 pub use fleet::{Fleet, FleetQuery, FleetSession};
 pub use geometry::{
     AxisUnit, GeometryKind, GeometryReport, GeometryTraining, Marginal, Marginals, MarginalsQuery,
@@ -73,7 +75,7 @@ pub use session::{
 };
 pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
-    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,
+    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, 
     DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,
     ObjectReport, SetCurrent, SkippedObject, StartTraining, SurfaceReport, TrainingReport,
 };

@@ -7,33 +7,24 @@
 //! is over a bound is told to come back. Health checks and metrics are always answered: an
 //! overloaded server must not look dead.
 
-mod arrival;
-mod departure;
-
 use std::sync::Arc;
 
-use axum::extract::{ConnectInfo, Request, State};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
 use palpate_store::engine::EngineError;
 use palpate_store::sled::CUTS_MAX;
 
-use crate::app::App;
-use crate::asker;
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
 use crate::config::Config;
-use crate::door::{Connections, Peer};
+use crate::door::Connections;
 use crate::refusal::Refusal;
-pub(crate) use departure::InMemory;
 
 /// The budgets of what is under way.
 #[derive(Debug)]
 pub(crate) struct Admission {
     requests: Arc<Budget>,
     streams: Arc<Budget>,
-    bodies: Arc<Budget>,
-    answers: Arc<Budget>,
+    pub(crate) bodies: Arc<Budget>,
+    pub(crate) answers: Arc<Budget>,
     snapshots: Arc<Budget>,
     connections: Arc<Connections>,
 }
@@ -94,7 +85,8 @@ impl Admission {
         ]
     }
 
-    fn request(&self, client: Option<Client>) -> Result<Holding, Refusal> {
+    /// Room for one request, for as long as the holding lives.
+    pub(crate) fn request(&self, client: Option<Client>) -> Result<Holding, Refusal> {
         self.requests.take(client, 1).map_err(|over| match over {
             Over::Total => Refusal::RequestsFull { under_way: self.requests.total() },
             Over::Share => share("concurrency", "concurrent-requests", &self.requests),
@@ -102,40 +94,12 @@ impl Admission {
     }
 }
 
+/// The most bytes that an answer keeps in memory which is made while it is read: an extension of
+/// the response.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InMemory(pub(crate) usize);
+
 /// The refusal of a client that holds its share of a budget.
-fn share(name: &'static str, unit: &'static str, budget: &Budget) -> Refusal {
+pub(crate) fn share(name: &'static str, unit: &'static str, budget: &Budget) -> Refusal {
     Refusal::ShareFull { name, unit, used: budget.used(), total: budget.total() }
-}
-
-/// Whether a path is what supervisors look at: it is always answered.
-pub(crate) fn is_watched(path: &str) -> bool {
-    matches!(path, "/livez" | "/readyz" | "/metrics")
-}
-
-/// Reads a request's body, lets the request in if there is room, ends it when it takes too long,
-/// and counts its answer until it was read.
-pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) -> Response {
-    if is_watched(request.uri().path()) {
-        return next.run(request).await;
-    }
-    let admitted = async {
-        let client = Client::of(&request);
-        let peer = request.extensions().get::<ConnectInfo<Peer>>();
-        if peer.is_some_and(|ConnectInfo(peer)| peer.is_reserve) {
-            return Err(Refusal::ConnectionsFull { open: app.admission().connections.used() });
-        }
-        let (mut request, body) = arrival::receive(&app, request, client).await?;
-        request.extensions_mut().insert(client);
-        let slot = app.admission().request(client)?;
-        Ok((request, body, slot, client))
-    };
-    let (request, body, slot, client) = match admitted.await {
-        Ok(admitted) => admitted,
-        Err(refusal) => return refusal.into_response(),
-    };
-    let within = app.config().answer_timeout;
-    let answer = tokio::time::timeout(within, asker::ask(client, next.run(request))).await;
-    drop((slot, body));
-    let answer = answer.unwrap_or_else(|_| Refusal::TooSlow { within }.into_response());
-    departure::count(&app.admission().answers, client, answer)
 }

@@ -2,30 +2,26 @@
 
 use std::sync::Arc;
 
-use axum::Router;
-use axum::middleware::{from_fn, from_fn_with_state};
 use palpate_schemas::{Check, Readiness};
 use palpate_store::database::Database;
 use palpate_store::engine::EngineStats;
 use palpate_store::model_codec::ModelPart;
 use tokio::sync::watch;
-use tower_http::catch_panic::CatchPanicLayer;
 
-use crate::admission::{Admission, admit};
-use crate::services::audit::{Audit, record};
-use crate::services::catalogues::{Catalogues, part_name};
+use crate::admission::Admission;
+use crate::services::audit::Audit;
+use crate::model::part_name;
+use crate::services::catalogues::Catalogues;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::middleware::guard::guard;
-use crate::middleware::headers::{cors, secure};
 use crate::services::jobs::Jobs;
 use crate::services::keys::Keys;
 use crate::services::objects::Objects;
-use crate::rate::{Rates, share};
+use crate::rate::Rates;
 use crate::refusal::Refusal;
+use crate::roles::Operations;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
-use crate::{problem, routes, telemetry};
 
 /// What handlers work with. Cheap to clone.
 #[derive(Clone)]
@@ -45,6 +41,7 @@ pub(crate) struct Parts {
     pub(crate) sessions: Arc<Sessions>,
     pub(crate) keys: Arc<Keys>,
     pub(crate) audit: Arc<Audit>,
+    pub(crate) operations: Operations,
     pub(crate) stopping: watch::Receiver<bool>,
 }
 
@@ -103,6 +100,11 @@ impl App {
 
     pub(crate) fn audit(&self) -> &Arc<Audit> {
         &self.0.audit
+    }
+
+    /// The operations of the API.
+    pub(crate) fn operations(&self) -> &Operations {
+        &self.0.operations
     }
 
     /// Reads much of the store on a thread that computes: those that serve requests stay free.
@@ -192,27 +194,6 @@ impl App {
             metrics::counter!("palpate_store_flushes_total").absolute(stats.flushes);
         }
     }
-}
-
-/// Every route behind every layer; the outermost is added last.
-pub(crate) fn router(app: App) -> Router {
-    let (api, _) = routes::api().split_for_parts();
-    let guarded = api
-        .merge(routes::site::pages())
-        .layer(CatchPanicLayer::custom(problem::panicked))
-        .layer(from_fn_with_state(app.clone(), record))
-        .layer(from_fn_with_state(app.clone(), admit))
-        .layer(from_fn_with_state(app.clone(), share))
-        .layer(from_fn_with_state(app.clone(), guard));
-    // Browsers ask without a key whether a page may ask at all.
-    let shared = match cors(&app.config().cors_origins) {
-        Some(cors) => guarded.layer(cors),
-        None => guarded,
-    };
-    shared
-        .layer(from_fn_with_state(app.clone(), secure))
-        .layer(from_fn(telemetry::observe))
-        .with_state(app)
 }
 
 /// Whether writes are taken.

@@ -4,11 +4,7 @@
 
 use std::net::{IpAddr, Ipv6Addr};
 
-use axum::extract::{ConnectInfo, Request};
 use uuid::Uuid;
-
-use crate::door::Peer;
-use crate::middleware::guard::Caller;
 
 /// A network of this length is one client: a host may choose any address in it.
 const IPV6_PREFIX_BITS: u32 = 64;
@@ -23,16 +19,6 @@ pub(crate) enum Client {
 }
 
 impl Client {
-    /// The client that a request counts to; `None` outside a connection.
-    pub(crate) fn of(request: &Request) -> Option<Self> {
-        let caller = request.extensions().get::<Caller>();
-        if let Some(key) = caller.and_then(|caller| caller.key.as_ref()) {
-            return Some(Self::Key(key.id));
-        }
-        let ConnectInfo(peer) = request.extensions().get::<ConnectInfo<Peer>>()?;
-        Some(Self::at(peer.address.ip()))
-    }
-
     /// The client at an address.
     pub(crate) fn at(address: IpAddr) -> Self {
         Self::Address(match address.to_canonical() {

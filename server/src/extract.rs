@@ -230,7 +230,7 @@ fn json_refusal(pointer: String, error: &serde_json::Error) -> Refusal {
 fn wrong_value(pointer: String, detail: String) -> Refusal {
     let missing = named_field(&detail).filter(|_| detail.starts_with("missing field"));
     let pointer = missing.map_or(pointer.clone(), |name| format!("{pointer}/{name}"));
-    Refusal::Invalid(vec![FieldError { pointer, detail: plain::words(&detail) }])
+    Refusal::field(pointer, plain::words(&detail))
 }
 
 /// A body that cannot be read from `pointer` on.

@@ -45,6 +45,11 @@ impl Bound {
     }
 }
 
+/// Bytes as messages show them.
+pub(crate) fn megabytes(bytes: u64) -> String {
+    format!("{:.3} MB", bytes as f64 / 1e6)
+}
+
 /// The header that says when to ask again, in whole seconds and never at once.
 pub(crate) fn retry_after(wait: Duration) -> (HeaderName, HeaderValue) {
     (header::RETRY_AFTER, HeaderValue::from(seconds(wait)))

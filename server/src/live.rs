@@ -5,6 +5,8 @@
 //! the compute pool; if that panics nothing is in memory, and the next one to ask folds anew.
 
 mod account;
+pub(crate) mod belief;
+pub(crate) mod checkpoints;
 mod ending;
 mod explain;
 mod folding;
@@ -16,6 +18,7 @@ mod presses;
 mod replay;
 mod retract;
 mod state;
+mod status;
 mod turns;
 
 use std::sync::Arc;
@@ -35,12 +38,12 @@ use tracing::Instrument;
 
 use crate::asker::Asker;
 use crate::live::belief::{SessionBelief, check};
-use crate::services::catalogues::Model;
+use crate::model::Model;
 use crate::clock::now_ms;
-use crate::compute::{ComputeError, Length, Place};
+use crate::compute::{ComputeError, Length, Place, Pool};
+use crate::known_sensors::KnownSensors;
 use crate::refusal::Refusal;
-use crate::services::repeats::new_readings;
-use crate::services::sessions::{POSES, Tools, status};
+use crate::repeats::new_readings;
 use crate::wire::belief::{belief, top};
 use crate::wire::life::Status;
 use crate::wire::reading::{Incoming, warnings};
@@ -51,6 +54,7 @@ pub(crate) use account::Total;
 use folding::Folding;
 pub(crate) use replay::ReplayQuestion;
 use state::State;
+pub(crate) use status::status;
 use turns::Turns;
 
 /// Folding more readings than this gives way to what other robots wait for. Chosen: a batch of an
@@ -59,6 +63,18 @@ const SHORT_READINGS_MAX: usize = 32;
 
 /// How many events a slow follower may lag behind before it misses some.
 const EVENTS_MAX: usize = 16;
+
+/// Pose hypotheses of an answer when the request does not say.
+pub(crate) const POSES: usize = 5;
+
+/// What an entry needs to do its work.
+pub(crate) struct Tools<'a> {
+    pub(crate) store: &'a Database,
+    pub(crate) sensors: &'a Arc<KnownSensors>,
+    pub(crate) pool: &'a Pool,
+    pub(crate) readings_max: usize,
+    pub(crate) checkpoints: &'a Arc<Checkpoints>,
+}
 
 /// A session in memory.
 pub(crate) struct Live {

@@ -7,9 +7,10 @@ use palpate_dissertation::geometric::PreparedGeometry;
 use palpate_dissertation::appearance::model::AppearanceModel;
 use palpate_dissertation::geometric::model::GeometricModel;
 use palpate_recogniser::model::SurfaceModel;
-use palpate_dissertation::sva::model::{Catalogue as CoreCatalogue, ObjectMap};
+use palpate_dissertation::sva::model::ObjectMap;
 use palpate_core::symmetry::Symmetry;
 use palpate_store::catalogue::VersionObject;
+use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::ModelPart;
 use thiserror::Error;
 use uuid::Uuid;
@@ -19,7 +20,7 @@ pub(crate) struct Model {
     pub(crate) catalogue: Uuid,
     pub(crate) name: String,
     pub(crate) version: u32,
-    pub(crate) core: Arc<CoreCatalogue>,
+    pub(crate) core: Arc<TrainedModel>,
     pub(crate) objects: Vec<VersionObject>,
     /// Where each object's frame has its origin in the frame that it was taught in, metres.
     pub(crate) origins_in_model: Arc<[DVec3]>,
@@ -47,7 +48,7 @@ impl Model {
 
     /// What the version knows of its objects' geometry.
     pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, NoPart> {
-        self.core.geometry.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometry))
+        self.core.geometric.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometry))
     }
 
     /// What the version knows of its objects' appearance.
@@ -62,7 +63,7 @@ impl Model {
 
     /// The maps of pairs of touches, one an object.
     pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], NoPart> {
-        let maps = self.core.objects.as_slice();
+        let maps = self.core.sva.objects.as_slice();
         if maps.len() == self.objects.len() {
             return Ok(maps);
         }
@@ -76,6 +77,7 @@ impl Model {
             Err(_) => self.objects.iter().position(|object| object.name == reference),
         }
     }
+
     fn lacks(&self, part: ModelPart) -> NoPart {
         NoPart { part, catalogue: self.name.clone(), version: self.version }
     }

@@ -6,6 +6,8 @@
 //! drifts; `UPDATE_OPENAPI=1 cargo test -p palpate-server openapi` rewrites it.
 
 mod examples;
+#[cfg(test)]
+mod operations;
 mod unions;
 
 use std::sync::OnceLock;
@@ -15,44 +17,11 @@ use utoipa::openapi::extensions::Extensions;
 use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
-use utoipa::{IntoResponses, OpenApi as _, ToSchema};
+use utoipa::OpenApi as _;
 
 use crate::problem::CONTENT_TYPE;
 use crate::roles::{self, Rule, Who};
 use crate::routes;
-
-/// The answer of an operation that may not fit the state of things.
-#[derive(IntoResponses)]
-#[response(
-    status = 409,
-    content_type = "application/problem+json",
-    description = "It does not fit the state of things, or something else has its name or number"
-)]
-pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents")] Problem);
-
-/// The answer of an operation to a session that has ended.
-#[derive(IntoResponses)]
-#[response(
-    status = 410,
-    content_type = "application/problem+json",
-    description = "The session was closed or has expired"
-)]
-pub(crate) struct Ended(#[expect(dead_code, reason = "the type only documents")] Problem);
-
-/// A mesh file, as its program wrote it.
-#[derive(ToSchema)]
-#[schema(value_type = String, format = Binary)]
-pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
-
-/// A snapshot, as `docs/formats.md` draws it.
-#[derive(ToSchema)]
-#[schema(value_type = String, format = Binary)]
-pub(crate) struct SnapshotFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
-
-/// A map of contact as an image or a model.
-#[derive(ToSchema)]
-#[schema(value_type = String, format = Binary)]
-pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
 /// What the description calls keys.
 const SCHEME: &str = "key";

@@ -14,10 +14,12 @@ use palpate_store::engine::EngineError;
 use palpate_store::error::StoreError;
 
 use crate::compute::ComputeError;
-use crate::services::keys::KeyFault;
-use crate::secret::redacted;
+use crate::known_sensors::UnknownSensor;
 use crate::limits::{Bound, retry_after};
-use crate::refusal::Refusal;
+use crate::refusal::{KeyFault, Refusal};
+use crate::secret::redacted;
+use crate::wire::Invalid;
+use crate::wire::object::FormatError;
 
 /// The content type of every error.
 pub(crate) const CONTENT_TYPE: &str = "application/problem+json";
@@ -182,7 +184,9 @@ fn framework_draft(found: StatusCode, path: &str) -> Draft {
 
 fn kind(refusal: &Refusal) -> ProblemType {
     match refusal {
-        Refusal::NotFound { .. } | Refusal::NoVersion { .. } => ProblemType::NotFound,
+        Refusal::NotFound { .. }
+        | Refusal::NoVersion { .. }
+        | Refusal::UnknownSensor(UnknownSensor::Sensor { .. }) => ProblemType::NotFound,
         Refusal::Unauthenticated(_) => ProblemType::Unauthenticated,
         Refusal::Forbidden { .. }
         | Refusal::ForeignHost { .. }
@@ -192,11 +196,13 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::Malformed { .. } | Refusal::Unreadable { .. } => ProblemType::MalformedRequest,
         Refusal::BodyTooLarge { .. } => ProblemType::BodyTooLarge,
         Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
-        Refusal::ContentType { .. } | Refusal::ContentEncoding { .. } => {
+        Refusal::ContentType { .. }
+        | Refusal::Format(FormatError::ContentType { .. })
+        | Refusal::ContentEncoding { .. } => {
             ProblemType::UnsupportedMediaType
         }
-        Refusal::Invalid(_) => ProblemType::InvalidValue,
-        Refusal::ReadingConflict { .. } | Refusal::OtherTruth { .. } => ProblemType::Conflict,
+        Refusal::Invalid(_) | Refusal::Format(FormatError::Invalid(_)) => ProblemType::InvalidValue,
+        Refusal::ReadingConflict { .. } | Refusal::OtherTruth(_) => ProblemType::Conflict,
         Refusal::SessionEnded { .. } => ProblemType::SessionEnded,
         Refusal::RateExceeded { .. }
         | Refusal::FailuresExceeded { .. }
@@ -205,10 +211,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::SessionBusy { .. } => ProblemType::TooManyRequests,
         Refusal::TooManyToExplain { .. }
         | Refusal::Untrained { .. }
-        | Refusal::NoGeometric { .. }
-        | Refusal::NoAppearance { .. }
-        | Refusal::NoSva { .. }
-        | Refusal::NoSurface { .. }
+        | Refusal::NoPart(_)
         | Refusal::NoMarginals { .. }
         | Refusal::NoNextTouches { .. }
         | Refusal::NoTouch { .. }
@@ -236,9 +239,13 @@ fn kind(refusal: &Refusal) -> ProblemType {
         }
         Refusal::Quarantined { .. } => ProblemType::Damaged,
         Refusal::NotReady(_) | Refusal::ModelTooLarge { .. } => ProblemType::Unavailable,
-        Refusal::Store(error) => store_kind(error),
+        Refusal::Store(error) | Refusal::UnknownSensor(UnknownSensor::Store(error)) => {
+            store_kind(error)
+        }
         Refusal::Compute(ComputeError::Panicked)
         | Refusal::Unusable { .. }
+        | Refusal::UnreadableVersion(_)
+        | Refusal::UnknownSensor(UnknownSensor::Calibration { .. })
         | Refusal::NoRandom
         | Refusal::Panicked => ProblemType::Internal,
     }
@@ -267,14 +274,16 @@ fn store_kind(error: &StoreError) -> ProblemType {
 fn errors(refusal: Refusal) -> Vec<FieldError> {
     let detail = refusal.to_string();
     match refusal {
-        Refusal::Invalid(errors) | Refusal::Malformed { errors, .. } => errors,
+        Refusal::Invalid(Invalid(errors))
+        | Refusal::Format(FormatError::Invalid(Invalid(errors)))
+        | Refusal::Malformed { errors, .. } => errors,
         Refusal::Store(StoreError::NameTaken { .. }) => {
             vec![FieldError { pointer: "/name".to_owned(), detail }]
         }
         Refusal::ReadingConflict { pointer, .. } | Refusal::RobotHeld { pointer, .. } => {
             vec![FieldError { pointer, detail }]
         }
-        Refusal::ContentType { .. } => {
+        Refusal::ContentType { .. } | Refusal::Format(FormatError::ContentType { .. }) => {
             vec![FieldError { pointer: "header:content-type".to_owned(), detail }]
         }
         Refusal::ContentEncoding { .. } => {

@@ -6,19 +6,13 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use axum::extract::{Request, State};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
 use governor::clock::{Clock, DefaultClock};
 use governor::middleware::StateInformationMiddleware;
 use governor::state::keyed::DashMapStateStore;
 use governor::{Quota, RateLimiter};
 
-use crate::admission::is_watched;
-use crate::app::App;
 use crate::client::Client;
 use crate::limits::Bound;
-use crate::refusal::Refusal;
 
 /// So many clients are remembered before those are forgotten that have been quiet.
 const CLIENTS_REMEMBERED: usize = 10_000;
@@ -41,7 +35,7 @@ impl Rates {
     }
 
     /// Takes one request of a client's share: how many are left, or how long to wait.
-    fn take(&self, client: Client) -> Result<u32, Duration> {
+    pub(crate) fn take(&self, client: Client) -> Result<u32, Duration> {
         if self.limiter.len() > CLIENTS_REMEMBERED {
             self.limiter.retain_recent();
         }
@@ -51,7 +45,8 @@ impl Rates {
         }
     }
 
-    fn bound(&self, left: u32, reset: Duration) -> Bound {
+    /// The bound as a client is told of it.
+    pub(crate) fn bound(&self, left: u32, reset: Duration) -> Bound {
         Bound {
             name: "requests",
             unit: "requests",
@@ -60,25 +55,6 @@ impl Rates {
             left: u64::from(left),
             reset,
         }
-    }
-}
-
-/// Lets a request pass if its client has some of its share left, and says how much.
-pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) -> Response {
-    let Some(rates) = app.rates().filter(|_| !is_watched(request.uri().path())) else {
-        return next.run(request).await;
-    };
-    let Some(client) = Client::of(&request) else { return next.run(request).await };
-    match rates.take(client) {
-        Ok(left) => {
-            let mut response = next.run(request).await;
-            if !response.headers().contains_key("ratelimit") {
-                let bound = rates.bound(left, Duration::from_secs(1));
-                response.headers_mut().extend(bound.headers());
-            }
-            response
-        }
-        Err(wait) => Refusal::RateExceeded { bound: rates.bound(0, wait), wait }.into_response(),
     }
 }
 

@@ -10,9 +10,12 @@ use thiserror::Error;
 use uuid::Uuid;
 
 use crate::compute::ComputeError;
-use crate::services::keys::KeyFault;
-use crate::limits::Bound;
-use crate::wire::life::End;
+use crate::known_sensors::UnknownSensor;
+use crate::limits::{Bound, megabytes};
+use crate::model::NoPart;
+use crate::wire::life::{End, OtherTruth};
+use crate::wire::object::FormatError;
+use crate::wire::{Invalid, training};
 use crate::{roles, wire};
 
 /// Why something was not done.
@@ -37,8 +40,8 @@ pub(crate) enum Refusal {
          header `content-encoding` out"
     )]
     ContentEncoding { found: String },
-    #[error("{}", summary(.0))]
-    Invalid(Vec<FieldError>),
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
     #[error(
         "session {session} {end}; it takes no more readings, keeps those that it has, and its \
          belief can still be read"
@@ -56,21 +59,6 @@ pub(crate) enum Refusal {
     SessionBusy { waiting: usize },
     #[error("catalogue {catalogue:?} has no current version: train it first")]
     Untrained { catalogue: String },
-    #[error(
-        "version {version} of catalogue {catalogue:?} has no geometry: train one with \
-         `\"geometry\": {{\"kind\": \"planar\"}}` or `solid`"
-    )]
-    NoGeometric { catalogue: String, version: u32 },
-    #[error(
-        "version {version} of catalogue {catalogue:?} has no appearance: train one with \
-         `\"appearance\": {{}}`"
-    )]
-    NoAppearance { catalogue: String, version: u32 },
-    #[error(
-        "version {version} of catalogue {catalogue:?} has no pair maps: it was trained with \
-         `\"pair_maps\": false`, use the methods `appearance…`"
-    )]
-    NoSva { catalogue: String, version: u32 },
     #[error(
         "session {session} has no marginals: its method keeps no probabilities of poses, or its \
          readings rule the object out"
@@ -103,11 +91,6 @@ pub(crate) enum Refusal {
     #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]
     ReadingsFull { what: &'static str, found: u64, more: usize, max: usize },
     #[error(
-        "version {version} of catalogue {catalogue:?} was trained without surfaces: train it \
-         again, or use the method `sva`"
-    )]
-    NoSurface { catalogue: String, version: u32 },
-    #[error(
         "the {part} of version {version} of catalogue {catalogue:?} need {} of memory, and models \
          may have {}: raise `--model-memory-mb`",
         megabytes(*.needed), megabytes(*.budget)
@@ -139,8 +122,6 @@ pub(crate) enum Refusal {
     LastAdmin { name: String },
     #[error("the key {name:?} was revoked or has expired: create a new one")]
     KeyRefused { name: String },
-    #[error("session {session} was closed with {before:?} as the truth already")]
-    OtherTruth { session: Uuid, before: String },
     #[error("there are {found} keys, and none that was revoked and could be forgotten")]
     KeysFull { found: usize },
     #[error("the operating system has no random bits")]
@@ -193,6 +174,16 @@ pub(crate) enum Refusal {
     )]
     TooSlow { within: Duration },
     #[error(transparent)]
+    NoPart(#[from] NoPart),
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    #[error(transparent)]
+    OtherTruth(#[from] OtherTruth),
+    #[error(transparent)]
+    UnreadableVersion(#[from] training::Unreadable),
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
+    #[error(transparent)]
     Compute(#[from] ComputeError),
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -209,10 +200,37 @@ pub(crate) enum Refusal {
     Panicked,
 }
 
+/// Why a request is not let in.
+#[derive(Clone, Debug, Error)]
+pub(crate) enum KeyFault {
+    #[error("this server asks for an API key: send it as `Authorization: Bearer palpate_…`")]
+    Missing,
+    #[error("the header `Authorization` holds no key of Palpate, expected `Bearer palpate_…`")]
+    NotAKey,
+    #[error("the server does not know this API key")]
+    Unknown,
+    #[error("the API key {:?} was revoked", .0.name)]
+    Revoked(Box<AccessKey>),
+    #[error("the API key {:?} has expired", .0.name)]
+    Expired(Box<AccessKey>),
+    #[error("the API key {:?} was rotated, and its secret before is refused by now", .0.name)]
+    Rotated(Box<AccessKey>),
+}
+
+impl KeyFault {
+    /// The key that was meant, where the secret proves it.
+    pub(crate) fn key(&self) -> Option<&AccessKey> {
+        match self {
+            Self::Missing | Self::NotAKey | Self::Unknown => None,
+            Self::Revoked(key) | Self::Expired(key) | Self::Rotated(key) => Some(key),
+        }
+    }
+}
+
 impl Refusal {
     /// One wrong field.
     pub(crate) fn field(pointer: impl Into<String>, detail: impl ToString) -> Self {
-        Self::Invalid(vec![FieldError { pointer: pointer.into(), detail: detail.to_string() }])
+        Self::Invalid(Invalid::field(pointer, detail))
     }
 }
 
@@ -237,6 +255,18 @@ impl From<palpate_store::engine::EngineError> for Refusal {
     }
 }
 
+impl From<KeyFault> for Refusal {
+    fn from(fault: KeyFault) -> Self {
+        Self::Unauthenticated(fault)
+    }
+}
+
+impl From<getrandom::Error> for Refusal {
+    fn from(_: getrandom::Error) -> Self {
+        Self::NoRandom
+    }
+}
+
 fn role_name(role: palpate_store::access::Role) -> &'static str {
     roles::name(wire::access::role(role))
 }
@@ -246,17 +276,5 @@ fn needed(roles: &[Role]) -> String {
         [] => "a role that no key has".to_owned(),
         [only] => format!("the role {}", roles::name(*only)),
         several => format!("one of the roles {}", roles::listed(several)),
-    }
-}
-
-pub(crate) fn megabytes(bytes: u64) -> String {
-    format!("{:.3} MB", bytes as f64 / 1e6)
-}
-
-fn summary(errors: &[FieldError]) -> String {
-    match errors {
-        [] => "a value is wrong".to_owned(),
-        [only] => only.detail.clone(),
-        [first, rest @ ..] => format!("{} (and {} more)", first.detail, rest.len()),
     }
 }

@@ -5,12 +5,9 @@
 //! from this table (`x-palpate-roles`, 401, 403), so it cannot say anything else.
 
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
 
 use axum::http::Method;
 use palpate_schemas::Role::{self, Admin, Robot, Trainer, Viewer};
-
-use crate::openapi;
 
 /// Who may call an operation, and what it does.
 #[derive(Clone, Copy, Debug)]
@@ -48,12 +45,12 @@ const ALL: Who = Who::Holders(&[Robot, Trainer, Viewer, Admin]);
 const LOOKING: Who = Who::Holders(&[Trainer, Viewer, Admin]);
 const TEACHING: Who = Who::Holders(&[Trainer, Admin]);
 const TOUCHING: Who = Who::Holders(&[Robot, Admin]);
-const RULING: Who = Who::Holders(&[Admin]);
+pub(crate) const RULING: Who = Who::Holders(&[Admin]);
 
 use Effect::{Changes, Reads, Touches};
 
 /// A new operation gets its line here.
-const TABLE: &[(&str, Who, Effect)] = &[
+pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("livez", ANYBODY, Reads),
     ("readyz", ANYBODY, Reads),
     ("version", ANYBODY, Reads),
@@ -144,22 +141,37 @@ pub(crate) fn rule(operation: &str) -> Option<Rule> {
     line.map(|(operation, who, effect)| Rule { operation, who: *who, effect: *effect })
 }
 
-/// What is asked for with `method` at a path as routes write it, `/v1/objects/{object}`.
-pub(crate) fn asked(method: &Method, path: &str) -> Asked {
-    let Some(methods) = paths().get(path) else { return Asked::Unlisted };
-    // What can be got can be asked for its headers alone.
-    let method = if method == Method::HEAD { &Method::GET } else { method };
-    match methods.get(method.as_str()) {
-        Some(operation) => rule(operation).map_or(Asked::Unlisted, Asked::Operation),
-        None => Asked::OtherMethod,
-    }
-}
+/// The operations of the API by path and method, as its description names them.
+#[derive(Debug, Default)]
+pub(crate) struct Operations(BTreeMap<String, BTreeMap<&'static str, String>>);
 
-/// The methods of a path as the header `Allow` lists them.
-pub(crate) fn methods(path: &str) -> String {
-    let methods: Vec<_> = paths().get(path).into_iter().flat_map(BTreeMap::keys).copied().collect();
-    let head = if methods.contains(&"GET") { ["HEAD"].as_slice() } else { &[] };
-    [&methods, head].concat().join(",")
+impl Operations {
+    /// From the path, method and id of every operation.
+    pub(crate) fn new(ids: impl IntoIterator<Item = (String, &'static str, String)>) -> Self {
+        let mut paths: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();
+        for (path, method, operation) in ids {
+            paths.entry(path).or_default().insert(method, operation);
+        }
+        Self(paths)
+    }
+
+    /// What is asked for with `method` at a path as routes write it, `/v1/objects/{object}`.
+    pub(crate) fn asked(&self, method: &Method, path: &str) -> Asked {
+        let Some(methods) = self.0.get(path) else { return Asked::Unlisted };
+        // What can be got can be asked for its headers alone.
+        let method = if method == Method::HEAD { &Method::GET } else { method };
+        match methods.get(method.as_str()) {
+            Some(operation) => rule(operation).map_or(Asked::Unlisted, Asked::Operation),
+            None => Asked::OtherMethod,
+        }
+    }
+
+    /// The methods of a path as the header `Allow` lists them.
+    pub(crate) fn methods(&self, path: &str) -> String {
+        let methods: Vec<_> = self.0.get(path).into_iter().flat_map(BTreeMap::keys).copied().collect();
+        let head = if methods.contains(&"GET") { ["HEAD"].as_slice() } else { &[] };
+        [&methods, head].concat().join(",")
+    }
 }
 
 /// Roles as a sentence lists them.
@@ -174,78 +186,5 @@ pub(crate) fn name(role: Role) -> &'static str {
         Trainer => "trainer",
         Viewer => "viewer",
         Admin => "admin",
-    }
-}
-
-/// Ids of operations by path and method.
-fn paths() -> &'static BTreeMap<String, BTreeMap<&'static str, String>> {
-    static PATHS: OnceLock<BTreeMap<String, BTreeMap<&'static str, String>>> = OnceLock::new();
-    PATHS.get_or_init(|| {
-        let mut paths: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();
-        for (path, method, operation) in openapi::operation_ids() {
-            paths.entry(path).or_default().insert(method, operation);
-        }
-        paths
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use super::*;
-
-    fn may(operation: &str, role: Role) -> bool {
-        matches!(rule(operation).unwrap().who, Who::Holders(roles) if roles.contains(&role))
-    }
-
-    #[test]
-    fn every_operation_has_one_line_and_every_line_an_operation() {
-        let described: BTreeSet<String> =
-            openapi::operation_ids().into_iter().map(|(_, _, operation)| operation).collect();
-        let listed: BTreeSet<String> =
-            TABLE.iter().map(|(operation, _, _)| (*operation).to_owned()).collect();
-        assert_eq!(described, listed, "a new operation needs a line in the table of roles");
-        assert_eq!(TABLE.len(), listed.len(), "two lines for one operation");
-    }
-
-    #[test]
-    fn what_roles_promise_holds_for_every_operation() {
-        for (_, method, operation) in openapi::operation_ids() {
-            let rule = rule(&operation).unwrap();
-            let Who::Holders(_) = rule.who else {
-                assert_eq!(method, "GET", "{operation} changes things without a key");
-                continue;
-            };
-            assert!(may(&operation, Admin), "admin: {operation}");
-            if may(&operation, Viewer) {
-                assert_eq!(rule.effect, Reads, "viewer: {operation}");
-                assert!(may(&operation, Trainer), "trainer sees less than viewer: {operation}");
-            }
-            if may(&operation, Robot) && rule.effect != Reads {
-                let of_readings = ["add_readings", "retract_reading", "retract_robot_reading"];
-                let of_sessions =
-                    operation.contains("session") || of_readings.contains(&operation.as_str());
-                assert!(of_sessions, "robot: {operation}");
-            }
-            if operation.contains("key") || operation.contains("audit") {
-                assert_eq!(rule.who, RULING, "{operation}");
-            }
-            if matches!(method, "PUT" | "PATCH" | "DELETE") {
-                assert_eq!(rule.effect, Changes, "{operation}");
-            }
-            if method == "GET" {
-                assert_eq!(rule.effect, Reads, "{operation}");
-            }
-        }
-    }
-
-    #[test]
-    fn what_is_not_listed_is_not_found_in_the_table() {
-        assert!(matches!(asked(&Method::GET, "/v1/objects"), Asked::Operation(_)));
-        assert!(matches!(asked(&Method::HEAD, "/v1/objects"), Asked::Operation(_)));
-        assert!(matches!(asked(&Method::DELETE, "/v1/objects"), Asked::OtherMethod));
-        assert!(matches!(asked(&Method::GET, "/v1/secret-door"), Asked::Unlisted));
-        assert!(rule("no_such_operation").is_none());
     }
 }

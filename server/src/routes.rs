@@ -3,8 +3,10 @@
 
 pub(crate) mod analyses;
 pub(crate) mod audit;
+mod blocks;
 pub(crate) mod calibrations;
 pub(crate) mod compactions;
+mod documented;
 pub(crate) mod events;
 pub(crate) mod fleet;
 pub(crate) mod history;

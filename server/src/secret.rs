@@ -19,16 +19,16 @@ const SENT_BYTES: usize = PREFIX.len() + ID_DIGITS + 1 + 2 * SECRET_BYTES;
 const REDACTED: &str = "palpate_(a key)";
 
 /// A key as it was sent: which one it claims to be, and the proof.
-pub(super) struct Presented {
-    pub(super) id: Uuid,
-    pub(super) hash: [u8; 32],
+pub(crate) struct Presented {
+    pub(crate) id: Uuid,
+    pub(crate) hash: [u8; 32],
 }
 
 /// A new secret for the key `id`: as it is sent, and the hash to keep.
 ///
 /// # Errors
 /// The operating system's, when it has no random bits.
-pub(super) fn draw(id: Uuid) -> Result<(String, [u8; 32]), getrandom::Error> {
+pub(crate) fn draw(id: Uuid) -> Result<(String, [u8; 32]), getrandom::Error> {
     let mut secret = [0; SECRET_BYTES];
     getrandom::fill(&mut secret)?;
     let mut sent = format!("{PREFIX}{}_", id.simple());
@@ -39,7 +39,7 @@ pub(super) fn draw(id: Uuid) -> Result<(String, [u8; 32]), getrandom::Error> {
 }
 
 /// The key in the text of a bearer token, if the text is written like one.
-pub(super) fn parse(sent: &str) -> Option<Presented> {
+pub(crate) fn parse(sent: &str) -> Option<Presented> {
     let (id, secret) = sent.strip_prefix(PREFIX)?.split_once('_')?;
     if id.len() != ID_DIGITS || secret.len() != 2 * SECRET_BYTES {
         return None;

@@ -18,7 +18,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use crate::admission::Admission;
-use crate::app::{App, Parts, router};
+use crate::app::{App, Parts};
 use crate::services::audit::{Audit, is_essential};
 use crate::services::catalogues::Catalogues;
 use crate::compute::Pool;
@@ -26,6 +26,8 @@ use crate::config::{Access, Config};
 use crate::door::Door;
 use crate::middleware::headers::is_origin;
 use crate::services::integrity;
+use crate::roles::Operations;
+use crate::router::router;
 use crate::services::jobs::Jobs;
 use crate::services::keys::{Keys, KeysError};
 use crate::services::objects::Objects;
@@ -34,7 +36,8 @@ use crate::refusal::Refusal;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
 use crate::tls::TlsError;
-use crate::{telemetry, tls};
+use crate::middleware::telemetry;
+use crate::{openapi, tls};
 
 /// How long requests under way may go on after a stop was asked for.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
@@ -337,6 +340,7 @@ async fn assemble(
         sessions,
         keys,
         audit,
+        operations: Operations::new(openapi::operation_ids()),
         stopping,
     };
     Ok((App::new(parts), working))

@@ -7,33 +7,18 @@
 //! `object_from_sensor`, in the frame of the mesh. Not here: recognition (`palpate-core`).
 
 mod distance;
-
 pub mod mesh;
-
 pub mod noise;
-
-pub mod press;
-
 pub mod elastic;
-
+pub mod press;
 pub mod indent;
-
 pub mod controller;
-
 pub mod sampler;
-
 pub mod symmetry;
-
 pub mod convergence;
-
 pub mod arm;
-
 pub mod explore;
-
 pub mod shapes;
-
 pub mod letters;
-
 pub mod rig;
-
 pub mod render;

@@ -24,7 +24,7 @@ use palpate_core::units::MM;
 
 use crate::mesh::Mesh;
 use crate::noise::{Electronics, NoiseLevel};
-use crate::sampler::surface::Surface;
+use crate::surface::Surface;
 use bvh::Bvh;
 use covering::Covering;
 pub use heights::HeightMap;

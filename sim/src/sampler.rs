@@ -7,7 +7,6 @@
 //! threads.
 
 pub mod rays;
-pub(crate) mod surface;
 
 use std::ops::ControlFlow;
 
@@ -21,8 +20,8 @@ use thiserror::Error;
 
 use crate::controller::{ContactConfig, Outcome, touch};
 use crate::press::PressSimulator;
-pub use surface::SurfacePoint;
-use surface::{N_SLICES, Surface};
+pub use crate::surface::SurfacePoint;
+use crate::surface::{N_SLICES, Surface};
 
 /// Choice of places, and the controllers' limits.
 #[derive(Clone, Copy, Debug, PartialEq)]

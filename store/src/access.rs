@@ -4,10 +4,13 @@
 //! nothing that could be searched for; a slow one (argon2) is for what people think up.
 //! Names are not unique here: a revoked key keeps its name for the audit log.
 
+mod stored;
+
 use uuid::Uuid;
 
 use crate::key::Space;
 use crate::table::Entity;
+pub(crate) use stored::ROLES;
 
 /// What the holder of a key is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -43,6 +46,14 @@ pub struct AccessKey {
     pub last_used_at_ms: Option<u64>,
     /// When it was revoked.
     pub revoked_at_ms: Option<u64>,
+}
+
+impl AccessKey {
+    /// Whether the key is accepted at `now_ms`: it was not revoked and has not expired.
+    #[must_use]
+    pub fn is_active(&self, now_ms: u64) -> bool {
+        self.revoked_at_ms.is_none() && self.expires_at_ms.is_none_or(|at| at > now_ms)
+    }
 }
 
 /// A secret that another has replaced.

@@ -7,6 +7,8 @@
 //! not have been made: the server stopped, or the caller went away. Sequence numbers count over
 //! all rings, go up and are never used again; times never go down.
 
+mod stored;
+
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -3,6 +3,8 @@
 //! A stored reading names the number that applies to it, so what a calibration says of earlier
 //! readings stays what it was, whatever is measured later.
 
+mod stored;
+
 use std::sync::Arc;
 
 use palpate_core::sensor::Calibration;

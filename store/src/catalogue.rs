@@ -6,6 +6,7 @@
 //! so a crash leaves the old state or the new one, at worst with blocks nobody names.
 //! Not here: what is in the blocks (`model_codec`).
 
+mod stored;
 mod removal;
 
 use std::collections::BTreeMap;

@@ -3,6 +3,8 @@
 //! These are the values the repositories give and take, with core's checked types inside;
 //! [`crate::record`] turns them into stored bytes. Times are milliseconds since 1970.
 
+mod stored;
+
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::sensor::SensorDescription;

@@ -5,6 +5,8 @@
 //! repeated request is found, and so is what withdraws an entry: none is withdrawn twice. One
 //! append is one commit: all its entries or none.
 
+mod stored;
+
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
@@ -18,7 +20,8 @@ use crate::error::{RecordError, StoreError, conflict};
 use crate::key::{self, Space};
 use crate::pieces;
 pub use crate::pieces::Limit;
-use crate::record::{self, JournalHeadV1, JournalRetractionV1, JournalRobotV1};
+use crate::record;
+pub(crate) use stored::{JournalRetractionV1, JournalRobotV1, StoredHead};
 
 /// No robot's name may be longer, in bytes.
 pub const ROBOT_BYTES_MAX: usize = 64;
@@ -70,6 +73,32 @@ pub struct Entry {
     /// The key that it was written with; `None` when that was not recorded, or nobody was asked
     /// for one.
     pub written_by: Option<Uuid>,
+}
+
+/// A journal as a whole, without its entries.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Head {
+    /// How many entries there are.
+    pub length: u64,
+    /// How many entries are withdrawn.
+    pub n_retracted: u64,
+    /// When the last entry came; `None` without entries.
+    pub last_at_ms: Option<u64>,
+    /// Whether the last entry is [`Event::Closed`].
+    pub is_closed: bool,
+}
+
+impl Head {
+    /// The head after one more entry.
+    fn after(self, entry: &NewEntry) -> Self {
+        let withdraws = matches!(entry.event, Event::Retraction { .. });
+        Self {
+            length: self.length + 1,
+            n_retracted: self.n_retracted + u64::from(withdraws),
+            last_at_ms: Some(entry.received_at_ms),
+            is_closed: entry.event == Event::Closed,
+        }
+    }
 }
 
 /// Why entries were not appended.
@@ -159,12 +188,45 @@ impl Journal {
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
     pub fn len(&self, owner: Uuid) -> Result<u64, StoreError> {
+        Ok(self.stored_head(owner)?.map_or(0, |(_, head)| head.length()))
+    }
+
+    /// The journal of `owner` as a whole; an empty one when it has none.
+    ///
+    /// # Errors
+    /// As [`Journal::entries`].
+    pub fn head(&self, owner: Uuid) -> Result<Head, StoreError> {
+        match self.stored_head(owner)? {
+            None => Ok(Head::default()),
+            Some((_, head)) => self.whole(owner, head),
+        }
+    }
+
+    /// The bytes of a head and what they say.
+    fn stored_head(&self, owner: Uuid) -> Result<Option<(Vec<u8>, StoredHead)>, StoreError> {
         let Some(bytes) = self.engine.get(&key::id(self.spaces.head, owner))? else {
-            return Ok(0);
+            return Ok(None);
         };
-        let head: JournalHeadV1 =
-            record::decode(&bytes).map_err(StoreError::damaged(self.spaces.head))?;
-        Ok(head.next)
+        let head = record::decode(&bytes).map_err(StoreError::damaged(self.spaces.head))?;
+        Ok(Some((bytes, head)))
+    }
+
+    /// A whole head. What a head of schema 1 does not say is counted in the journal.
+    fn whole(&self, owner: Uuid, head: StoredHead) -> Result<Head, StoreError> {
+        let length = match head {
+            StoredHead::Whole(head) => return Ok(head),
+            StoredHead::Length(length) => length,
+        };
+        let last = match length.checked_sub(1) {
+            Some(last) => self.entry(owner, last)?,
+            None => None,
+        };
+        Ok(Head {
+            length,
+            n_retracted: self.retractions(owner)?.len() as u64,
+            last_at_ms: last.as_ref().map(|last| last.received_at_ms),
+            is_closed: last.is_some_and(|last| last.event == Event::Closed),
+        })
     }
 
     /// Appends entries that become number `expected` and on; durable when it returns.
@@ -360,15 +422,18 @@ impl Journal {
         expected: u64,
         entries: &'entries [NewEntry],
     ) -> Result<(Commit, Vec<Claim<'entries>>), AppendError> {
-        let head = key::id(self.spaces.head, owner);
-        let before = match expected {
-            0 => Expected::Absent,
-            next => Expected::Value(record::encode(&JournalHeadV1 { next })),
+        let key = key::id(self.spaces.head, owner);
+        let (before, head) = match self.stored_head(owner)? {
+            None => (Expected::Absent, Head::default()),
+            Some((bytes, head)) => (Expected::Value(bytes), self.whole(owner, head)?),
         };
-        let next = expected + entries.len() as u64;
-        let mut commit = Commit::new().expect(head.clone(), before);
+        if head.length != expected {
+            return Err(AppendError::Sequence { expected, found: head.length });
+        }
+        let mut commit = Commit::new().expect(key.clone(), before);
         if !entries.is_empty() {
-            commit = commit.put(head, record::encode(&JournalHeadV1 { next }));
+            let head = entries.iter().fold(head, Head::after);
+            commit = commit.put(key, record::encode(&StoredHead::Whole(head)));
         }
         let mut claims = Vec::new();
         let mut taken: HashMap<Vec<u8>, u64> = HashMap::new();

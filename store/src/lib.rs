@@ -9,49 +9,27 @@
 //! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
 pub mod engine;
-
 pub mod memory;
-
-pub mod sled;
-
 mod essential;
-
 pub mod key;
-
 pub mod envelope;
-
-pub mod entity;
-
-pub mod access;
-
 pub mod private;
-pub mod record;
-pub mod robot;
-
-mod pieces;
-
-pub mod error;
-
-pub mod table;
-
-pub mod journal;
-
-pub mod calibration;
-
-pub mod mesh;
-
-pub mod audit;
-
+pub mod sled;
 mod descriptor_code;
-
 pub mod model;
-
 pub mod model_codec;
-
+pub mod error;
+pub mod record;
+pub mod entity;
+pub mod robot;
+mod pieces;
+pub mod table;
+pub mod access;
+pub mod journal;
+pub mod calibration;
+pub mod mesh;
+pub mod audit;
 pub mod catalogue;
-
 pub mod database;
-
 pub mod fsck;
-
 pub mod snapshot;

@@ -4,6 +4,7 @@
 //! object's mesh, and the file before it is removed. A crash in between leaves the old one.
 
 mod reader;
+mod stored;
 
 use std::sync::Arc;
 

@@ -3,6 +3,8 @@
 //! A name that no key has used has no record. Changes are one commit each; who may make them is
 //! the server's business.
 
+mod stored;
+
 use std::sync::Arc;
 
 use uuid::Uuid;

@@ -1,8 +1,13 @@
-//! The order of the house: which crate may use which, which module of `core` comes first,
-//! and that every source file says why it exists.
+//! The order of the house: which crate may use which, which module comes before which, what
+//! converts, how long files are, and that every source file says why it exists.
 
-use std::collections::BTreeMap;
+#[path = "house/imports.rs"]
+mod imports;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+
+use imports::{Import, circle, declared, imports, is_test, only_declares, product};
 
 /// The storeys of the house: a crate may use only crates of lower storeys.
 const STOREYS: [&[&str]; 8] = [
@@ -49,18 +54,26 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// The crates of mathematics: no time, no I/O, and modules in the order of `lib.rs`.
+/// The crates of mathematics: no time and no I/O.
 const MATHEMATICS: [&str; 3] = ["core", "dissertation", "recogniser"];
 
-/// The modules of a crate in the order of its `lib.rs`.
-fn order(krate: &str) -> Vec<String> {
-    let text = std::fs::read_to_string(root().join(krate).join("src/lib.rs")).unwrap();
-    let module = |line: &str| {
-        let name = line.strip_prefix("pub mod ").or(line.strip_prefix("mod "))?;
-        Some(name.strip_suffix(';')?.to_owned())
-    };
-    text.lines().filter_map(module).collect()
-}
+/// The crates whose modules use only those that `lib.rs` (`main.rs`) declares before them.
+const CRATES: [&str; 11] = [
+    "core",
+    "dissertation",
+    "recogniser",
+    "schemas",
+    "sim",
+    "store",
+    "client",
+    "migrations",
+    "server",
+    "experiments",
+    "cli",
+];
+
+/// The longest file, in lines.
+const LINES_MAX: usize = 400;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
@@ -100,30 +113,80 @@ fn crates_use_only_lower_storeys() {
     }
 }
 
+/// The folders of peers in a crate: its root, and every module that only declares modules.
+fn peers(krate: &str) -> Vec<(PathBuf, String, Vec<String>)> {
+    let folder = root().join(krate).join("src");
+    let is_root = |name: &&str| folder.join(name).exists();
+    let top = ["lib.rs", "main.rs"].into_iter().find(is_root).expect("a crate has a root");
+    let modules = declared(&std::fs::read_to_string(folder.join(top)).unwrap());
+    let mut found = Vec::new();
+    for module in &modules {
+        let text = std::fs::read_to_string(folder.join(format!("{module}.rs"))).unwrap();
+        if only_declares(&text) {
+            let prefix = format!("crate::{module}::");
+            found.push((folder.join(module), prefix, declared(&text)));
+        }
+    }
+    found.push((folder, "crate::".to_owned(), modules));
+    found
+}
+
 #[test]
-fn modules_of_the_mathematics_use_only_earlier_ones() {
-    for krate in MATHEMATICS {
-        let order = order(krate);
-        let place = |name: &str| order.iter().position(|module| module == name);
-        let folder = root().join(krate).join("src");
-        for path in sources(&folder) {
-            let relative = path.strip_prefix(&folder).unwrap();
-            let first = relative.components().next().unwrap().as_os_str().to_string_lossy();
-            let module = first.trim_end_matches(".rs").to_owned();
-            if module == "lib" {
-                continue;
-            }
-            let own = place(&module).unwrap_or_else(|| panic!("{module} is not in lib.rs"));
-            let text = std::fs::read_to_string(&path).unwrap();
-            // Tests may use anything: they stand below everything they test.
-            let product = text.split("#[cfg(test)]").next().unwrap();
-            for used in product.split("crate::").skip(1) {
-                let name: String =
-                    used.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-                let other = place(&name).unwrap_or_else(|| panic!("{name} has no place"));
-                assert!(other <= own, "{krate}: {} uses {name}", relative.display());
+fn no_modules_use_each_other_in_a_circle() {
+    for krate in CRATES {
+        for (folder, prefix, modules) in peers(krate) {
+            let circle = circle(&imports(&folder, &prefix, &modules), &modules);
+            assert_eq!(circle, None, "{krate}: these modules of {prefix} form a circle");
+        }
+    }
+}
+
+#[test]
+fn modules_use_only_those_that_are_declared_before_them() {
+    for krate in CRATES {
+        for (folder, prefix, modules) in peers(krate) {
+            let place = |name: &str| modules.iter().position(|module| module == name);
+            for Import { user, used, file } in imports(&folder, &prefix, &modules) {
+                let is_earlier = place(&used) < place(&user);
+                assert!(is_earlier, "{}: {user} uses {used}, declared later", file.display());
             }
         }
+    }
+}
+
+/// The public types that the sources of a crate define.
+fn types(krate: &str) -> BTreeSet<String> {
+    let name = |line: &str| {
+        let line = line.trim_start().strip_prefix("pub ")?;
+        let line = line.strip_prefix("struct ").or(line.strip_prefix("enum "))?;
+        Some(line.chars().take_while(|c| c.is_alphanumeric()).collect())
+    };
+    let files = sources(&root().join(krate).join("src"));
+    let texts: Vec<String> =
+        files.iter().map(|file| std::fs::read_to_string(file).unwrap()).collect();
+    texts.iter().flat_map(|text| text.lines()).filter_map(name).collect()
+}
+
+#[test]
+fn only_wire_converts_between_schemas_and_core_or_store() {
+    let known: BTreeSet<String> =
+        ["core", "dissertation", "recogniser", "store"].into_iter().flat_map(types).collect();
+    let twins: Vec<String> = types("schemas").intersection(&known).cloned().collect();
+    assert!(twins.len() > 10, "types of one name on the wire and below: {twins:?}");
+    let folder = root().join("server/src");
+    for file in sources(&folder) {
+        if file.starts_with(folder.join("wire")) || is_test(&file) {
+            continue;
+        }
+        let text = product(&std::fs::read_to_string(&file).unwrap());
+        let converts = |line: &&str| {
+            let from = line.trim_start().starts_with("impl") && line.contains("From<");
+            let of_wire = line.contains("wire::") || line.contains("palpate_schemas");
+            let built = twins.iter().any(|twin| line.contains(&format!("wire::{twin} {{")));
+            (from && of_wire) || (built && !line.contains("->"))
+        };
+        let found: Vec<&str> = text.lines().filter(converts).collect();
+        assert!(found.is_empty(), "{} converts: {found:?}", file.display());
     }
 }
 
@@ -138,6 +201,14 @@ fn every_source_file_opens_with_what_it_is_for() {
 }
 
 #[test]
+fn no_source_file_is_longer_than_400_lines() {
+    for path in sources(&root()) {
+        let n_lines = std::fs::read_to_string(&path).unwrap().lines().count();
+        assert!(n_lines <= LINES_MAX, "{} has {n_lines} lines", path.display());
+    }
+}
+
+#[test]
 fn the_mathematics_does_no_io_and_knows_no_time() {
     for krate in MATHEMATICS {
         let manifest = std::fs::read_to_string(root().join(krate).join("Cargo.toml")).unwrap();
@@ -145,5 +216,23 @@ fn the_mathematics_does_no_io_and_knows_no_time() {
         for stranger in ["serde", "tokio", "axum", "sled", "reqwest", "jiff", "tracing"] {
             assert!(!product.contains(stranger), "{krate} depends on {stranger}");
         }
+    }
+    for krate in MATHEMATICS {
+        for file in sources(&root().join(krate).join("src")) {
+            let text = product(&std::fs::read_to_string(&file).unwrap());
+            for stranger in ["std::fs", "std::env", "std::net", "std::time", "std::io", "std::process"]
+            {
+                assert!(!text.contains(stranger), "{} uses {stranger}", file.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn the_recogniser_and_the_dissertation_do_not_know_each_other() {
+    for (krate, other) in [("recogniser", "palpate-dissertation"), ("dissertation", "palpate-recogniser")]
+    {
+        let manifest = std::fs::read_to_string(root().join(krate).join("Cargo.toml")).unwrap();
+        assert!(!manifest.contains(other), "{krate} depends on {other}");
     }
 }

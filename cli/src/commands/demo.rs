@@ -29,12 +29,12 @@ use tokio::task::JoinSet;
 
 use self::screen::Screen;
 use self::summary::Summary;
-use super::{serve, touch, train};
-use crate::args::DEFAULT_LISTEN;
+use super::serve::{self, DEFAULT_LISTEN};
+use super::{touch, train};
 use crate::exit::Ended;
 use crate::output::Output;
 use crate::progress::is_watched;
-use crate::robot::Robot;
+use crate::robot::{Robot, described};
 use crate::trial::{self, StopRule, TrialResult, Truth};
 
 /// How many robots touch at once.
@@ -107,8 +107,7 @@ pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
 
 /// Ends with clap's words and exit code for what clap cannot check itself.
 fn usage(words: &str) -> ! {
-    use clap::CommandFactory;
-    let mut command = crate::args::Cli::command();
+    let mut command = DemoArgs::augment_args(clap::Command::new("demo").bin_name("palpate demo"));
     command.error(clap::error::ErrorKind::ArgumentConflict, words).exit()
 }
 
@@ -237,7 +236,7 @@ async fn touch_all(
         let simulator = |name| {
             let mesh = shapes::example(name).expect("every name has its example");
             let symmetry = symmetry::of_mesh(&mesh);
-            (Arc::new(PressSimulator::new(mesh, touch::described(SENSOR))), symmetry)
+            (Arc::new(PressSimulator::new(mesh, described(SENSOR))), symmetry)
         };
         shapes::NAMES.map(simulator).into_iter().unzip::<_, _, Vec<_>, Vec<_>>()
     });

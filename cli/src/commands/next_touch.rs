@@ -7,7 +7,7 @@ use palpate_client::schemas::{AskNextTouches, NextTouches, TouchWorkspace};
 use uuid::Uuid;
 
 use super::Context;
-use super::sensors::read_json;
+use crate::json_file::read_json;
 use crate::output;
 
 /// Arguments of `palpate next-touch`.

@@ -13,7 +13,7 @@ use palpate_core::units::MM;
 use palpate_sim::shapes;
 
 use super::Context;
-use super::sensors::read_json;
+use crate::json_file::read_json;
 use crate::output::{self, Output};
 use crate::robot;
 

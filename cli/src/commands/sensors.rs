@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{
     CalibrateSensor, CalibrationQuery, CreateSensor, DescribeSensor, PageQuery, Reading, Sensor,
@@ -10,6 +9,7 @@ use palpate_client::schemas::{
 };
 
 use super::{Context, calibrate};
+use crate::json_file::read_json;
 use crate::output;
 
 /// Arguments of `palpate sensors`.
@@ -148,17 +148,6 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
             })
         }
     }
-}
-
-/// Reads a file of JSON; `-` is the standard input.
-pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: PathBuf) -> anyhow::Result<T> {
-    let text = if path.as_os_str() == "-" {
-        std::io::read_to_string(std::io::stdin())?
-    } else {
-        std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?
-    };
-    serde_json::from_str(&text)
-        .with_context(|| format!("{} does not hold what is expected", path.display()))
 }
 
 pub(crate) fn parse_preset(name: &str) -> Result<SensorPreset, String> {

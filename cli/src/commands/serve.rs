@@ -15,8 +15,10 @@ use palpate_store::private;
 use serde_json::json;
 
 use crate::admin_key::AdminKeyFile;
-use crate::args::DEFAULT_LISTEN;
 use crate::output::Output;
+
+/// Where a server listens when nobody says otherwise.
+pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
 
 /// Arguments of `palpate serve`.
 #[derive(Debug, Args)]

@@ -9,7 +9,6 @@ use palpate_client::schemas::{
     CatalogueVersion, CreateSensor, CreateSession, GeometryKind, Method, ProblemType, SensorPreset,
 };
 use palpate_client::{Client, Error as ClientError};
-use palpate_core::sensor::SensorDescription;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::symmetry;
 use serde::Serialize;
@@ -134,7 +133,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     let version = client.catalogue_version(&args.catalogue, current).await?;
     let method = args.method.map(TouchMethod::wire);
     let symmetry = symmetry::of_mesh(&mesh);
-    let simulator = Arc::new(PressSimulator::new(mesh, described(args.sensor)));
+    let simulator = Arc::new(PressSimulator::new(mesh, robot::described(args.sensor)));
     let approach = approach(method, &version);
     let mut robot = Robot::approaching(simulator, approach, args.seed, 0);
     let truth = match args.object.as_str() {
@@ -252,11 +251,6 @@ fn step_words(step: &Step) -> String {
     )
 }
 
-/// The preset's description, for the simulation.
-pub(crate) fn described(preset: SensorPreset) -> SensorDescription {
-    SensorDescription::preset_named(preset.name()).expect("the wire's presets are core's")
-}
-
 /// Makes sure that the server knows a sensor by its preset's name.
 pub(crate) async fn ensure_sensor(
     client: &Client,
@@ -284,7 +278,7 @@ mod tests {
     #[test]
     fn every_preset_of_the_wire_can_be_simulated() {
         for preset in SensorPreset::ALL {
-            assert!(described(preset).grid().n_taxels() >= 36);
+            assert!(robot::described(preset).grid().n_taxels() >= 36);
         }
     }
 }

@@ -28,8 +28,9 @@ use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
 
-use crate::services::catalogues::Model;
+use crate::model::{Model, NoPart};
 use crate::refusal::Refusal;
+use crate::wire::Invalid;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
@@ -71,7 +72,9 @@ pub(crate) enum BeliefError {
     #[error("an option that the session's method needs is not stored")]
     OptionMissing,
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    NoPart(#[from] NoPart),
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
 }
 
 impl SessionBelief {
@@ -300,7 +303,7 @@ pub(crate) fn check(
     };
     let errors: Vec<FieldError> =
         readings.iter().enumerate().filter_map(unfit).take(ERRORS_MAX).collect();
-    if errors.is_empty() { Ok(()) } else { Err(Refusal::Invalid(errors)) }
+    if errors.is_empty() { Ok(()) } else { Err(Invalid(errors).into()) }
 }
 
 /// The field of a reading that a method cannot fold, and why.

@@ -4,11 +4,10 @@ use palpate_schemas as wire;
 use palpate_store::database::Database;
 use palpate_store::journal::{Event, NewEntry};
 
-use super::{Live, answer};
+use super::{Live, Tools, answer};
 use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::services::sessions::Tools;
 
 impl Live {
     /// Closes the session: nothing follows in its journal. Closing it again changes nothing.

@@ -9,13 +9,12 @@ use std::time::{Duration, Instant};
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 
-use super::Live;
+use super::{Live, Tools};
 use super::folding::{Folding, Ready};
 use super::replay::SLICE;
 use crate::live::belief::SessionBelief;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::services::sessions::Tools;
 use crate::wire::history::{self, Without};
 
 /// The most readings of a belief that is explained.

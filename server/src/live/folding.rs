@@ -14,11 +14,11 @@ use super::memory::{Fold, Memory, Start};
 use super::order::{Chronicle, Touch, begins_with, stored_order};
 use crate::asker::Asker;
 use crate::live::belief::{BeliefError, SessionBelief};
-use crate::services::catalogues::Model;
+use crate::model::Model;
 use crate::live::checkpoints::{Checkpoint, Checkpoints};
 use crate::compute::ComputeError;
 use crate::refusal::Refusal;
-use crate::services::sensors::Sensors;
+use crate::known_sensors::KnownSensors;
 use crate::wire::reading::from_store;
 use crate::wire::session::{Options, base};
 
@@ -30,7 +30,7 @@ pub(crate) struct Folding {
     pub(super) session: Session,
     pub(super) model: Arc<Model>,
     pub(super) journal: Journal,
-    pub(super) sensors: Arc<Sensors>,
+    pub(super) sensors: Arc<KnownSensors>,
     pub(super) options: Options,
     pub(super) checkpoints: Arc<Checkpoints>,
     pub(super) asker: Asker,
@@ -231,7 +231,7 @@ impl Folding {
         let Event::Reading(stored) = &entry.event else { return Ok(None) };
         let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
         let sensor = self.sensors.get(&stored.sensor.to_string())?;
-        let calibration = self.sensors.calibrations().of(sensor.id, stored.calibration)?;
+        let calibration = self.sensors.calibration(sensor.id, stored.calibration)?;
         let reading = from_store(stored, &sensor, calibration.as_deref())
             .map_err(|error| self.unusable(&error))?;
         let reading = match base(&self.options, robot) {

@@ -5,12 +5,11 @@ use std::time::Instant;
 use palpate_schemas as wire;
 use palpate_schemas::Method;
 
-use super::Live;
+use super::{Live, Tools};
 use crate::asker::Asker;
 use crate::live::belief::SessionBelief;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::services::sessions::Tools;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::{name, options};
 

@@ -5,12 +5,11 @@
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 
-use super::Live;
+use super::{Live, Tools};
 use super::memory::{Memory, Start};
 use crate::clock::now_ms;
 use crate::compute::Place;
 use crate::refusal::Refusal;
-use crate::services::sessions::Tools;
 
 impl Live {
     /// The belief after the first `at` entries of the session's journal; `None` when that

@@ -11,10 +11,9 @@ use palpate_store::journal::Entry;
 
 use super::folding::Folding;
 use super::memory::Memory;
-use super::{Live, past};
+use super::{Live, Tools, past};
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::services::sessions::Tools;
 use crate::wire::{count, history};
 
 /// A slice of work on the compute pool.

@@ -4,11 +4,10 @@ use palpate_schemas as wire;
 use palpate_schemas::BeliefDetail;
 use palpate_store::journal::{Event, NewEntry};
 
-use super::{Live, past, shown};
+use super::{Live, POSES, Tools, past, shown};
 use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
-use crate::services::sessions::{POSES, Tools};
 use crate::wire::count;
 
 impl Live {

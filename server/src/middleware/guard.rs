@@ -12,7 +12,6 @@ use axum::http::uri::Authority;
 use axum::http::{StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use palpate_schemas::Role;
 use palpate_store::access::AccessKey;
 
 use crate::app::App;
@@ -20,48 +19,16 @@ use crate::services::audit::Attempt;
 use crate::client::Client;
 use crate::dashboard;
 use crate::door::Peer;
-use crate::services::keys::KeyFault;
 use crate::secret::redacted;
 use crate::refusal::Refusal;
-use crate::roles::{self, Asked, Effect, Rule, Who};
+use crate::roles::{Asked, Effect, Rule, Who};
+use crate::middleware::caller::Caller;
 use crate::middleware::telemetry::REQUEST_ID;
 use crate::wire;
 
-/// Who asks, for handlers and for the audit log.
-#[derive(Clone, Debug)]
-pub(crate) struct Caller {
-    /// The key, unless nobody is asked for one.
-    pub(crate) key: Option<AccessKey>,
-}
-
-impl Caller {
-    /// Resolves when what is sent to the caller must end: with its key, or with the server.
-    pub(crate) fn until_ended(self, app: &App) -> impl Future<Output = ()> + Send + 'static {
-        let (app, mut stopping) = (app.clone(), app.stopping());
-        async move {
-            let refused = async {
-                match self.key {
-                    Some(key) => app.keys().until_refused(key).await,
-                    None => std::future::pending().await,
-                }
-            };
-            tokio::select! {
-                // Without a sender the server is gone, which is a stop as well.
-                _ = stopping.wait_for(|stopping| *stopping) => {}
-                () = refused => {}
-            }
-        }
-    }
-
-    /// What the caller may do as: everything, when nobody is asked for a key.
-    pub(crate) fn role(&self) -> Role {
-        self.key.as_ref().map_or(Role::Admin, |key| wire::access::role(key.role))
-    }
-}
-
 /// Lets a request in, or says why not.
 pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Next) -> Response {
-    let asked = asked(&request);
+    let asked = asked(&app, &request);
     let checked = check(&app, &request, asked);
     match checked {
         Ok(caller) => {
@@ -102,9 +69,9 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
     }
 }
 
-fn asked(request: &Request) -> Asked {
+fn asked(app: &App, request: &Request) -> Asked {
     let route = request.extensions().get::<MatchedPath>();
-    route.map_or(Asked::Unlisted, |route| roles::asked(request.method(), route.as_str()))
+    route.map_or(Asked::Unlisted, |route| app.operations().asked(request.method(), route.as_str()))
 }
 
 fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> {
@@ -122,7 +89,7 @@ fn check(app: &App, request: &Request, asked: Asked) -> Result<Caller, Refusal> 
         // The description is open, so this tells nobody anything new.
         Asked::OtherMethod => {
             let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
-            return Err(Refusal::OtherMethod { allow: roles::methods(route) });
+            return Err(Refusal::OtherMethod { allow: app.operations().methods(route) });
         }
         Asked::Unlisted => Who::Holders(&[]),
     };
@@ -206,12 +173,6 @@ fn attempt(request: &Request, operation: &'static str, key: Option<&AccessKey>) 
         address: address.map_or_else(String::new, |address| address.to_string()),
         path: redacted(request.uri().path()).into_owned(),
         request_id: id.unwrap_or_default().to_owned(),
-    }
-}
-
-impl From<KeyFault> for Refusal {
-    fn from(fault: KeyFault) -> Self {
-        Self::Unauthenticated(fault)
     }
 }
 

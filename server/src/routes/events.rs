@@ -19,7 +19,7 @@ use tokio_stream::wrappers::{BroadcastStream, WatchStream};
 use crate::app::App;
 use crate::client::Client;
 use crate::extract::{Params, Segment1, revision};
-use crate::middleware::guard::Caller;
+use crate::middleware::caller::Caller;
 use crate::refusal::Refusal;
 use crate::services::sessions::is_last;
 use crate::wire::session::session_ids;

@@ -9,7 +9,7 @@ use palpate_schemas::{
 
 use crate::app::App;
 use crate::extract::{Params, Segment1, Segment2, Segment3};
-use crate::openapi::{Conflict, Ended};
+use crate::routes::documented::{Conflict, Ended};
 use crate::refusal::Refusal;
 
 /// List a session's readings

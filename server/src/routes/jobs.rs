@@ -6,7 +6,7 @@ use palpate_schemas::{Job, JobPage, PageQuery};
 
 use crate::app::App;
 use crate::extract::{Params, Segment1};
-use crate::openapi::Conflict;
+use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
 
 /// List the jobs

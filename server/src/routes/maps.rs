@@ -8,7 +8,7 @@ use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyQuery, Slice
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1, Segment3};
-use crate::openapi::{Conflict, MapFile};
+use crate::routes::documented::{Conflict, MapFile};
 use crate::refusal::Refusal;
 
 /// What never changes may be kept for a year.

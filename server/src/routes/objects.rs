@@ -12,7 +12,7 @@ use palpate_schemas::{
 use crate::app::App;
 use crate::routes::blocks;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segment1};
-use crate::openapi::{Conflict, MeshFile};
+use crate::routes::documented::{Conflict, MeshFile};
 use crate::refusal::Refusal;
 
 /// List the objects

@@ -7,7 +7,7 @@ use palpate_schemas::{BindRobot, PageQuery, Robot, RobotPage};
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
-use crate::openapi::Conflict;
+use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
 
 /// List the names of robots that belong to keys

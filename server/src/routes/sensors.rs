@@ -8,7 +8,7 @@ use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, Se
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
-use crate::openapi::Conflict;
+use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
 
 /// List the sensors

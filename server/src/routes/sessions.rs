@@ -12,7 +12,7 @@ use palpate_schemas::{
 
 use crate::app::App;
 use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segment1, revision};
-use crate::openapi::{Conflict, Ended};
+use crate::routes::documented::{Conflict, Ended};
 use crate::refusal::Refusal;
 
 /// List the sessions

@@ -1,22 +1,15 @@
-//! What is not about robots: health, metrics, version, documentation, the dashboard.
+//! Health, metrics and version of the server.
 
 use axum::extract::State;
-use axum::http::{HeaderMap, Uri, header};
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
-use axum::{Json, Router};
+use axum::Json;
 use palpate_schemas::{Liveness, Readiness, Version};
-use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
+use crate::middleware::telemetry;
 use crate::refusal::Refusal;
-use crate::{dashboard, openapi, telemetry};
 
-/// Pages for people, and the API's description.
-pub(crate) fn pages() -> Router<App> {
-    let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
-    let pages = Router::new().merge(docs).route("/openapi.json", axum::routing::get(description));
-    dashboard::paths().fold(pages, |pages, path| pages.route(path, axum::routing::get(file)))
-}
 
 /// Whether the process answers
 #[utoipa::path(get, path = "/livez", operation_id = "livez", tag = "site",
@@ -62,12 +55,4 @@ pub(crate) async fn version() -> Json<Version> {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         api: "v1".to_owned(),
     })
-}
-
-async fn file(uri: Uri, headers: HeaderMap) -> Response {
-    dashboard::answer(uri.path(), &headers)
-}
-
-async fn description(headers: HeaderMap) -> Response {
-    dashboard::tagged("application/json", openapi::text().as_bytes(), &headers)
 }

@@ -11,8 +11,8 @@ use tokio_stream::wrappers::ReceiverStream;
 use crate::admission::InMemory;
 use crate::app::App;
 use crate::client::Client;
-use crate::middleware::guard::Caller;
-use crate::openapi::SnapshotFile;
+use crate::middleware::caller::Caller;
+use crate::routes::documented::SnapshotFile;
 use crate::refusal::Refusal;
 use crate::services::snapshots::{IN_MEMORY, take};
 

@@ -12,28 +12,22 @@ use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use axum::extract::{Request, State};
-use axum::http::{StatusCode, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
 use palpate_schemas as wire;
 use palpate_schemas::PageQuery;
 use palpate_store::access::Role;
 use palpate_store::audit::{AuditEntry, AuditLog, Ring};
 use palpate_store::error::StoreError;
 use tokio::sync::watch;
-use tracing::Instrument as _;
 use uuid::Uuid;
 
-use crate::app::App;
-use crate::asker;
 use crate::client::Client;
 use crate::clock::now_ms;
 use crate::refusal::Refusal;
 use crate::roles;
 use crate::wire::{access, page_length, page_number};
 use failures::Failures;
-use folds::{Alike, FOLD_MS, Folds};
+pub(crate) use folds::Alike;
+use folds::{FOLD_MS, Folds};
 
 /// How much of a path is written down, in characters.
 const PATH_CHARS_MAX: usize = 512;
@@ -87,7 +81,7 @@ pub(crate) struct Audit {
     log: AuditLog,
     denials: Mutex<Denials>,
     folds: tokio::sync::Mutex<Folds>,
-    failures: Failures,
+    pub(crate) failures: Failures,
 }
 
 /// How many refusals of strangers may be written down now, and how many were not.
@@ -208,12 +202,13 @@ impl Audit {
         Ok(wire::AuditPage { items, next_cursor: behind.map(cursor) })
     }
 
-    async fn begin(&self, attempt: Attempt) -> Result<AuditEntry, StoreError> {
+    /// Writes down that a change is asked for.
+    pub(crate) async fn begin(&self, attempt: Attempt) -> Result<AuditEntry, StoreError> {
         self.log.begin(entry(attempt)).await
     }
 
     /// Writes down what became of a change.
-    async fn finish(&self, entry: AuditEntry, alike: Option<Alike>) {
+    pub(crate) async fn finish(&self, entry: AuditEntry, alike: Option<Alike>) {
         let seq = entry.seq;
         if let Err(error) = self.settle(entry, alike).await {
             tracing::error!(%error, "Cannot write down what became of audit entry {seq}");
@@ -233,55 +228,11 @@ impl Audit {
     }
 }
 
-/// Writes a change down, lets it be made, and writes down what became of it. What cannot be
-/// written down is not done, nor is what a key asks for whose changes keep failing.
-pub(crate) async fn record(State(app): State<App>, mut request: Request, next: Next) -> Response {
-    let Some(attempt) = request.extensions_mut().remove::<Attempt>() else {
-        return next.run(request).await;
-    };
-    let key = attempt.key.as_ref().map(|(id, _, _)| *id);
-    let failures = &app.audit().failures;
-    if let Some(Err(wait)) = key.map(|key| failures.check(key, Instant::now())) {
-        let refusal = Refusal::FailuresExceeded { bound: failures.bound(wait), wait };
-        app.audit().denied(attempt, StatusCode::TOO_MANY_REQUESTS.as_u16()).await;
-        return refusal.into_response();
-    }
-    let changing = async move {
-        let asked = attempt.clone();
-        let entry = match app.audit().begin(attempt).await {
-            Ok(entry) => entry,
-            Err(error) => return Refusal::from(error).into_response(),
-        };
-        let response = next.run(request).await;
-        let status = response.status();
-        if let Some(key) = key.filter(|_| is_of_the_caller(status)) {
-            app.audit().failures.failed(key, Instant::now());
-        }
-        let repeats = is_repeated(asked.operation, status);
-        let alike = repeats.then(|| alike(&asked, status.as_u16()));
-        app.audit().finish(outcome(entry, &response), alike).await;
-        response
-    };
-    let changed = asker::spawn(changing.in_current_span()).await;
-    changed.unwrap_or_else(|_| Refusal::Panicked.into_response())
-}
-
-/// Whether a change failed for what its caller asked.
-fn is_of_the_caller(status: StatusCode) -> bool {
-    status.is_client_error() && status != StatusCode::TOO_MANY_REQUESTS
-}
-
-/// Whether repetitions of an outcome are counted in one entry: of what failed, and of sessions
-/// that are kept open again and again.
-fn is_repeated(operation: &str, status: StatusCode) -> bool {
-    operation == KEEPS_OPEN || status.is_client_error() || status.is_server_error()
-}
-
 /// The operation that robots ask for again and again.
-const KEEPS_OPEN: &str = "extend_session";
+pub(crate) const KEEPS_OPEN: &str = "extend_session";
 
 /// What a request has in common with those that are told by the same entry.
-fn alike(attempt: &Attempt, status: u16) -> Alike {
+pub(crate) fn alike(attempt: &Attempt, status: u16) -> Alike {
     let is_one_thing = attempt.operation == KEEPS_OPEN && status < 400;
     Alike {
         client: attempt.client,
@@ -289,15 +240,6 @@ fn alike(attempt: &Attempt, status: u16) -> Alike {
         status,
         resource: is_one_thing.then(|| attempt.path.clone()),
     }
-}
-
-/// The entry with what became of it; something new goes by its own path.
-fn outcome(entry: AuditEntry, response: &Response) -> AuditEntry {
-    let status = response.status();
-    let location = response.headers().get(header::LOCATION).filter(|_| status.is_success());
-    let made = location.and_then(|at| at.to_str().ok()).map(str::to_owned);
-    let resource = made.unwrap_or(entry.resource);
-    AuditEntry { status: Some(status.as_u16()), resource, ..entry }
 }
 
 fn entry(attempt: Attempt) -> AuditEntry {

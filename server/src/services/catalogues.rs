@@ -12,17 +12,7 @@ mod removal;
 use std::sync::Arc;
 
 use dashmap::DashMap;
-<<<<<<< deeeff32f5920482210c8e41165f61e875521eeb:server/src/services/catalogues.rs
 use palpate_dissertation::geometric::TableBudget;
-=======
-use glam::DVec3;
-use palpate_core::symmetry::Symmetry;
-use palpate_dissertation::appearance::model::AppearanceModel;
-use palpate_dissertation::geometric::model::GeometricModel;
-use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
-use palpate_dissertation::sva::model::ObjectMap;
-use palpate_recogniser::model::SurfaceModel;
->>>>>>> main:server/src/catalogues.rs
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
@@ -42,74 +32,6 @@ use memory::Memory;
 /// The catalogue that is meant when nobody names one.
 pub(crate) const DEFAULT: &str = "default";
 
-<<<<<<< deeeff32f5920482210c8e41165f61e875521eeb:server/src/services/catalogues.rs
-=======
-/// A version that can recognise: the part of it that a method needs, or all parts.
-pub(crate) struct Model {
-    pub(crate) catalogue: Uuid,
-    pub(crate) name: String,
-    pub(crate) version: u32,
-    pub(crate) core: Arc<TrainedModel>,
-    pub(crate) objects: Vec<VersionObject>,
-    /// Where each object's frame has its origin in the frame that it was taught in, metres.
-    pub(crate) origins_in_model: Arc<[DVec3]>,
-    /// The symmetries of its objects; empty where no method of the part answers poses modulo
-    /// symmetry.
-    pub(crate) symmetries: Arc<[Symmetry]>,
-    /// What sessions by geometry share.
-    prepared: Option<PreparedGeometry>,
-}
-
-impl Model {
-    /// The geometry of its objects with what sessions look up in it.
-    pub(crate) fn prepared(&self) -> Result<&PreparedGeometry, Refusal> {
-        self.prepared.as_ref().ok_or_else(|| self.no_geometry())
-    }
-
-    fn no_geometry(&self) -> Refusal {
-        Refusal::NoGeometric { catalogue: self.name.clone(), version: self.version }
-    }
-
-    /// What the version knows of its objects' geometry.
-    pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
-        self.core.geometric.as_ref().ok_or_else(|| self.no_geometry())
-    }
-
-    /// What the version knows of its objects' appearance.
-    pub(crate) fn appearance(&self) -> Result<&Arc<AppearanceModel>, Refusal> {
-        self.core.appearance.as_ref().ok_or_else(|| Refusal::NoAppearance {
-            catalogue: self.name.clone(),
-            version: self.version,
-        })
-    }
-
-    /// The surfaces of its objects.
-    pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, Refusal> {
-        self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurface {
-            catalogue: self.name.clone(),
-            version: self.version,
-        })
-    }
-
-    /// The maps of pairs of touches, one an object.
-    pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
-        let maps = self.core.sva.objects.as_slice();
-        if maps.len() == self.objects.len() {
-            return Ok(maps);
-        }
-        Err(Refusal::NoSva { catalogue: self.name.clone(), version: self.version })
-    }
-
-    /// The place of an object among the model's, by its id or its name when it was trained.
-    pub(crate) fn find(&self, reference: &str) -> Option<usize> {
-        match Uuid::parse_str(reference) {
-            Ok(id) => self.objects.iter().position(|object| object.id == id),
-            Err(_) => self.objects.iter().position(|object| object.name == reference),
-        }
-    }
-}
-
->>>>>>> main:server/src/catalogues.rs
 /// All catalogues.
 pub(crate) struct Catalogues {
     store: Database,

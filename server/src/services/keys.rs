@@ -7,7 +7,6 @@
 mod holding;
 mod latest;
 mod robots;
-pub(crate) mod secret;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -23,7 +22,8 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use crate::config::Access;
-use crate::refusal::Refusal;
+use crate::refusal::{KeyFault, Refusal};
+use crate::secret;
 use crate::wire::{self as convert, cursor, page_id, page_length};
 use latest::Latest;
 
@@ -50,23 +50,6 @@ pub(crate) struct Keys {
     changes: watch::Sender<()>,
 }
 
-/// Why a request is not let in.
-#[derive(Clone, Debug, Error)]
-pub(crate) enum KeyFault {
-    #[error("this server asks for an API key: send it as `Authorization: Bearer palpate_…`")]
-    Missing,
-    #[error("the header `Authorization` holds no key of Palpate, expected `Bearer palpate_…`")]
-    NotAKey,
-    #[error("the server does not know this API key")]
-    Unknown,
-    #[error("the API key {:?} was revoked", .0.name)]
-    Revoked(Box<AccessKey>),
-    #[error("the API key {:?} has expired", .0.name)]
-    Expired(Box<AccessKey>),
-    #[error("the API key {:?} was rotated, and its secret before is refused by now", .0.name)]
-    Rotated(Box<AccessKey>),
-}
-
 /// Why there are no keys to ask for.
 #[derive(Debug, Error)]
 pub(crate) enum KeysError {
@@ -74,16 +57,6 @@ pub(crate) enum KeysError {
     Store(#[from] StoreError),
     #[error("the operating system has no random bits: {0}")]
     Random(#[from] getrandom::Error),
-}
-
-impl KeyFault {
-    /// The key that was meant, where the secret proves it.
-    pub(crate) fn key(&self) -> Option<&AccessKey> {
-        match self {
-            Self::Missing | Self::NotAKey | Self::Unknown => None,
-            Self::Revoked(key) | Self::Expired(key) | Self::Rotated(key) => Some(key),
-        }
-    }
 }
 
 impl Keys {
@@ -217,7 +190,7 @@ impl Keys {
         if key.revoked_at_ms.is_some() {
             return Ok(());
         }
-        let is_admin = key.role == Role::Admin && is_active(&key, now);
+        let is_admin = key.role == Role::Admin && key.is_active(now);
         if is_admin && self.read(|keys| n_admins(keys, now)) == 1 {
             return Err(Refusal::LastAdmin { name: key.name });
         }
@@ -237,7 +210,7 @@ impl Keys {
         let _changing = self.changing.lock().await;
         let key = self.get(reference)?;
         let now = self.now_ms();
-        if !is_active(&key, now) {
+        if !key.is_active(now) {
             return Err(Refusal::KeyRefused { name: key.name });
         }
         let (secret, hash) = secret::draw(key.id).map_err(|_| Refusal::NoRandom)?;
@@ -322,13 +295,8 @@ impl Keys {
     }
 }
 
-/// Whether a key is let in.
-pub(crate) fn is_active(key: &AccessKey, now_ms: u64) -> bool {
-    key.revoked_at_ms.is_none() && key.expires_at_ms.is_none_or(|at| at > now_ms)
-}
-
 fn n_admins(keys: &BTreeMap<Uuid, AccessKey>, now_ms: u64) -> usize {
-    keys.values().filter(|key| key.role == Role::Admin && is_active(key, now_ms)).count()
+    keys.values().filter(|key| key.role == Role::Admin && key.is_active(now_ms)).count()
 }
 
 fn new_key(
@@ -351,10 +319,4 @@ fn new_key(
         revoked_at_ms: None,
     };
     Ok((key, secret))
-}
-
-impl From<getrandom::Error> for Refusal {
-    fn from(_: getrandom::Error) -> Self {
-        Self::NoRandom
-    }
 }

@@ -163,7 +163,9 @@ impl Objects {
         let object = self.find(reference)?;
         let frame_id = convert::reading::shared_frame(&request.readings)?;
         let _using = self.sensors.using().await;
-        let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
+        convert::reading::check_size(&request.readings)?;
+        let sources = self.sensors.sources(&request.readings)?;
+        let readings = convert::reading::readings(&request.readings, sources, frame_id)?;
         let journal = self.store.training();
         for _ in 0..APPEND_ATTEMPTS {
             let before = journal.len(object.id)?;
@@ -209,7 +211,7 @@ impl Objects {
         let next = from + entries.len() as u64;
         let more = next < journal.len(object.id)? && !entries.is_empty();
         Ok(wire::StoredReadingPage {
-            items: entries.iter().filter_map(|it| convert::reading::stored(it, keys)).collect(),
+            items: entries.iter().filter_map(|it| convert::reading::stored(it, |key| keys.writer(key))).collect(),
             next_cursor: more.then(|| next.to_string()),
         })
     }
@@ -259,7 +261,7 @@ impl Objects {
                 }))
             };
         let now = now_ms();
-        let new = crate::services::repeats::new_readings(readings, stored)?;
+        let new = crate::repeats::new_readings(readings, stored)?;
         Ok(new.into_iter().map(|reading| reading.entry(now, key)).collect())
     }
 }

@@ -5,7 +5,7 @@ mod removal;
 
 use std::sync::Arc;
 
-use dashmap::{DashMap, DashSet};
+use dashmap::DashSet;
 use palpate_core::sensor::SensorDescription;
 use palpate_schemas as wire;
 use palpate_store::database::Database;
@@ -15,13 +15,15 @@ use uuid::Uuid;
 
 use crate::services::calibrations::Calibrations;
 use crate::clock::now_ms;
+use crate::known_sensors::KnownSensors;
 use crate::refusal::Refusal;
+use crate::wire::reading::Source;
 use crate::wire::{cursor, page_id, page_length, reading, sensor};
 
 /// All sensors.
 pub(crate) struct Sensors {
     store: Database,
-    known: DashMap<String, Arc<Sensor>>,
+    known: Arc<KnownSensors>,
     calibrations: Calibrations,
     /// Sensors that are about to be removed: no reading of them comes in.
     closed: DashSet<Uuid>,
@@ -31,10 +33,11 @@ pub(crate) struct Sensors {
 
 impl Sensors {
     pub(crate) fn new(store: Database) -> Self {
-        let calibrations = Calibrations::new(store.clone());
+        let known = Arc::new(KnownSensors::new(store.clone()));
+        let calibrations = Calibrations::new(store.clone(), Arc::clone(&known));
         Self {
             store,
-            known: DashMap::new(),
+            known,
             calibrations,
             closed: DashSet::new(),
             using: Arc::default(),
@@ -66,34 +69,30 @@ impl Sensors {
         Ok(())
     }
 
-    /// The sensor of an id or a name, if there is one.
-    pub(crate) fn find(&self, reference: &str) -> Result<Option<Arc<Sensor>>, StoreError> {
-        let id = Uuid::parse_str(reference).ok();
-        let key = id.map_or_else(|| reference.to_owned(), |id| id.to_string());
-        if let Some(known) = self.known.get(&key) {
-            return Ok(Some(Arc::clone(&known)));
-        }
-        let table = self.store.sensors();
-        let found = match id {
-            Some(id) => table.find(id)?,
-            None => table.find_by_name(reference)?,
-        };
-        let found = found.map(Arc::new);
-        if let Some(sensor) = &found {
-            self.known.insert(key, Arc::clone(sensor));
-        }
-        Ok(found)
+    /// The sensors and calibrations in memory.
+    pub(crate) fn known(&self) -> &Arc<KnownSensors> {
+        &self.known
     }
 
-    /// As [`Sensors::find`], without sensors that are about to be removed.
-    pub(crate) fn find_to_use(&self, reference: &str) -> Result<Option<Arc<Sensor>>, StoreError> {
-        Ok(self.find(reference)?.filter(|sensor| !self.closed.contains(&sensor.id)))
-    }
-
-    /// The sensor of an id or a name.
+    /// The sensor with an id or a name.
     pub(crate) fn get(&self, reference: &str) -> Result<Arc<Sensor>, Refusal> {
-        self.find(reference)?
-            .ok_or_else(|| Refusal::NotFound { what: "sensor", reference: reference.to_owned() })
+        Ok(self.known.get(reference)?)
+    }
+
+    /// What the readings of a request name as their sensors, where there is one that is not
+    /// about to be removed.
+    pub(crate) fn sources(&self, given: &[wire::Reading]) -> Result<Vec<Option<Source>>, Refusal> {
+        given.iter().map(|reading| self.source(&reading.sensor)).collect()
+    }
+
+    /// The sensor with an id or a name, unless it is about to be removed.
+    pub(crate) fn find_to_use(&self, reference: &str) -> Result<Option<Arc<Sensor>>, StoreError> {
+        Ok(self.known.find(reference)?.filter(|sensor| !self.closed.contains(&sensor.id)))
+    }
+
+    fn source(&self, reference: &str) -> Result<Option<Source>, Refusal> {
+        let usable = self.find_to_use(reference)?;
+        Ok(usable.map(|sensor| self.known.source(sensor)).transpose()?)
     }
 
     pub(crate) async fn create(&self, request: &wire::CreateSensor) -> Result<Sensor, Refusal> {
@@ -110,12 +109,12 @@ impl Sensors {
         given: &wire::Reading,
     ) -> Result<wire::ReadingCheck, Refusal> {
         let expected = self.get(reference)?;
-        let incoming = reading::one("", given, self, given.frame_id.as_deref())?;
+        let incoming = reading::one("", given, self.source(&given.sensor)?, given.frame_id.as_deref())?;
         if incoming.sensor.id != expected.id {
             let detail = format!("came {:?}, expected {reference:?} as in the path", given.sensor);
             return Err(Refusal::field("/sensor", detail));
         }
-        let applied = self.calibrations.newest(expected.id)?;
+        let applied = self.known.newest(expected.id)?;
         let pose = incoming.stored.session_from_sensor;
         let description = &expected.description;
         Ok(sensor::check(&incoming.reading, pose, description, applied.as_ref()))
@@ -129,7 +128,7 @@ impl Sensors {
 
     /// A sensor for the wire.
     pub(crate) fn show(&self, sensor: &Sensor) -> Result<wire::Sensor, Refusal> {
-        let newest = self.calibrations.newest(sensor.id)?;
+        let newest = self.known.newest(sensor.id)?;
         Ok(sensor::sensor(sensor, newest.map(|newest| newest.number)))
     }
 }

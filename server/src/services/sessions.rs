@@ -12,7 +12,6 @@ mod history;
 mod life;
 mod open;
 mod retention;
-mod status;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,22 +26,20 @@ use tokio::sync::broadcast;
 use uuid::Uuid;
 
 use crate::asker;
-use crate::services::catalogues::{Catalogues, Model};
-use crate::live::checkpoints::Checkpoints;
+use crate::model::Model;
+use crate::services::catalogues::Catalogues;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::services::keys::Keys;
-use crate::live::{Live, Total};
+use crate::live::checkpoints::Checkpoints;
+use crate::live::{Live, POSES, Tools, Total, status};
 use crate::refusal::Refusal;
 use crate::services::sensors::Sensors;
 use crate::wire::{self as convert};
 
 use open::Open;
-pub(crate) use status::status;
 
-/// Pose hypotheses of an answer when the request does not say.
-pub(crate) const POSES: usize = 5;
 /// The most pose hypotheses of an answer.
 const POSES_MAX: u64 = 100;
 
@@ -105,7 +102,9 @@ impl Sessions {
         let live = self.live(self.parse(id)?).await?;
         let frame_id = convert::session::frame_id(live.session());
         let using = self.sensors.using().await;
-        let readings = convert::reading::readings(&request.readings, &self.sensors, frame_id)?;
+        convert::reading::check_size(&request.readings)?;
+        let sources = self.sensors.sources(&request.readings)?;
+        let readings = convert::reading::readings(&request.readings, sources, frame_id)?;
         live.check(&readings)?;
         let ids = readings.iter().enumerate();
         let ids = ids.filter_map(|(place, reading)| Some((place, reading.id.as_ref()?)));
@@ -165,7 +164,8 @@ impl Sessions {
     ) -> Result<wire::NextTouches, Refusal> {
         let begun = Instant::now();
         let live = self.live(self.parse(id)?).await?;
-        let question = convert::next_touch::question(asked, &self.sensors)?;
+        let sensor = self.sensors.known().find(&asked.sensor)?;
+        let question = convert::next_touch::question(asked, sensor.as_deref())?;
         let sessions = Arc::clone(self);
         let asking =
             asker::spawn(
@@ -223,7 +223,7 @@ impl Sessions {
     fn tools(&self) -> Tools<'_> {
         Tools {
             store: &self.store,
-            sensors: &self.sensors,
+            sensors: self.sensors.known(),
             pool: &self.pool,
             readings_max: self.readings_max,
             checkpoints: &self.checkpoints,
@@ -245,7 +245,7 @@ impl Sessions {
     fn show(&self, session: &Session) -> Result<wire::Session, Refusal> {
         let status = status(&self.store, session, now_ms())?;
         let catalogue = self.catalogues.name(session.catalogue)?;
-        Ok(convert::session::session(session, &catalogue, status, &self.keys))
+        Ok(convert::session::session(session, &catalogue, status, |key| self.keys.writer(key)))
     }
 
     /// The session's entry in memory, made from the store if need be.
@@ -332,15 +332,6 @@ impl Sessions {
 /// Whether nobody works with an entry or follows it.
 fn is_idle(live: &Arc<Live>) -> bool {
     Arc::strong_count(live) == 1 && !live.is_followed()
-}
-
-/// What an entry needs to do its work.
-pub(crate) struct Tools<'a> {
-    pub(crate) store: &'a Database,
-    pub(crate) sensors: &'a Arc<Sensors>,
-    pub(crate) pool: &'a Pool,
-    pub(crate) readings_max: usize,
-    pub(crate) checkpoints: &'a Arc<Checkpoints>,
 }
 
 /// How many poses an answer is to have at most.

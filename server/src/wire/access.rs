@@ -5,7 +5,6 @@ use palpate_store::access::{AccessKey, Role};
 use palpate_store::audit::{AuditEntry, Ring};
 
 use super::time;
-use crate::services::keys::is_active;
 use crate::wire::Invalid;
 
 /// A key as the wire has it.
@@ -15,7 +14,7 @@ pub(crate) fn key(key: &AccessKey, now_ms: u64) -> wire::ApiKey {
         id: key.id,
         name: key.name.clone(),
         role: role(key.role),
-        active: is_active(key, now_ms),
+        active: key.is_active(now_ms),
         created_at: time(key.created_at_ms),
         expires_at: key.expires_at_ms.map(time),
         last_used_at: key.last_used_at_ms.map(time),

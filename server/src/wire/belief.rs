@@ -7,7 +7,7 @@ use palpate_schemas as wire;
 use palpate_schemas::Method;
 use palpate_store::entity::Session;
 
-use crate::services::catalogues::Model;
+use crate::model::Model;
 use crate::wire::session::{options, untold_unknown_prior};
 use crate::wire::{count, evidence, sensor, symmetry};
 

@@ -4,15 +4,13 @@ use std::f64::consts::PI;
 
 use palpate_dissertation::geometric::model::{GeometricMap, GeometricModel};
 use palpate_dissertation::geometric::train::GeometryConfig;
-use palpate_dissertation::geometric::{AxisMarginal, PosePrior as CorePrior};
+use palpate_dissertation::geometric::{AxisMarginal, Marginals, PosePrior as CorePrior};
 use palpate_dissertation::occupancy::OccupancyGrid;
 use palpate_schemas as wire;
 use palpate_schemas::{AxisUnit, GeometryKind, PosePrior};
 use palpate_store::catalogue::VersionObject;
 use uuid::Uuid;
 
-use crate::live::belief::ObjectMarginals;
-use crate::services::catalogues::Model;
 use crate::wire::Invalid;
 use crate::wire::{count, number, reading};
 
@@ -196,7 +194,7 @@ const IDENTITY: wire::Pose = wire::Pose { position: [0.0; 3], orientation: [0.0,
 /// Core's prior over poses from one that was checked and has its defaults.
 ///
 /// # Errors
-/// [`Refusal`] when what is stored is no longer valid.
+/// [`Invalid`] when what is stored is no longer valid.
 pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Invalid> {
     match prior {
         PosePrior::Planar { plane, center, half_extent, angle, half_angle } => {
@@ -220,18 +218,18 @@ pub(crate) fn core_prior(prior: &PosePrior) -> Result<CorePrior, Invalid> {
 pub(crate) fn marginals(
     session: Uuid,
     revision: u64,
-    found: &ObjectMarginals,
-    model: &Model,
+    object: &VersionObject,
+    probability: f64,
+    found: &Marginals,
 ) -> wire::Marginals {
-    let object = &model.objects[found.object.0 as usize];
     wire::Marginals {
         session,
         revision: count(revision),
         object: object.id,
         name: object.name.clone(),
-        probability: found.probability,
-        axes: found.marginals.axes.iter().map(marginal).collect(),
-        plane: found.marginals.plane.as_ref().map(|plane| wire::PlaneMarginal {
+        probability,
+        axes: found.axes.iter().map(marginal).collect(),
+        plane: found.plane.as_ref().map(|plane| wire::PlaneMarginal {
             low: plane.low,
             high: plane.high,
             n: plane.n.map(count),

@@ -6,7 +6,7 @@ use palpate_schemas::Method;
 use palpate_store::entity::{ReadingId, Session};
 use palpate_store::journal::{Entry, Event};
 
-use crate::services::catalogues::Model;
+use crate::model::Model;
 use crate::wire::session::options;
 use crate::wire::{count, time};
 

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use palpate_schemas as wire;
 use palpate_store::entity::Session;
-
+use thiserror::Error;
 use uuid::Uuid;
 
-use crate::services::catalogues::Model;
+use crate::model::Model;
 use crate::wire::Invalid;
 use crate::wire::session::{TTL_MAX, options, written};
 use crate::wire::{time, within};
@@ -81,12 +81,20 @@ pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
     options(session).opened_by
 }
 
+/// A session whose object is known to have been another one.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("session {session} was closed with {before:?} as the truth already")]
+pub(crate) struct OtherTruth {
+    session: Uuid,
+    before: String,
+}
+
 /// Notes what a session's object was; whether it was not known before.
-pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, Invalid> {
+pub(crate) fn set_truth(session: &mut Session, truth: &wire::Truth) -> Result<bool, OtherTruth> {
     let mut options = options(session);
     match &options.truth {
         Some(before) if before.object == truth.object => Ok(false),
-        Some(before) => Err(Refusal::OtherTruth {
+        Some(before) => Err(OtherTruth {
             session: session.id,
             before: before.name.clone().unwrap_or_else(|| "none of these".to_owned()),
         }),

@@ -6,10 +6,10 @@ use glam::DVec3;
 use palpate_core::units::Shown;
 use palpate_recogniser::next_touch::{Approach, NextTouchOptions, Ranked, Ranking, Workspace};
 use palpate_schemas as wire;
+use palpate_store::entity::Sensor;
 use uuid::Uuid;
 
 use crate::wire::Invalid;
-use crate::services::sensors::Sensors;
 use crate::wire::{INTEGER_MAX, count, number, reading, sensor, within};
 
 /// Approaches of an answer when the request does not say.
@@ -36,16 +36,13 @@ pub(crate) struct Question {
     pub(crate) deadline: Duration,
 }
 
-/// Checks what a robot asks.
+/// Checks what a robot asks. `sensor` is the one that it names, if there is one.
 pub(crate) fn question(
     asked: &wire::AskNextTouches,
-    sensors: &Sensors,
+    sensor: Option<&Sensor>,
 ) -> Result<Question, Invalid> {
-    let found = sensors.find(&asked.sensor)?.ok_or_else(|| {
-        let detail = format!("there is no sensor {:?}, expected an id or a name", asked.sensor);
-        Invalid::field("/sensor", detail)
-    })?;
-    let grid = found.description.grid();
+    let sensor = sensor.ok_or_else(|| reading::no_sensor("/sensor", &asked.sensor))?;
+    let grid = sensor.description.grid();
     let n = within("/n", u64::from(asked.n.unwrap_or(N)), 1, N_MAX as u64)?;
     let deadline_ms = u64::from(asked.deadline_ms.unwrap_or(DEADLINE_MS));
     let deadline_ms = within("/deadline_ms", deadline_ms, 1, DEADLINE_MS_MAX)?;

@@ -1,5 +1,7 @@
 //! Readings: checked against their sensor when they come in, as they were when they go out.
 
+use std::sync::Arc;
+
 use palpate_core::pose::{Pose, PoseError};
 use palpate_core::reading::{Looseness, Reading, ReadingError, SensorId};
 use palpate_core::sensor::Calibration;
@@ -8,13 +10,10 @@ use palpate_schemas as wire;
 use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, Sensor, StoredReading};
 use palpate_store::journal::{Entry, Event, NewEntry, ROBOT_BYTES_MAX};
-
 use uuid::Uuid;
 
 use crate::hints::{Judged, of_readings};
-use crate::services::keys::Keys;
 use crate::wire::Invalid;
-use crate::services::sensors::Sensors;
 use crate::wire::{INTEGER_MAX, sensor};
 
 /// The most readings of one request.
@@ -42,7 +41,7 @@ pub(crate) struct Incoming {
     pub(crate) id: Option<ReadingId>,
     pub(crate) stored: StoredReading,
     pub(crate) reading: Reading,
-    pub(crate) sensor: std::sync::Arc<Sensor>,
+    pub(crate) sensor: Arc<Sensor>,
 }
 
 impl Incoming {
@@ -62,12 +61,22 @@ impl Incoming {
     }
 }
 
-/// Checks the readings of a request; `frame_id` is the one that they must be given in.
-pub(crate) fn readings(
-    given: &[wire::Reading],
-    sensors: &Sensors,
-    frame_id: Option<&str>,
-) -> Result<Vec<Incoming>, Invalid> {
+/// A sensor that readings come from, and the calibration that applies to them.
+#[derive(Clone, Debug)]
+pub(crate) struct Source {
+    pub(crate) sensor: Arc<Sensor>,
+    pub(crate) applied: Option<Applied>,
+}
+
+/// A calibration and its number.
+#[derive(Clone, Debug)]
+pub(crate) struct Applied {
+    pub(crate) number: u32,
+    pub(crate) calibration: Arc<Calibration>,
+}
+
+/// Refuses more readings, or larger ones, than one request may have.
+pub(crate) fn check_size(given: &[wire::Reading]) -> Result<(), Invalid> {
     if given.is_empty() || given.len() > READINGS_MAX {
         let n = given.len();
         let detail = format!("{n} readings came, expected 1 to {READINGS_MAX}");
@@ -84,13 +93,22 @@ pub(crate) fn readings(
         );
         return Err(Invalid::field("/readings", detail));
     }
+    Ok(())
+}
+
+/// Checks the readings of a request. `sources` are those that they name, where there is one;
+/// `frame_id` is the one that they must be given in.
+pub(crate) fn readings(
+    given: &[wire::Reading],
+    sources: Vec<Option<Source>>,
+    frame_id: Option<&str>,
+) -> Result<Vec<Incoming>, Invalid> {
     let mut errors = Vec::new();
     let mut checked = Vec::with_capacity(given.len());
-    for (index, reading) in given.iter().enumerate() {
-        match one(&format!("/readings/{index}"), reading, sensors, frame_id) {
+    for ((index, reading), source) in given.iter().enumerate().zip(sources) {
+        match one(&format!("/readings/{index}"), reading, source, frame_id) {
             Ok(incoming) => checked.push(incoming),
             Err(Invalid(wrong)) => errors.extend(wrong),
-            Err(other) => return Err(other),
         }
         if errors.len() >= ERRORS_MAX {
             break;
@@ -114,18 +132,15 @@ pub(crate) fn warnings(readings: &[Incoming], first: Option<&Entry>) -> Vec<wire
 pub(crate) fn one(
     pointer: &str,
     given: &wire::Reading,
-    sensors: &Sensors,
+    source: Option<Source>,
     frame_id: Option<&str>,
 ) -> Result<Incoming, Invalid> {
     let id = reading_id(pointer, given)?;
     frame(pointer, given, frame_id)?;
-    let sensor = sensors.find_to_use(&given.sensor)?.ok_or_else(|| {
-        let detail = format!("there is no sensor {:?}, expected an id or a name", given.sensor);
-        Invalid::field(format!("{pointer}/sensor"), detail)
-    })?;
+    let Source { sensor, applied } =
+        source.ok_or_else(|| no_sensor(&format!("{pointer}/sensor"), &given.sensor))?;
     let pose = given.pose.as_ref().map(|given| pose(&format!("{pointer}/pose"), given));
     feature(&format!("{pointer}/feature"), given.feature.as_deref())?;
-    let applied = sensors.calibrations().newest(sensor.id)?;
     let stored = StoredReading {
         sensor: sensor.id,
         session_from_sensor: pose.transpose()?,
@@ -145,6 +160,11 @@ pub(crate) fn one(
         Invalid::field(at, error)
     })?;
     Ok(Incoming { id, stored, reading, sensor })
+}
+
+/// The error of a sensor that does not exist.
+pub(crate) fn no_sensor(pointer: &str, named: &str) -> Invalid {
+    Invalid::field(pointer, format!("there is no sensor {named:?}, expected an id or a name"))
 }
 
 /// A stored reading as core knows it, corrected with the calibration that it names. It was
@@ -194,13 +214,13 @@ pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Loosene
 }
 
 /// A stored training reading for the wire; `None` for entries that are not readings.
-pub(crate) fn stored(entry: &Entry, keys: &Keys) -> Option<wire::StoredReading> {
+pub(crate) fn stored(entry: &Entry, writer: impl Fn(Uuid) -> wire::Writer) -> Option<wire::StoredReading> {
     let Event::Reading(reading) = &entry.event else { return None };
     Some(wire::StoredReading {
         index: super::count(entry.seq),
         robot: entry.reading_id.as_ref().map(|id| id.robot.clone()),
         seq: entry.reading_id.as_ref().map(|id| id.seq),
-        written_by: entry.written_by.map(|key| keys.writer(key)),
+        written_by: entry.written_by.map(&writer),
         sensor: reading.sensor,
         stamp: reading.stamp_ns.map(stamp),
         pose: reading.session_from_sensor.as_ref().map(sensor::pose),
@@ -215,7 +235,7 @@ pub(crate) fn stored(entry: &Entry, keys: &Keys) -> Option<wire::StoredReading> 
 pub(crate) fn of_session(
     entry: &Entry,
     withdrawn_by: Option<&Entry>,
-    keys: &Keys,
+    writer: impl Fn(Uuid) -> wire::Writer,
 ) -> Option<wire::SessionReading> {
     let Event::Reading(reading) = &entry.event else { return None };
     let moved =
@@ -227,11 +247,9 @@ pub(crate) fn of_session(
         sensor: reading.sensor,
         stamp: reading.stamp_ns.map(stamp),
         received_at: super::time(entry.received_at_ms),
-        written_by: entry.written_by.map(|key| keys.writer(key)),
+        written_by: entry.written_by.map(&writer),
         retracted_by: withdrawn_by.map(|by| super::count(by.seq + 1)),
-        retraction_written_by: withdrawn_by
-            .and_then(|by| by.written_by)
-            .map(|key| keys.writer(key)),
+        retraction_written_by: withdrawn_by.and_then(|by| by.written_by).map(&writer),
         pose: reading.session_from_sensor.as_ref().map(sensor::pose),
         image: reading.pressures.clone(),
         calibration: (reading.calibration > 0).then_some(reading.calibration),

@@ -13,8 +13,7 @@ use palpate_store::model_codec::ModelPart;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use crate::services::catalogues::{Model, Pinned};
-use crate::services::keys::Keys;
+use crate::model::Model;
 use crate::wire::Invalid;
 use crate::wire::life::{EndReason, Status};
 use crate::wire::reading::looseness;
@@ -87,7 +86,7 @@ pub(crate) fn session(
     session: &Session,
     catalogue: &str,
     status: Status,
-    keys: &Keys,
+    writer: impl Fn(Uuid) -> wire::Writer,
 ) -> wire::Session {
     let is_open = status.end.is_none();
     let options = options(session);
@@ -114,7 +113,7 @@ pub(crate) fn session(
         ttl_s: (session.time_to_live_ms > 0).then(|| count(session.time_to_live_ms / 1000)),
         expires_at: status.expires_at_ms.filter(|_| is_open).map(time),
         leased_until: status.leased_until_ms.map(time),
-        leased_by: options.leased_by.map(|key| keys.writer(key)),
+        leased_by: options.leased_by.map(writer),
         created_at: time(session.created_at_ms),
         closed_at: status.end.map(|end| time(end.at_ms)),
         ended: status.end.map(|end| match end.reason {
@@ -214,8 +213,8 @@ pub(crate) fn new_session(
 }
 
 /// How a new session recognises: as it says, or by surfaces where there are any.
-pub(crate) fn method(request: &wire::CreateSession, pinned: &Pinned) -> Method {
-    let usual = if pinned.has_surfaces { Method::Surface } else { Method::Sva };
+pub(crate) fn method(request: &wire::CreateSession, has_surfaces: bool) -> Method {
+    let usual = if has_surfaces { Method::Surface } else { Method::Sva };
     request.method.unwrap_or(usual)
 }
 
@@ -277,11 +276,11 @@ fn checked_options(
             options.is_unknown_prior_told = unknown_prior.is_some();
             options.unknown_prior =
                 Some(unknown_prior.unwrap_or(SurfaceOptions::default().unknown));
-            return model.surfaces().map(|_| options);
+            return Ok(options);
         }
-        Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),
+        Method::Sva | Method::SvaLiteral => return Ok(options),
         Method::Appearance | Method::AppearanceLiteral => {
-            return model.appearance().map(|_| options);
+            return Ok(options);
         }
         Method::Geometric => {}
         Method::GeometricHistogram => options.bins = Some(bins(request.bins.unwrap_or(BINS))?),
@@ -290,7 +289,11 @@ fn checked_options(
             options.particles = Some(count(super::within("/particles", n, 100, HYPOTHESES_MAX)?));
         }
     }
-    let kind = geometry::kind(model.geometry()?);
+    let Some(maps) = &model.core.geometric else {
+        let detail = format!("came {}, expected a method that the version was trained for", name(method));
+        return Err(Invalid::field("/method", detail));
+    };
+    let kind = geometry::kind(maps);
     options.pose_prior = Some(geometry::pose_prior(request.pose_prior.as_ref(), kind)?);
     Ok(options)
 }

@@ -11,12 +11,10 @@ use crate::catalogue::{Catalogue, Manifest};
 use crate::engine::VALUE_BYTES_MAX;
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::envelope::{self, HEADER_BYTES, Kind};
-use crate::journal::Entry;
+use crate::journal::{Entry, JournalRetractionV1, JournalRobotV1, StoredHead};
 use crate::key;
 use crate::mesh::MeshInfo;
-use crate::record::{
-    self, ClockV1, JournalHeadV1, JournalRetractionV1, JournalRobotV1, LayoutV1, NameV1, Record,
-};
+use crate::record::{self, ClockV1, LayoutV1, NameV1, Record};
 use crate::robot::RobotHolder;
 
 /// A record that has all its pieces and is whole.
@@ -26,7 +24,7 @@ pub(super) enum Whole {
     Object(Object),
     Name(NameV1),
     Mesh(MeshInfo),
-    Head(JournalHeadV1),
+    Head(StoredHead),
     Entry(Entry),
     Robot(JournalRobotV1),
     Retraction(JournalRetractionV1),

@@ -7,7 +7,7 @@ use uuid::Uuid;
 use super::records::{Whole, damage, space, words};
 use super::{Finding, Report, Severity};
 use crate::catalogue::Manifest;
-use crate::journal::Event;
+use crate::journal::{Event, StoredHead};
 use crate::key::{self, Space};
 
 /// What is kept of the records that were seen.
@@ -15,6 +15,8 @@ use crate::key::{self, Space};
 pub(super) struct Relations {
     /// Lengths of journals by the letter of their entries and owner.
     heads: BTreeMap<(u8, Uuid), u64>,
+    /// How many entries of a session its head counts as withdrawn.
+    n_retracted: BTreeMap<Uuid, u64>,
     /// How many entries were seen, without a gap.
     entries: BTreeMap<(u8, Uuid), u64>,
     /// Readings that entries withdraw, and those of which a record says so.
@@ -99,7 +101,10 @@ impl Relations {
                 session.id != id
             }
             Whole::Head(head) => {
-                self.heads.insert((key[0].to_ascii_lowercase(), id), head.next);
+                self.heads.insert((key[0].to_ascii_lowercase(), id), head.length());
+                if let (b'R', StoredHead::Whole(head)) = (key[0], head) {
+                    self.n_retracted.insert(id, head.n_retracted);
+                }
                 false
             }
             Whole::Entry(entry) => {
@@ -185,6 +190,14 @@ impl Relations {
     /// Looks at what is known only when all records were seen.
     pub(super) fn end(mut self, report: &mut Report) {
         self.end_journals(report);
+        for (session, counted) in &self.n_retracted {
+            let of_session = (*session, 0)..=(*session, u64::MAX);
+            let found = self.withdrawn.range(of_session).count() as u64;
+            if found != *counted {
+                let fault = format!("it counts {counted} withdrawn entries, there are {found}");
+                report.add(damage(&key::id(Space::JournalHead, *session), fault));
+            }
+        }
         for (session, seq) in self.withdrawn.difference(&self.retractions) {
             let key = key::numbered(Space::JournalRetraction, *session, *seq);
             report.add(damage(&key, "it is missing".to_owned()));

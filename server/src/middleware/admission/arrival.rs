@@ -7,7 +7,7 @@ use axum::extract::Request;
 use axum::http::header;
 use futures::StreamExt;
 
-use super::share;
+use crate::admission::share;
 use crate::app::App;
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;

@@ -8,7 +8,7 @@ use axum::body::{Body, Bytes, HttpBody};
 use axum::response::{IntoResponse, Response};
 use hyper::body::{Frame, SizeHint};
 
-use super::share;
+use crate::admission::{InMemory, share};
 use crate::budget::{Budget, Holding, Over};
 use crate::client::Client;
 use crate::refusal::Refusal;
@@ -16,11 +16,6 @@ use crate::refusal::Refusal;
 /// A piece of an answer that is handed on at once. The connection asks for the next one when it
 /// has sent nearly all before it, so at most a few pieces are counted no more and still wait.
 const PIECE_BYTES: usize = 64 << 10;
-
-/// The most bytes that an answer keeps in memory which is made while it is read: an extension of
-/// the response.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct InMemory(pub(crate) usize);
 
 /// The answer with its bytes counted, or a refusal when unread answers leave no room for it.
 /// Event streams have a budget of their own, no length and no [`InMemory`].

@@ -50,7 +50,7 @@ impl Sensors {
         drop(self.using.write().await);
         self.expect_unused(&sensor, pool).await?;
         self.store.essential().remove_sensor(sensor.id).await?;
-        self.known.retain(|_, known| known.id != sensor.id);
+        self.known.forget(sensor.id);
         tracing::info!(sensor.id = %sensor.id, "Removed sensor {:?}", sensor.name);
         Ok(())
     }

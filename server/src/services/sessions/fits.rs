@@ -8,8 +8,9 @@ use palpate_schemas::{Method, PosePrior};
 use palpate_store::entity::Session;
 
 use crate::live::belief::{BeliefError, SessionBelief};
-use crate::services::catalogues::Model;
-use crate::refusal::{Refusal, megabytes};
+use crate::model::Model;
+use crate::limits::megabytes;
+use crate::refusal::Refusal;
 use crate::wire::geometry::HALF_EXTENT;
 use crate::wire::session::{self, Options, options};
 
@@ -73,7 +74,8 @@ fn with_usual_box(chosen: &Options) -> Options {
 fn refused(error: BeliefError) -> Refusal {
     let BeliefError::Geometric(why) = &error else {
         return match error {
-            BeliefError::Refused(refusal) => refusal,
+            BeliefError::NoPart(error) => error.into(),
+            BeliefError::Invalid(error) => error.into(),
             error => Refusal::field("/method", error),
         };
     };

@@ -7,8 +7,9 @@ use palpate_schemas as wire;
 use palpate_store::entity::Session;
 use palpate_store::journal::{Entry, Event};
 
-use super::{Sessions, status};
+use super::Sessions;
 use crate::clock::now_ms;
+use crate::live::status;
 use crate::refusal::Refusal;
 use crate::wire::life::Status;
 use crate::wire::{self as convert, count, time, within};
@@ -82,7 +83,7 @@ impl Sessions {
         Ok(wire::FleetSession {
             robots: robots.into_iter().map(str::to_owned).collect(),
             last_reading_at: newest.map(|entry| time(entry.received_at_ms)),
-            session: convert::session::session(&session, &catalogue, status, &self.keys),
+            session: convert::session::session(&session, &catalogue, status, |key| self.keys.writer(key)),
         })
     }
 }

@@ -37,7 +37,7 @@ impl Sessions {
         for entry in &entries {
             let by = withdrawn.get(&entry.seq).map(|by| journal.entry(session, *by));
             let by = by.transpose()?.flatten();
-            items.extend(reading::of_session(entry, by.as_ref(), &self.keys));
+            items.extend(reading::of_session(entry, by.as_ref(), |key| self.keys.writer(key)));
         }
         let is_last = next >= journal.len(session)?;
         Ok(wire::SessionReadingPage { items, next_cursor: (!is_last).then(|| next.to_string()) })

@@ -12,11 +12,11 @@ use uuid::Uuid;
 
 use super::fits::fits;
 use super::open::Full;
-use super::{Sessions, status};
+use super::Sessions;
 use crate::asker;
 use crate::services::catalogues::DEFAULT;
 use crate::clock::now_ms;
-use crate::live::Live;
+use crate::live::{Live, status};
 use crate::refusal::Refusal;
 use crate::wire::life::{opened_by, set_lease, set_truth};
 use crate::wire::session::Limits;
@@ -55,7 +55,7 @@ impl Sessions {
         let _using = self.catalogues.using().await;
         let name = request.catalogue.as_deref().unwrap_or(DEFAULT);
         let pinned = self.catalogues.pin(name, request.version)?;
-        let method = convert::session::method(request, &pinned);
+        let method = convert::session::method(request, pinned.has_surfaces);
         let model = self.model(pinned.catalogue, pinned.version, method).await?;
         let (time_to_live, key) = (self.time_to_live, asker::Asker::current().key());
         let limits = Limits { time_to_live, now_ms: now_ms(), opened_by: key };
@@ -69,7 +69,7 @@ impl Sessions {
             return Err(error.into());
         }
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
-        let shown = convert::session::session(&session, &model.name, status, &self.keys);
+        let shown = convert::session::session(&session, &model.name, status, |key| self.keys.writer(key));
         self.keep(session.id, Arc::new(Live::new(session, model, &self.beliefs)));
         Ok(shown)
     }

@@ -9,8 +9,8 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::Sessions;
-use super::status::status;
 use crate::clock::now_ms;
+use crate::live::status;
 use crate::refusal::Refusal;
 
 /// How often to look, unless sessions are kept for less.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use palpate_schemas::ObjectReport;
 
 use super::material::Material;
-use crate::services::catalogues::Model;
+use crate::model::Model;
 
 /// The version that a training extends.
 pub(crate) struct Base {

@@ -10,6 +10,7 @@ use palpate_schemas::FieldError;
 use palpate_store::entity::{ReadingId, StoredReading};
 
 use crate::refusal::Refusal;
+use crate::wire::Invalid;
 use crate::wire::reading::Incoming;
 
 /// The readings that are new. `stored` looks up what is stored under a robot's number.
@@ -56,5 +57,5 @@ fn twice(id: &ReadingId, first: usize, second: usize) -> Refusal {
              {robot:?}, with different content: expected another seq than that of reading {other}"
         ),
     };
-    Refusal::Invalid(vec![error(second, first), error(first, second)])
+    Invalid(vec![error(second, first), error(first, second)]).into()
 }

@@ -6,10 +6,10 @@ use palpate_core::sensor::spread_fit::SpreadFit;
 use palpate_core::sensor::{Calibration, TaxelResponse, TaxelState};
 use uuid::Uuid;
 
-use super::{IdV1, Record, read, write};
-use crate::calibration::{StoredCalibration, StoredSpread};
+use super::{StoredCalibration, StoredSpread};
 use crate::envelope::Kind;
 use crate::error::RecordError;
+use crate::record::{IdV1, Record, read, write};
 
 #[derive(Encode, Decode)]
 struct CalibrationRecordV1 {

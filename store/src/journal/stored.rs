@@ -1,4 +1,4 @@
-//! Journal entries as they are stored: schema 5, which is schema 4 and the key that wrote them.
+//! What a journal consists of, as it is stored. Entries have schema 5, which is schema 4 and the key that wrote them.
 //!
 //! Entries of schema 4 are read as ones whose key was not recorded, and stay as they are. Schemas
 //! 1 to 3 are those of layout 1; `migrations` turns them into later ones, and nothing else reads
@@ -9,11 +9,87 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use uuid::Uuid;
 
-use super::{IdV1, Record, read, write};
+use super::{Entry, Event, Head};
 use crate::entity::{ReadingId, StoredReading};
 use crate::envelope::Kind;
 use crate::error::RecordError;
-use crate::journal::{Entry, Event};
+use crate::record::{IdV1, Plain, Record, read, write};
+
+/// A head of schema 1 says how many entries there are and nothing else.
+#[derive(Encode, Decode)]
+struct JournalHeadV1 {
+    next: u64,
+}
+
+#[derive(Encode, Decode)]
+struct JournalHeadV2 {
+    next: u64,
+    n_retracted: u64,
+    last_at_ms: Option<u64>,
+    is_closed: bool,
+}
+
+/// A head as it was stored: of schema 2, or of schema 1, which says only how many entries the
+/// journal has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StoredHead {
+    Whole(Head),
+    Length(u64),
+}
+
+impl StoredHead {
+    /// How many entries the journal has.
+    pub(crate) fn length(&self) -> u64 {
+        match self {
+            Self::Whole(head) => head.length,
+            Self::Length(length) => *length,
+        }
+    }
+}
+
+impl Record for StoredHead {
+    const KIND: Kind = Kind::JournalHead;
+    const SCHEMA: u16 = 2;
+
+    fn to_payload(&self) -> Vec<u8> {
+        let head = match *self {
+            Self::Whole(head) => head,
+            Self::Length(length) => Head { length, ..Head::default() },
+        };
+        let Head { length: next, n_retracted, last_at_ms, is_closed } = head;
+        write(&JournalHeadV2 { next, n_retracted, last_at_ms, is_closed })
+    }
+
+    fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
+        let JournalHeadV2 { next, n_retracted, last_at_ms, is_closed } = read(payload)?;
+        Ok(Self::Whole(Head { length: next, n_retracted, last_at_ms, is_closed }))
+    }
+
+    fn from_older(_schema: u16, payload: &[u8]) -> Result<Self, RecordError> {
+        let JournalHeadV1 { next } = read(payload)?;
+        Ok(Self::Length(next))
+    }
+}
+
+/// Where in a journal a robot's number is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub(crate) struct JournalRobotV1 {
+    pub(crate) seq: u64,
+}
+
+/// Which entry of a journal withdraws another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub(crate) struct JournalRetractionV1 {
+    pub(crate) seq: u64,
+}
+
+impl Plain for JournalRobotV1 {
+    const KIND: Kind = Kind::JournalRobot;
+}
+
+impl Plain for JournalRetractionV1 {
+    const KIND: Kind = Kind::JournalRetraction;
+}
 
 #[derive(Encode, Decode)]
 struct JournalEntryV5 {

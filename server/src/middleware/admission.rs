@@ -1,0 +1,50 @@
+//! The layer of admission: a request comes in with its whole body when there is room, and its
+//! answer is counted until it was read.
+//!
+//! Health checks and metrics are always answered: an overloaded server must not look dead.
+
+mod arrival;
+mod departure;
+
+use axum::extract::{ConnectInfo, Request, State};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use crate::app::App;
+use crate::asker;
+use crate::door::Peer;
+use crate::middleware::caller;
+use crate::refusal::Refusal;
+
+/// Whether a path is what supervisors look at: it is always answered.
+pub(crate) fn is_watched(path: &str) -> bool {
+    matches!(path, "/livez" | "/readyz" | "/metrics")
+}
+
+/// Reads a request's body, lets the request in if there is room, ends it when it takes too long,
+/// and counts its answer until it was read.
+pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) -> Response {
+    if is_watched(request.uri().path()) {
+        return next.run(request).await;
+    }
+    let admitted = async {
+        let client = caller::client(&request);
+        let peer = request.extensions().get::<ConnectInfo<Peer>>();
+        if peer.is_some_and(|ConnectInfo(peer)| peer.is_reserve) {
+            return Err(Refusal::ConnectionsFull { open: app.admission().connections.used() });
+        }
+        let (mut request, body) = arrival::receive(&app, request, client).await?;
+        request.extensions_mut().insert(client);
+        let slot = app.admission().request(client)?;
+        Ok((request, body, slot, client))
+    };
+    let (request, body, slot, client) = match admitted.await {
+        Ok(admitted) => admitted,
+        Err(refusal) => return refusal.into_response(),
+    };
+    let within = app.config().answer_timeout;
+    let answer = tokio::time::timeout(within, asker::ask(client, next.run(request))).await;
+    drop((slot, body));
+    let answer = answer.unwrap_or_else(|_| Refusal::TooSlow { within }.into_response());
+    departure::count(&app.admission().answers, client, answer)
+}

@@ -1,0 +1,52 @@
+//! Who sent a request: the key that `guard` found, and the client that the request counts to.
+
+use axum::extract::{ConnectInfo, Request};
+use palpate_schemas::Role;
+use palpate_store::access::AccessKey;
+
+use crate::app::App;
+use crate::client::Client;
+use crate::door::Peer;
+use crate::wire;
+
+/// Who asks, for handlers and for the audit log.
+#[derive(Clone, Debug)]
+pub(crate) struct Caller {
+    /// The key, unless nobody is asked for one.
+    pub(crate) key: Option<AccessKey>,
+}
+
+impl Caller {
+    /// Resolves when what is sent to the caller must end: with its key, or with the server.
+    pub(crate) fn until_ended(self, app: &App) -> impl Future<Output = ()> + Send + 'static {
+        let (app, mut stopping) = (app.clone(), app.stopping());
+        async move {
+            let refused = async {
+                match self.key {
+                    Some(key) => app.keys().until_refused(key).await,
+                    None => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                // Without a sender the server is gone, which is a stop as well.
+                _ = stopping.wait_for(|stopping| *stopping) => {}
+                () = refused => {}
+            }
+        }
+    }
+
+    /// What the caller may do as: everything, when nobody is asked for a key.
+    pub(crate) fn role(&self) -> Role {
+        self.key.as_ref().map_or(Role::Admin, |key| wire::access::role(key.role))
+    }
+}
+
+/// The client that a request counts to; `None` outside a connection.
+pub(crate) fn client(request: &Request) -> Option<Client> {
+    let caller = request.extensions().get::<Caller>();
+    if let Some(key) = caller.and_then(|caller| caller.key.as_ref()) {
+        return Some(Client::Key(key.id));
+    }
+    let ConnectInfo(peer) = request.extensions().get::<ConnectInfo<Peer>>()?;
+    Some(Client::at(peer.address.ip()))
+}

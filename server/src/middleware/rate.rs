@@ -1,0 +1,31 @@
+//! The layer of rates: a client that has used its share of requests waits.
+
+use std::time::Duration;
+
+use axum::extract::{Request, State};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use crate::app::App;
+use crate::middleware::admission::is_watched;
+use crate::middleware::caller;
+use crate::refusal::Refusal;
+
+/// Lets a request pass if its client has some of its share left, and says how much.
+pub(crate) async fn share(State(app): State<App>, request: Request, next: Next) -> Response {
+    let Some(rates) = app.rates().filter(|_| !is_watched(request.uri().path())) else {
+        return next.run(request).await;
+    };
+    let Some(client) = caller::client(&request) else { return next.run(request).await };
+    match rates.take(client) {
+        Ok(left) => {
+            let mut response = next.run(request).await;
+            if !response.headers().contains_key("ratelimit") {
+                let bound = rates.bound(left, Duration::from_secs(1));
+                response.headers_mut().extend(bound.headers());
+            }
+            response
+        }
+        Err(wait) => Refusal::RateExceeded { bound: rates.bound(0, wait), wait }.into_response(),
+    }
+}

@@ -1,0 +1,54 @@
+//! The router: every route of the API and every page, behind the layers.
+
+use axum::Router;
+use axum::http::{HeaderMap, Uri};
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::response::Response;
+use axum::routing::get;
+use tower_http::catch_panic::CatchPanicLayer;
+use utoipa_swagger_ui::{Config, SwaggerUi};
+
+use crate::app::App;
+use crate::middleware::admission::admit;
+use crate::middleware::audit::record;
+use crate::middleware::guard::guard;
+use crate::middleware::headers::{cors, secure};
+use crate::middleware::rate::share;
+use crate::middleware::telemetry;
+use crate::{dashboard, openapi, problem, routes};
+
+/// Every route behind every layer; the outermost is added last.
+pub(crate) fn router(app: App) -> Router {
+    let (api, _) = routes::api().split_for_parts();
+    let guarded = api
+        .merge(pages())
+        .layer(CatchPanicLayer::custom(problem::panicked))
+        .layer(from_fn_with_state(app.clone(), record))
+        .layer(from_fn_with_state(app.clone(), admit))
+        .layer(from_fn_with_state(app.clone(), share))
+        .layer(from_fn_with_state(app.clone(), guard));
+    // Browsers ask without a key whether a page may ask at all.
+    let shared = match cors(&app.config().cors_origins) {
+        Some(cors) => guarded.layer(cors),
+        None => guarded,
+    };
+    shared
+        .layer(from_fn_with_state(app.clone(), secure))
+        .layer(from_fn(telemetry::observe))
+        .with_state(app)
+}
+
+/// Pages for people, and the API's description.
+fn pages() -> Router<App> {
+    let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
+    let pages = Router::new().merge(docs).route("/openapi.json", get(description));
+    dashboard::paths().fold(pages, |pages, path| pages.route(path, get(file)))
+}
+
+async fn file(uri: Uri, headers: HeaderMap) -> Response {
+    dashboard::answer(uri.path(), &headers)
+}
+
+async fn description(headers: HeaderMap) -> Response {
+    dashboard::tagged("application/json", openapi::text().as_bytes(), &headers)
+}

@@ -1,0 +1,13 @@
+//! What the service does, one resource a file: store, compute and answer in values of the wire.
+
+pub(crate) mod audit;
+pub(crate) mod calibrations;
+pub(crate) mod sensors;
+pub(crate) mod keys;
+pub(crate) mod objects;
+pub(crate) mod catalogues;
+pub(crate) mod sessions;
+pub(crate) mod training;
+pub(crate) mod jobs;
+pub(crate) mod snapshots;
+pub(crate) mod integrity;
