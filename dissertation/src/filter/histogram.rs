@@ -129,7 +129,7 @@ pub enum Reseed {
 /// The bins of one object and angle.
 #[derive(Clone, Debug)]
 struct Slab {
-    /// Of the bins in `active`, or of all; natural logarithms, the best of all slabs near 0.
+    /// Natural logarithms of the bins in `active`, or of all; the best of all slabs is near 0.
     logs: Vec<f32>,
     /// The active bins, ascending; `None` for all.
     active: Option<Vec<u32>>,

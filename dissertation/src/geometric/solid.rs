@@ -130,7 +130,7 @@ impl BinLikelihood<6> for SolidModel {
     }
 
     fn expected(&self, reading: usize) -> f64 {
-        // A map that knows nothing: every class with its share where the log-odds are 0.
+        // An unmapped position: every class with its probability where the log-odds are 0.
         let table = &self.geometry.table;
         let taxels = self.presses[reading].taxels().iter();
         TEMPER * taxels.map(|(_, class)| table.probability(*class, 0.0).ln()).sum::<f64>()
@@ -148,7 +148,7 @@ impl SolidBelief {
         size_of::<Self>() + self.histogram.bytes() + presses
     }
 
-    /// What [`SolidBelief::new`] would take, without making it.
+    /// Memory of [`SolidBelief::new`], without creating it.
     pub(super) fn memory(
         prepared: &PreparedGeometry,
         half_extent: DVec3,
@@ -218,7 +218,7 @@ impl SolidBelief {
         Ok(Self { model, effort, histogram, n_objects: log_prior.len(), smallest, low, high })
     }
 
-    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub(super) fn heed(&mut self, stop: &Stop) {
         self.model.stop = stop.clone();
     }
@@ -264,7 +264,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_that_the_first_bins_cannot_resolve_are_refused_by_axis() {
+    fn boxes_too_large_for_the_first_bins_are_refused_by_axis() {
         // Four bins of 7 mm: 14 mm, and 0.467 rad at 30 mm.
         assert_eq!(check_resolved(DVec3::splat(14.0 * MM), 0.46), Ok(()));
         let error = check_resolved(DVec3::new(0.01, 0.5, 0.01), 0.3).unwrap_err();
