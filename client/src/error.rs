@@ -171,7 +171,7 @@ mod tests {
     fn a_problem_reads_as_one_line_that_names_the_fields() {
         let problem = |detail: &str| Problem {
             kind: ProblemType::InvalidValue,
-            title: "A value is wrong".to_owned(),
+            title: "Invalid value".to_owned(),
             status: 422,
             detail: detail.to_owned(),
             instance: "/v1/sessions".to_owned(),
