@@ -104,8 +104,8 @@ function View() {
       return <HealthView />;
     default:
       return (
-        <Empty title="There is no such page">
-          <a href={link("fleet")}>To the fleet</a>
+        <Empty title="Page not found">
+          <a href={link("fleet")}>Go to the fleet</a>
         </Empty>
       );
   }

@@ -53,7 +53,7 @@ export function symmetryWords(object: {
     return needed ? `undetermined, ${count(needed)} more touches needed` : "undetermined";
   }
   const axes = object.symmetry;
-  if (!axes) return "not sought";
+  if (!axes) return "not determined";
   const counts = new Map<string, number>();
   for (const { order } of axes) {
     const word = typeof order === "number" ? `${order}-fold` : "round";

@@ -31,7 +31,7 @@ export function SignIn() {
   return (
     <div class="signin">
       <h1 tabIndex={-1}>Sign in</h1>
-      <p class="sub">This server asks for an API key. It is kept in this tab only.</p>
+      <p class="sub">This server requires an API key. The key stays in this tab.</p>
       <form onSubmit={submit}>
         <label for="key">API key</label>
         <input

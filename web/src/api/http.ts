@@ -99,9 +99,9 @@ async function problemOf(response: Response, path: string): Promise<Problem> {
 function unreachable(path: string): Problem {
   return {
     type: "urn:palpate:problem:unavailable",
-    title: "The server cannot be reached",
+    title: "Server unreachable",
     status: 503,
-    detail: "no answer came; it may be restarting, or the network may be down",
+    detail: "no answer; it may be restarting, or the network may be down",
     instance: path,
     request_id: "",
   } as Problem;

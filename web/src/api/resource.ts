@@ -62,5 +62,5 @@ export function useResource<T>(
 export function problemFrom(error: unknown): Problem {
   if (error instanceof ProblemError) return error.problem;
   const detail = error instanceof Error ? error.message : String(error);
-  return { title: "The page is at fault", detail, status: 0, type: "", instance: "", request_id: "" } as unknown as Problem;
+  return { title: "Error in this page", detail, status: 0, type: "", instance: "", request_id: "" } as unknown as Problem;
 }

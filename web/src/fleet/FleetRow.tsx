@@ -29,7 +29,7 @@ export function FleetRow({ watched }: { watched: Watched }) {
         {belief ? (
           <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 3)} label={`Likeliest objects of ${robots}`} />
         ) : (
-          <span class="faint">belief is being read …</span>
+          <span class="faint">loading belief …</span>
         )}
       </div>
       <div class="fleet-entropy">

@@ -21,7 +21,7 @@ export function FleetView() {
         title="Fleet"
         sub={
           loaded && !problem
-            ? `${plural(nOpen, "open session")}${nUrgent > 0 ? `, ${nUrgent} to look at` : ""}`
+            ? `${plural(nOpen, "open session")}${nUrgent > 0 ? `, ${nUrgent} need attention` : ""}`
             : "Open sessions, live"
         }
       >
@@ -57,7 +57,7 @@ export function FleetView() {
 
 function NoSessions() {
   return (
-    <Empty title="No session is open">
+    <Empty title="No open sessions">
       <p>A robot opens one with <code>POST /v1/sessions</code>. To see one without a robot:</p>
       <pre>palpate touch --object mug --mesh mug.stl --pace 500</pre>
     </Empty>

@@ -28,23 +28,23 @@ export function attention(watched: Watched, now: number): Attention {
   if (surprise !== undefined) return { level: "surprising", why: surprise };
   if (last.probability >= SURE) return { level: "sure", why: `${last.best ?? ""} is sure` };
   const quiet = watched.lastReadingAt === undefined ? 0 : now - watched.lastReadingAt;
-  if (quiet > QUIET_MS) return { level: "stuck", why: `undecided, and no reading for ${age(quiet)}` };
+  if (quiet > QUIET_MS) return { level: "stuck", why: `undecided, no reading for ${age(quiet)}` };
   const before = trace.find((point) => point.nReadings >= last.nReadings - IDLE_READINGS);
   const longEnough = last.nReadings >= IDLE_READINGS && before !== undefined && before.nReadings <= last.nReadings - IDLE_READINGS;
   if (longEnough && last.entropyBits > 0.5 && before.entropyBits - last.entropyBits < 0.1) {
-    return { level: "stuck", why: `${IDLE_READINGS} readings brought nothing` };
+    return { level: "stuck", why: `${IDLE_READINGS} readings without progress` };
   }
-  return { level: "working", why: "readings come in" };
+  return { level: "working", why: "readings arrive" };
 }
 
 function surprising(trace: TracePoint[], last: TracePoint): string | undefined {
   if (last.unknown >= 0.5) return "probably none of the known objects";
   const recent = trace.slice(-5);
   const other = recent.find((point) => point.best !== last.best && point.probability >= 0.7);
-  if (other !== undefined) return `was taken for ${other.best ?? "another"} shortly before`;
+  if (other !== undefined) return `answer was ${other.best ?? "another"} shortly before`;
   const previous = trace.at(-2);
   if (previous !== undefined && last.nReadings >= 3 && last.entropyBits - previous.entropyBits >= 0.5) {
-    return `the last reading cost ${(last.entropyBits - previous.entropyBits).toFixed(1)} bit of certainty`;
+    return `the last reading raised the entropy by ${(last.entropyBits - previous.entropyBits).toFixed(1)} bit`;
   }
   return undefined;
 }

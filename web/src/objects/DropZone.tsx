@@ -99,7 +99,7 @@ function MeshDialog({ file, into, onClose, onAdded }: Props & { file: File; onCl
             </div>
           )}
           <fieldset>
-            <legend>One unit of the file is</legend>
+            <legend>One unit of the file means</legend>
             {(["mm", "m"] as const).map((one) => (
               <label key={one}>
                 <input type="radio" name="unit" value={one} required checked={unit === one} onChange={() => setUnit(one)} />

@@ -18,7 +18,7 @@ export function ObjectCard({ object }: { object: ObjectInfo }) {
         <span class="faint">
           {mesh ? `${mesh.format.toUpperCase()} in ${mesh.unit}, ${bytes(mesh.bytes)}` : "taught by touch"}
         </span>
-        <span class="faint">{object.n_readings > 0 ? plural(object.n_readings, "training touch", "training touches") : "touched in simulation"}</span>
+        <span class="faint">{object.n_readings > 0 ? plural(object.n_readings, "training touch", "training touches") : "simulated touches"}</span>
       </div>
     </li>
   );

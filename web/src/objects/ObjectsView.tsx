@@ -20,7 +20,7 @@ export function ObjectsView() {
   const trainable = objects.data?.filter((object) => object.mesh || object.n_readings > 0) ?? [];
   return (
     <>
-      <ViewHead title="Objects" sub={objects.data ? `${plural(objects.data.length, "object")}, ${trainable.length} with a mesh or touches to train from` : "What robots are to recognise"}>
+      <ViewHead title="Objects" sub={objects.data ? `${plural(objects.data.length, "object")}, ${trainable.length} trainable` : "Objects to recognise"}>
         {may("trainer", "admin") && (
           <button type="button" class="primary" disabled={trainable.length === 0} onClick={() => setTraining(true)}>
             Train …
@@ -41,8 +41,8 @@ export function ObjectsView() {
       <Show of={objects} what="objects" lines={6}>
         {(found) =>
           found.length === 0 ? (
-            <Empty title="There is no object yet">
-              <p>Drop a mesh above, or let a robot teach one by its touches.</p>
+            <Empty title="No objects yet">
+              <p>Drop a mesh above, or post a robot’s training readings.</p>
               <pre>palpate objects add mug --mesh mug.stl</pre>
             </Empty>
           ) : (

@@ -13,16 +13,16 @@ export function OccupancyPanel({ version, object }: { version: CatalogueVersion;
   const map = useResource(trained?.geometry ? path : null, (signal) => getJson<OccupancyMap>(path, signal));
   if (!trained?.geometry) {
     return (
-      <Panel title="Map of contact">
+      <Panel title="Contact map">
         <p class="faint">
-          {version.catalogue} version {version.version} was trained without maps of contact. Train with “planar” for raised shapes
+          {version.catalogue} version {version.version} was trained without contact maps. Train with “planar” for raised shapes
           that are pressed from above, with “solid” for things touched from all sides.
         </p>
       </Panel>
     );
   }
   return (
-    <Panel title="Map of contact">
+    <Panel title="Contact map">
       <Show of={map} what="the map" lines={6}>
         {(found) => <MapView map={found} path={path} />}
       </Show>

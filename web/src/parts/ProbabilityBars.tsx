@@ -1,4 +1,4 @@
-// Who it may be, as bars: the likeliest objects and "none of these".
+// Bars of the likeliest objects and "none of these".
 import { percent } from "../format";
 
 export interface Share {

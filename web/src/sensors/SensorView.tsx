@@ -72,7 +72,7 @@ function Described({ sensor }: { sensor: Sensor }) {
 
 function order(order: Sensor["description"]["image_order"]): string {
   const said = [order?.transposed && "transposed", order?.rows_reversed && "rows reversed", order?.cols_reversed && "columns reversed"];
-  return said.filter(Boolean).join(", ") || "as it comes";
+  return said.filter(Boolean).join(", ") || "unchanged";
 }
 
 function Calibrated({ calibration }: { calibration: SensorCalibration }) {
@@ -86,11 +86,11 @@ function Calibrated({ calibration }: { calibration: SensorCalibration }) {
         {dead.length + crossed.length === 0 && <Badge kind="good">all taxels usable</Badge>}
       </p>
       <Taxels calibration={calibration} />
-      <h3>Lines of the taxels</h3>
+      <h3>Response lines</h3>
       <Lines calibration={calibration} />
       <Facts
         of={[
-          ["R² as measured", calibration.before.r_squared.toFixed(3)],
+          ["R² measured", calibration.before.r_squared.toFixed(3)],
           ["R² corrected", calibration.after.r_squared.toFixed(3)],
           ["Residual before", kPa(calibration.before.residual)],
           ["Residual after", kPa(calibration.after.residual)],
@@ -118,7 +118,7 @@ function Taxels({ calibration }: { calibration: SensorCalibration }) {
               const taxel = at(row, col);
               const state = taxel?.state ?? "ok";
               const gain = taxel ? taxel.slope / calibration.target.slope : 1;
-              const answers = taxel?.answers ? `answers row ${taxel.answers.row}, column ${taxel.answers.col}` : "";
+              const answers = taxel?.answers ? `responds to row ${taxel.answers.row}, column ${taxel.answers.col}` : "";
               return (
                 <td key={col} class={`taxel taxel-${state}`} title={`row ${row}, column ${col}: ${state.replace("_", " ")} ${answers}`}>
                   {state === "ok" ? gain.toFixed(2) : state === "dead" ? "dead" : "×"}

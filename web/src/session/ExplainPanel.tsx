@@ -20,11 +20,11 @@ export function ExplainPanel({ model, selected, select }: Props) {
   const isOpen = model.session.value?.state === "open" && may("robot", "admin");
   const nAgainst = explanation?.readings.filter((one) => one.disagrees).length ?? 0;
   return (
-    <Panel title="Why" aside={model.explaining.value ? "comparing …" : nAgainst > 0 ? <Badge kind="bad">{nAgainst} disagree</Badge> : ""}>
+    <Panel title="Contributions" aside={model.explaining.value ? "comparing …" : nAgainst > 0 ? <Badge kind="bad">{nAgainst} disagree</Badge> : ""}>
       {problem && <ProblemNote problem={problem} />}
       {action.problem && <ProblemNote problem={action.problem} />}
       {explanation === undefined ? (
-        model.revision.value === 0 ? <p class="faint">There is nothing to explain before the first reading.</p>
+        model.revision.value === 0 ? <p class="faint">No readings to explain yet.</p>
           : !problem && <Loading what="the explanation" lines={4} />
       ) : (
         <>
@@ -32,7 +32,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
             {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}: without a
             reading the answer would be so many bits less probable.
           </p>
-          {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others: no single one decides any more.</p>}
+          {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others, because no single one changes the answer any more.</p>}
           {!explanation.complete && <p class="faint">Time ran out; some readings were not compared.</p>}
           <div class="scroll explain" tabIndex={0} role="region" aria-label="Contributions of readings">
             <table>
@@ -42,7 +42,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                   <th scope="col"><span class="visually-hidden">As a bar</span></th>
                   <th scope="col" class="num">Bits</th>
                   <th scope="col" class="num">Fit</th>
-                  <th scope="col"><span class="visually-hidden">Withdraw</span></th>
+                  <th scope="col"><span class="visually-hidden">Retract</span></th>
                 </tr>
               </thead>
               <tbody>
@@ -61,7 +61,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                       {one.disagrees && <Badge kind="disagrees">disagrees</Badge>}
                       {one.disagrees && isOpen && model.at.value === null && (
                         <button type="button" class="small danger" disabled={action.busy} onClick={() => action.run(() => model.withdraw(one.number))}>
-                          Withdraw
+                          Retract
                         </button>
                       )}
                     </td>

@@ -48,7 +48,7 @@ export function useNextTouches(model: SessionModel): Suggested {
 function reason(state: string | undefined, method: string | undefined, revision: number): string | undefined {
   if (state === "closed") return "The session is closed.";
   if (method !== undefined && method !== "hybrid") return `Suggestions need the method hybrid; this session uses ${method.replaceAll("_", " ")}.`;
-  if (revision === 0) return "Suggestions begin with the first touch.";
+  if (revision === 0) return "Suggestions need a first touch.";
   return undefined;
 }
 
@@ -57,15 +57,15 @@ export function NextTouchPanel({ next }: { next: Suggested }) {
     <Panel title="Where to touch next" class="panel-next">
       {next.why !== undefined && <p class="faint">{next.why}</p>}
       {next.why === undefined && next.problem && <p class="faint">{next.problem.detail}</p>}
-      {next.why === undefined && !next.problem && next.answer === undefined && <p class="faint">Asking once the robot pauses …</p>}
+      {next.why === undefined && !next.problem && next.answer === undefined && <p class="faint">Waiting for the robot to pause …</p>}
       {next.why === undefined && next.answer && (
         <div class="scroll" tabIndex={0} role="region" aria-label="Suggested touches">
           <table>
             <thead>
               <tr>
                 <th scope="col">Approach from (mm)</th>
-                <th scope="col" class="num">Says what</th>
-                <th scope="col" class="num">Says where</th>
+                <th scope="col" class="num">Identity (bits)</th>
+                <th scope="col" class="num">Pose (bits)</th>
                 <th scope="col" class="num">Contact</th>
               </tr>
             </thead>

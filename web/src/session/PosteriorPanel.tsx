@@ -21,7 +21,7 @@ export function PosteriorPanel({ model }: { model: SessionModel }) {
   if (steps.length === 0) {
     return (
       <Panel title="Posterior over readings" class="panel-posterior">
-        <div class="chart-plot chart-none faint">Lines appear with the first reading.</div>
+        <div class="chart-plot chart-none faint">No readings yet.</div>
       </Panel>
     );
   }
