@@ -40,7 +40,7 @@ use crate::verdict::Verdict;
 )]
 pub(crate) struct ExploreArgs {
     /// The object: a built-in example, or with --mesh its name in the catalogue, or `none` if the
-    /// catalogue does not have it (method `hybrid`).
+    /// catalogue does not have it (method `surface`).
     #[arg(long, required_unless_present_any = ["mesh", "replay"])]
     object: Option<String>,
     /// Mesh to explore: .stl, .obj, .ply or .off.
@@ -82,11 +82,11 @@ pub(crate) struct ExploreArgs {
     /// Catalogue of a new session.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// Recognition method of a new session [default: hybrid]. With --perturb, use a method that
+    /// Recognition method of a new session [default: surface]. With --perturb, use a method that
     /// ignores poses: `appearance`, with a version trained with `--appearance`.
     #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
     method: Option<ExploreMethod>,
-    /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `hybrid`
+    /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `surface`
     /// [default: 0.05].
     #[arg(long, value_name = "PROBABILITY", conflicts_with_all = ["session", "offline"])]
     unknown_prior: Option<f64>,

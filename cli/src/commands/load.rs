@@ -115,7 +115,7 @@ pub(crate) struct LoadArgs {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum LoadMethod {
     /// Surface matching.
-    Hybrid,
+    Surface,
     /// Spatially varying appearance (chapter 5).
     Sva,
 }
@@ -213,7 +213,7 @@ fn config(args: &LoadArgs) -> LoadConfig {
         seed: args.seed,
         catalogue: args.catalogue.clone(),
         method: args.method.map(|method| match method {
-            LoadMethod::Hybrid => Method::Hybrid,
+            LoadMethod::Surface => Method::Surface,
             LoadMethod::Sva => Method::Sva,
         }),
         belief: match args.belief {

@@ -34,7 +34,7 @@ use crate::verdict::{NONE, can_answer_none};
 )]
 pub(crate) struct TouchArgs {
     /// The true object of the mesh: its name when it was trained, or `none` if the catalogue does
-    /// not have it (method `hybrid`).
+    /// not have it (method `surface`).
     #[arg(long)]
     object: String,
     /// Mesh to touch: .stl, .obj, .ply or .off.
@@ -55,14 +55,14 @@ pub(crate) struct TouchArgs {
     /// Catalogue to recognise with.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// Recognition method [default: hybrid]. The methods `geometric…` need a version trained with
+    /// Recognition method [default: surface]. The methods `geometric…` need a version trained with
     /// `--geometry`. With `planar` maps, the robot presses straight down within 8 mm of where a
     /// camera saw the object; with `solid` maps, it touches from all sides, and the camera is
     /// accurate to 8 mm and 0.2 rad. The methods `appearance…` need a version trained with
     /// `--appearance`; the robot then sends no poses.
     #[arg(long, value_enum)]
     method: Option<TouchMethod>,
-    /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `hybrid`
+    /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `surface`
     /// [default: 0.05].
     #[arg(long, value_name = "PROBABILITY")]
     unknown_prior: Option<f64>,
@@ -75,7 +75,7 @@ pub(crate) struct TouchArgs {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum TouchMethod {
     /// Surface matching.
-    Hybrid,
+    Surface,
     /// Spatially varying appearance (chapter 5).
     Sva,
     /// Spatially varying appearance as the dissertation prints it.
@@ -95,7 +95,7 @@ enum TouchMethod {
 impl TouchMethod {
     fn wire(self) -> Method {
         match self {
-            Self::Hybrid => Method::Hybrid,
+            Self::Surface => Method::Surface,
             Self::Sva => Method::Sva,
             Self::SvaLiteral => Method::SvaLiteral,
             Self::Geometric => Method::Geometric,
@@ -138,7 +138,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     let mut robot = Robot::approaching(simulator, approach, args.seed, 0);
     let truth = match args.object.as_str() {
         NONE => {
-            can_answer_none(method.unwrap_or(Method::Hybrid))?;
+            can_answer_none(method.unwrap_or(Method::Surface))?;
             Truth::none_of_these(&robot)
         }
         object => Truth::new(&robot, &symmetry, object, &version.report)?,
