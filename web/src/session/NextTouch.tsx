@@ -47,13 +47,8 @@ export function useNextTouches(model: SessionModel): Suggested {
 
 function reason(state: string | undefined, method: string | undefined, revision: number): string | undefined {
   if (state === "closed") return "The session is closed.";
-<<<<<<< 475cea159759e224b6244ccdca1c0c9eb4a60d90
-  if (method !== undefined && method !== "hybrid") return `Suggestions need the method hybrid; this session uses ${method.replaceAll("_", " ")}.`;
-  if (revision === 0) return "Suggestions need a first touch.";
-=======
   if (method !== undefined && method !== "surface") return `Suggestions need the method surface; this session uses ${method.replaceAll("_", " ")}.`;
-  if (revision === 0) return "Suggestions begin with the first touch.";
->>>>>>> main
+  if (revision === 0) return "Suggestions need a first touch.";
   return undefined;
 }
 
