@@ -1,4 +1,4 @@
-// One open session: who touches, what it probably is, and whether somebody should look.
+// One open session: robots, likeliest objects, and state.
 import { age, bits, now, plural, shortId } from "../format";
 import { Badge } from "../parts/Panel";
 import { ProbabilityBars, shares } from "../parts/ProbabilityBars";

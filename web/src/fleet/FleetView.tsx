@@ -1,4 +1,4 @@
-// The fleet at a glance: every open session, those that need somebody first.
+// The fleet: open sessions, those that need attention first.
 import { useEffect, useRef } from "preact/hooks";
 import { announce } from "../announce";
 import { now, percent, plural } from "../format";
@@ -64,7 +64,7 @@ function NoSessions() {
   );
 }
 
-/** Tells when a session has become sure of an object or surprising; not every small change. */
+/** Announces when a session becomes sure or surprising. */
 function useAnnouncements(sessions: Watched[]): void {
   const said = useRef(new Map<string, string>());
   useEffect(() => {

@@ -1,4 +1,4 @@
-// Which sessions an operator should look at first, and why.
+// The attention that sessions need, and why.
 import { age } from "../format";
 import type { TracePoint, Watched } from "./watch";
 
@@ -6,18 +6,18 @@ export type Level = "surprising" | "stuck" | "sure" | "working" | "waiting";
 
 export interface Attention {
   level: Level;
-  /** Why, in words. */
+  /** The reason in words. */
   why: string;
 }
 
 const SURE = 0.95;
 const ORDER: Record<Level, number> = { surprising: 0, stuck: 1, working: 2, waiting: 3, sure: 4 };
-/** So long without a reading an undecided session is stuck. */
+/** Time without a reading after which an undecided session is stuck. */
 const QUIET_MS = 60_000;
-/** So many readings that brought nothing make one stuck. */
+/** Number of readings without progress after which a session is stuck. */
 const IDLE_READINGS = 8;
 
-/** What a session is like. `now` is this browser's clock. */
+/** State of a session. `now` is this browser's clock. */
 export function attention(watched: Watched, now: number): Attention {
   const trace = watched.trace;
   const last = trace.at(-1);
@@ -49,7 +49,7 @@ function surprising(trace: TracePoint[], last: TracePoint): string | undefined {
   return undefined;
 }
 
-/** Those that need somebody first; among equals the less certain, then by id so that rows rest. */
+/** Order: attention first, then less certain, then id, so that rows stay in place. */
 export function byAttention(now: number): (a: Watched, b: Watched) => number {
   return (a, b) =>
     ORDER[attention(a, now).level] - ORDER[attention(b, now).level] ||

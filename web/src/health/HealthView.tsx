@@ -1,4 +1,4 @@
-// Whether the server does its work: its checks, what it has done, and which version it is.
+// Health of the server: checks, metrics and version.
 import { ask, getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Readiness, Version } from "../api/types";

@@ -1,4 +1,4 @@
-// Trainings: under way with their progress, and what became of earlier ones.
+// Trainings: those in progress and ended ones.
 import { getAll, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Job } from "../api/types";

@@ -1,4 +1,4 @@
-// API keys: who may do what; a new secret is shown this once.
+// API keys and their roles; a new secret is shown once.
 import { useState } from "preact/hooks";
 import { getAll, sendJson } from "../api/http";
 import { useResource } from "../api/resource";

@@ -1,4 +1,4 @@
-// Catalogues and their versions: which one new sessions use, and the way back to an older one.
+// Catalogues and their versions, and the switch of the current version.
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Catalogue, CatalogueVersion } from "../api/types";

@@ -1,4 +1,4 @@
-// One version's report: what was learnt of each object, and which objects touch confuses.
+// Report of one version: its objects, and which of them touch confuses.
 import { getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { AppearanceReport, CatalogueVersion } from "../api/types";

@@ -1,4 +1,4 @@
-// One object: its mesh, where it was touched in training, and what was learnt of its surface.
+// One object: its mesh, its training touches, and its trained surface.
 import { useMemo, useState } from "preact/hooks";
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
@@ -16,7 +16,7 @@ import { may } from "../signin";
 import { DropZone } from "./DropZone";
 import { OccupancyPanel } from "./OccupancyPanel";
 
-/** What lies on the surface. */
+/** The layer drawn on the surface. */
 type Layer = "nothing" | "touches" | "classes";
 
 export function ObjectView({ id }: { id: string }) {
@@ -184,7 +184,7 @@ function patches({ map, touches }: Surface, layer: Layer): SurfacePoint[] {
 
 const key = (version: CatalogueVersion) => `${version.catalogue} version ${version.version}`;
 
-/** The current versions that know an object. */
+/** Current versions that include an object. */
 async function knowing(object: string, signal: AbortSignal): Promise<CatalogueVersion[]> {
   const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
   const current = catalogues.filter((catalogue) => catalogue.current);

@@ -1,4 +1,4 @@
-// The gallery: every object with its picture, a place to drop meshes, and the way to train.
+// The gallery: all objects with pictures, a drop zone for meshes, and the training dialog.
 import { useState } from "preact/hooks";
 import { getAll, getJson, ProblemError } from "../api/http";
 import { useResource } from "../api/resource";
@@ -67,7 +67,7 @@ interface Twins {
   affinity: number;
 }
 
-/** Pairs that the current versions' reports call nearly the same. */
+/** Near duplicates in the reports of the current versions. */
 async function nearDuplicates(signal: AbortSignal): Promise<Twins[]> {
   const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
   const found: Twins[] = [];
@@ -80,7 +80,7 @@ async function nearDuplicates(signal: AbortSignal): Promise<Twins[]> {
       const report = await getJson<AppearanceReport>(`${path}/report/appearance`, signal);
       found.push(...report.near_duplicates.map((twin) => ({ ...twin, catalogue, version: current.version })));
     } catch (error) {
-      // A version without such a report warns of nothing.
+      // Versions without such a report have no warnings.
       if (!(error instanceof ProblemError) || ![404, 409].includes(error.status)) throw error;
     }
   }

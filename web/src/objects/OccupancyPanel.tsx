@@ -1,4 +1,4 @@
-// The map of where an object generates contact: a heat map of a plane, slices of a solid.
+// The contact map of an object: a heat map of a plane, or slices of a solid.
 import { useEffect, useState } from "preact/hooks";
 import { ask, getJson } from "../api/http";
 import { useResource } from "../api/resource";

@@ -1,4 +1,4 @@
-// Starting a training: what to learn, of which objects; its progress is then on the page.
+// The dialog that starts a training: objects and options.
 import { useState } from "preact/hooks";
 import { sendJson } from "../api/http";
 import type { Job, ObjectInfo, StartTraining } from "../api/types";

@@ -8,7 +8,7 @@ export interface Share {
   isUnknown?: boolean;
 }
 
-/** The likeliest `n` of a belief with "none of these" in its place among them. */
+/** The `n` likeliest answers of a belief, including "none of these". */
 export function shares(
   objects: { name: string; probability: number }[],
   unknown: number,

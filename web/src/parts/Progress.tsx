@@ -1,4 +1,4 @@
-// How far a training is: the stage, a bar, and what is left.
+// Progress of a training: stage, bar and remaining time.
 import type { Job } from "../api/types";
 import { duration } from "../format";
 

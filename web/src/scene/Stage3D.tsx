@@ -1,4 +1,4 @@
-// A scene within a view: loads the 3-D chunk when it is first needed, and says so when it cannot.
+// A 3-D scene within a view: loads the 3-D chunk on first use and reports failures.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { dark } from "../format";
 import type { Content } from "./content";

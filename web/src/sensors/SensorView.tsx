@@ -1,4 +1,4 @@
-// One sensor: its geometry, its force curve, and what its calibration found of every taxel.
+// One sensor: geometry, force curve and calibration.
 import { useMemo } from "preact/hooks";
 import { getJson } from "../api/http";
 import { useResource } from "../api/resource";
@@ -104,7 +104,7 @@ function Calibrated({ calibration }: { calibration: SensorCalibration }) {
   );
 }
 
-/** Every taxel with its gain relative to the target, +y up as in the sensor's frame. */
+/** Gain of every taxel relative to the target, +y up as in the sensor's frame. */
 function Taxels({ calibration }: { calibration: SensorCalibration }) {
   const rows = Math.max(...calibration.taxels.map((taxel) => taxel.row)) + 1;
   const cols = Math.max(...calibration.taxels.map((taxel) => taxel.col)) + 1;
@@ -133,7 +133,7 @@ function Taxels({ calibration }: { calibration: SensorCalibration }) {
   );
 }
 
-/** Pressure over depth: a thin line for each usable taxel, the target thick. */
+/** Pressure over depth: a thin line per usable taxel, a thick one for the target. */
 function Lines({ calibration }: { calibration: SensorCalibration }) {
   const isDark = dark.value;
   const x = useMemo(() => [0, 0.2, 0.4, 0.6], []);

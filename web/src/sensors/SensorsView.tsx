@@ -1,4 +1,4 @@
-// The sensors that the server knows, and which of them are calibrated.
+// The sensors of the server and their calibrations.
 import { getAll, getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Sensor, SensorCalibration } from "../api/types";

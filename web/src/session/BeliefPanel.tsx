@@ -1,4 +1,4 @@
-// What is believed at the revision shown: identities, uncertainty, the best pose.
+// The belief at the shown revision: identities, entropy, the best pose.
 import { bits, mm, plural } from "../format";
 import { Loading } from "../parts/Notes";
 import { Badge, Facts, Panel } from "../parts/Panel";

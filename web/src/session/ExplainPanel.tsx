@@ -1,4 +1,4 @@
-// Why it is believed: what each reading contributed in bits, and which one disagrees.
+// Contributions of the readings in bits, and the readings that disagree.
 import { bitsColor, percent, signedBits } from "../format";
 import { Loading, ProblemNote } from "../parts/Notes";
 import { Badge, Panel } from "../parts/Panel";
@@ -76,7 +76,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
   );
 }
 
-/** A bar from the middle: left against, right for; ±8 bits are full. */
+/** A bar from the centre: left against, right for the answer; full at ±8 bits. */
 function Contribution({ bits }: { bits: number | null | undefined }) {
   if (typeof bits !== "number") return null;
   const length = Math.min(1, Math.abs(bits) / 8) * 49;

@@ -1,4 +1,4 @@
-// Where to touch next: the service's own proposals for the newest belief of an open session.
+// Suggested next touches for the newest belief of an open session.
 import { useEffect, useState } from "preact/hooks";
 import type { NextTouch as Touch, NextTouches, Problem } from "../api/types";
 import { sendJson } from "../api/http";
@@ -9,15 +9,15 @@ import type { SessionModel } from "./model";
 
 const N = 3;
 const DEADLINE_MS = 400;
-/** So long nothing new must have come: a robot that is at work is not to be kept waiting. */
+/** Pause without new readings before suggestions are requested, so that a busy robot does not wait. */
 const QUIET_MS = 900;
 
 export interface Suggested {
-  /** Why nothing is suggested; undefined when something is, or will be. */
+  /** Why there are no suggestions; undefined if there are, or will be. */
   why: string | undefined;
   answer: NextTouches | undefined;
   problem: Problem | undefined;
-  /** What the scene shows: nothing while the past is looked at. */
+  /** Suggestions in the scene; none while an older revision is shown. */
   shown: Touch[];
 }
 

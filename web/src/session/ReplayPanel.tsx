@@ -1,4 +1,4 @@
-// The slider over a session's revisions: what was believed after each reading.
+// The slider over a session's revisions.
 import { useEffect, useState } from "preact/hooks";
 import { bits, percent, plural } from "../format";
 import { Panel } from "../parts/Panel";
@@ -22,7 +22,7 @@ export function ReplayPanel({ model }: { model: SessionModel }) {
         return;
       }
       void model.show(here + 1);
-      // Counted from the picture on: where pictures take long, the page still answers to clicks.
+      // Timed from the last frame, so that the page stays responsive if frames are slow.
       frame = requestAnimationFrame(() => {
         frame = requestAnimationFrame(() => (timer = window.setTimeout(step, STEP_MS)));
       });

@@ -1,4 +1,4 @@
-// The believed object in its believed pose, in 3-D, with its touches; the same as a table.
+// The likeliest object in its pose, in 3-D, with its touches, and the same as a table.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import type { NextTouch } from "../api/types";
 import { dark, mm, percent, seriesColor, signedBits } from "../format";
@@ -67,14 +67,14 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
   );
 }
 
-/** Why there is nothing to see. */
+/** Why the scene is empty. */
 function nothing(model: SessionModel): string {
   if (model.revision.value === 0) return "No touches yet.";
   const isAppearance = model.session.value?.method.startsWith("appearance");
   return isAppearance ? "This method recognises the object but not its pose." : "No pose yet.";
 }
 
-/** The shapes of the objects that hypotheses name, as they come. */
+/** Shapes of the hypotheses' objects, as they load. */
 function useShapes(model: SessionModel): Map<string, Shape> {
   const [shapes, setShapes] = useState(new Map<string, Shape>());
   const version = model.version.value;
@@ -85,7 +85,7 @@ function useShapes(model: SessionModel): Map<string, Shape> {
       shapeOf(version, object).then(
         (shape) => setShapes((before) => (before.get(object) === shape ? before : new Map(before).set(object, shape))),
         () => {
-          // Without a shape the touches are still shown.
+          // Without a shape, only the touches are drawn.
         },
       );
     }

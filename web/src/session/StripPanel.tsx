@@ -1,4 +1,4 @@
-// The strip of tactile images: every reading, what it contributed, and which one disagrees.
+// The strip of tactile images, with contributions and disagreements.
 import { useMemo } from "preact/hooks";
 import type { SessionReading } from "../api/types";
 import { bitsColor, kPa, signedBits } from "../format";
