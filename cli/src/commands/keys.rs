@@ -111,7 +111,7 @@ pub(crate) async fn whoami(context: &Context) -> anyhow::Result<()> {
     let whoami = context.client.whoami().await?;
     context.output.answer(&whoami, |whoami| match &whoami.key {
         Some(key) => format!("{}, {}\n{}", key.name, word(&whoami.role), table_of(key)),
-        None => "nobody is asked for a key here: everybody may do everything".to_owned(),
+        None => "this server requires no keys: every caller is admin".to_owned(),
     })
 }
 

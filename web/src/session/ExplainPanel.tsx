@@ -29,8 +29,8 @@ export function ExplainPanel({ model, selected, select }: Props) {
       ) : (
         <>
           <p>
-            {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}: without a
-            reading the answer would be so many bits less probable.
+            {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}. Each
+            reading adds this many bits to its probability (log2).
           </p>
           {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others, because no single one changes the answer any more.</p>}
           {!explanation.complete && <p class="faint">Time ran out; some readings were not compared.</p>}
