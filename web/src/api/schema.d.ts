@@ -1925,7 +1925,7 @@ export interface components {
             kind: "deleted";
             /**
              * Format: uuid
-             * @description The session's id.
+             * @description Id of the session.
              */
             session: string;
         };
@@ -12337,7 +12337,7 @@ export interface operations {
                 session: string;
                 /** @description The robot that took it */
                 robot: string;
-                /** @description The robot's number of it */
+                /** @description The reading's `seq` */
                 seq: string;
             };
             cookie?: never;
