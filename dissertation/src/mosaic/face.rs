@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn the_depth_lies_between_the_largest_displacement_and_the_covering() {
+    fn depth_lies_between_largest_displacement_and_covering() {
         let sensor = SensorDescription::digitacts_6x6();
         let parameters = sensor.parameters();
         let thickness = parameters.covering_thickness;
