@@ -33,19 +33,19 @@ use palpate_client::Client;
 
 use crate::output::Output;
 
-/// What every command that talks to a server needs.
+/// Context of a command that talks to a server.
 #[derive(Clone)]
 pub(crate) struct Context {
-    /// The server.
+    /// Client of the server.
     pub(crate) client: Client,
-    /// Where answers go.
+    /// Output of answers.
     pub(crate) output: Output,
     /// The end of the key's id, if there is a key.
     pub(crate) key_end: Option<String>,
 }
 
 impl Context {
-    /// The name of a simulated robot: with a key, one that no other key uses.
+    /// Name of a simulated robot; with a key, one that no other key uses.
     pub(crate) fn robot(&self, name: &str) -> String {
         self.key_end.as_ref().map_or_else(|| name.to_owned(), |end| format!("{name}-{end}"))
     }

@@ -11,7 +11,7 @@ use crate::commands::{
 };
 use crate::output::Output;
 
-/// Does what was typed.
+/// Runs the parsed command.
 pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
     let output = Output { json: cli.json };
     let context = || {

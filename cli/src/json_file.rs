@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 
-/// Reads a file of JSON; `-` is the standard input.
+/// Reads a JSON file; `-` reads standard input.
 pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: PathBuf) -> anyhow::Result<T> {
     let text = if path.as_os_str() == "-" {
         std::io::read_to_string(std::io::stdin())?
@@ -12,5 +12,5 @@ pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: PathBuf) -> anyhow
         std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?
     };
     serde_json::from_str(&text)
-        .with_context(|| format!("{} does not hold what is expected", path.display()))
+        .with_context(|| format!("{} has unexpected content", path.display()))
 }

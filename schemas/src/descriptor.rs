@@ -3,34 +3,34 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// How a press becomes a feature.
+/// Descriptor that turns a press into a feature.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Descriptor {
-    /// The pressures themselves: neither turns nor shifts are removed.
+    /// The raw pressures; neither rotation nor shift is removed.
     Vectorize,
-    /// Histograms of gradients, turned to the dominant orientation.
+    /// Histograms of gradients, rotated to the dominant orientation.
     Sift,
-    /// Largest responses of oriented filters in four windows: several features a press, so not
-    /// for methods that give each touch one appearance (`sva`, `sva_literal`).
+    /// Largest responses of oriented filters in four windows. Yields several features per press, so
+    /// it is not for `sva` and `sva_literal`, which assign one appearance to each touch.
     Mr8,
-    /// The image turned to its principal axes.
+    /// The image rotated to its principal axes.
     MomentNormalized,
-    /// Fourier magnitudes of rings: does not change when the press is turned.
+    /// Fourier magnitudes of rings; invariant to rotation of the press.
     PolarFourier,
-    /// `polar_fourier` with each row divided by the root of its radius.
+    /// `polar_fourier` with each row divided by the square root of its radius.
     PolarFourierRw,
-    /// `polar_fourier` without the relations of neighbouring rings.
+    /// `polar_fourier` without the relations between neighbouring rings.
     PolarFourierNi,
-    /// `polar_fourier` and what tells a press from its mirror image.
+    /// `polar_fourier` plus components that distinguish a press from its mirror image.
     PolarFourierSigned,
-    /// Fourier magnitudes of the image turned to its principal axes: changes little when the
-    /// press is turned or shifted.
+    /// Fourier magnitudes of the image rotated to its principal axes; nearly invariant to rotation
+    /// and shift of the press.
     Mnti,
-    /// Derivatives at the centre along the gradient: a control.
+    /// Derivatives at the centre, along the gradient; a control.
     Steerable,
-    /// Responses of round filters: a control.
+    /// Responses of isotropic filters; a control.
     Schmid,
-    /// Strengths of spatial frequencies without place and direction, for large arrays.
+    /// Energy per spatial frequency, without place and direction; for large arrays.
     PolarSpectrum,
 }

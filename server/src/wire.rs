@@ -41,7 +41,7 @@ impl Invalid {
 
 fn summary(errors: &[FieldError]) -> String {
     match errors {
-        [] => "a value is wrong".to_owned(),
+        [] => "a value is invalid".to_owned(),
         [only] => only.detail.clone(),
         [first, rest @ ..] => format!("{} (and {} more)", first.detail, rest.len()),
     }

@@ -2,7 +2,7 @@
 //!
 //! The frozen structs that are written stand beside the types they store, in files `stored.rs`.
 //! A struct that ends in `V1` never changes; a new field makes a `V2` with the next schema
-//! number, and decoding turns what it finds into today's type. Payloads are bincode 2.0.1's
+//! number, and decoding converts any of them to today's type. Payloads are bincode 2.0.1's
 //! `legacy` form (fixed-width little-endian, u64 lengths); readings' pressures are raw
 //! little-endian f64, NaN for a taxel without a value.
 
@@ -12,18 +12,18 @@ use bincode::{Decode, Encode};
 use crate::envelope::{self, Kind};
 use crate::error::RecordError;
 
-/// The schema number of every record that has had no other.
+/// Schema number of every record that has only one.
 pub const SCHEMA: u16 = 1;
-/// No bincode payload may claim more.
+/// Maximum length of a bincode payload.
 const PAYLOAD_LIMIT: usize = 64 << 20;
 const CONFIG: Configuration<LittleEndian, Fixint, Limit<PAYLOAD_LIMIT>> =
     config::legacy().with_limit::<PAYLOAD_LIMIT>();
 
 /// A value with a stored form.
 pub trait Record: Sized {
-    /// What its envelope says.
+    /// Kind in its envelope.
     const KIND: Kind;
-    /// The schema number it is written with.
+    /// Schema number with which it is written.
     const SCHEMA: u16 = SCHEMA;
 
     /// Its payload.
@@ -52,7 +52,7 @@ pub fn encode<T: Record>(value: &T) -> Vec<u8> {
 /// The value of stored bytes.
 ///
 /// # Errors
-/// [`RecordError`] says how the bytes are damaged or too new.
+/// [`RecordError`] names the damage, or the newer schema.
 pub fn decode<T: Record>(bytes: &[u8]) -> Result<T, RecordError> {
     let opened = envelope::open(T::KIND, bytes)?;
     match opened.schema {
@@ -78,19 +78,19 @@ pub(crate) fn read<T: Decode<()>>(payload: &[u8]) -> Result<T, RecordError> {
 /// An id as it is stored.
 pub(crate) type IdV1 = [u8; 16];
 
-/// The id that has a name.
+/// The id of a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct NameV1 {
     pub(crate) id: IdV1,
 }
 
-/// The latest time that was seen, milliseconds since 1970.
+/// The latest time, milliseconds since 1970.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct ClockV1 {
     pub(crate) latest_ms: u64,
 }
 
-/// The layout number of the database and who made it.
+/// The layout number of the database and its creator.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct LayoutV1 {
     pub(crate) layout: u32,

@@ -8,7 +8,7 @@ use utoipa::{IntoResponses, ToSchema};
 #[response(
     status = 409,
     content_type = "application/problem+json",
-    description = "It does not fit the state of things, or something else has its name or number"
+    description = "The request conflicts with the current state, or its name or number is taken"
 )]
 pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents")] Problem);
 

@@ -49,7 +49,7 @@ impl std::fmt::Display for End {
             EndReason::Closed => write!(formatter, "was closed at {at}"),
             EndReason::Expired => write!(
                 formatter,
-                "expired at {at}: nothing new came within its time to live, and no lease kept it open"
+                "expired at {at}: no reading arrived within its time to live, and no lease kept it open"
             ),
         }
     }
@@ -83,7 +83,7 @@ pub(crate) fn opened_by(session: &Session) -> Option<Uuid> {
 
 /// A session whose object is known to have been another one.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("session {session} was closed with {before:?} as the truth already")]
+#[error("session {session} was already closed with {before:?} as the truth")]
 pub(crate) struct OtherTruth {
     session: Uuid,
     before: String,
