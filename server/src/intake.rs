@@ -11,7 +11,7 @@ use palpate_store::database::Database;
 use crate::clock::now_ms;
 use crate::extract::{parse, parse_msgpack};
 use crate::services::sensors::Sensors;
-use crate::wire::reading::{from_store, readings};
+use crate::wire::reading::{check_size, from_store, readings};
 
 /// How a body is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,10 @@ impl Intake {
             Form::Json => parse(body),
             Form::MessagePack => parse_msgpack(body),
         };
-        let taken = parsed.and_then(|body| readings(&body.readings, &self.sensors, None));
+        let taken = parsed.and_then(|body| {
+            check_size(&body.readings)?;
+            Ok(readings(&body.readings, self.sensors.sources(&body.readings)?, None)?)
+        });
         let taken = taken.map_err(|refusal| {
             let words = refusal.to_string();
             Refused { status: refusal.into_response().status().as_u16(), words }

@@ -37,7 +37,6 @@ use tokio::sync::broadcast;
 use tracing::Instrument;
 
 use crate::asker::Asker;
-use crate::live::belief::{SessionBelief, check};
 use crate::model::Model;
 use crate::clock::now_ms;
 use crate::compute::{ComputeError, Length, Place, Pool};
@@ -51,6 +50,8 @@ use crate::wire::session::{is_geometric, options};
 use crate::wire::{count, geometry};
 use account::Account;
 pub(crate) use account::Total;
+use belief::{ObjectMarginals, SessionBelief, check};
+use checkpoints::Checkpoints;
 use folding::Folding;
 pub(crate) use replay::ReplayQuestion;
 use state::State;
@@ -267,12 +268,15 @@ impl Live {
         let ask = move |belief: &SessionBelief| belief.marginals(object);
         let found = self.ask(&mut state, tools, place, length, ask).await?;
         let marginals = found.ok_or(Refusal::NoMarginals { session: self.session.id })?;
-        Ok(Some(geometry::marginals(self.session.id, length, &marginals, &self.model)))
+        let ObjectMarginals { object, probability, marginals } = marginals;
+        let object = &self.model.objects[object.0 as usize];
+        let id = self.session.id;
+        Ok(Some(geometry::marginals(id, length, object, probability, &marginals)))
     }
 
     fn status(&self, store: &Database, now: u64) -> Result<Status, Refusal> {
         let session = store.sessions().find(self.session.id)?.ok_or_else(|| self.unknown())?;
-        status(store, &session, now)
+        Ok(status(store, &session, now)?)
     }
 
     fn unknown(&self) -> Refusal {

@@ -10,6 +10,7 @@ mod distance;
 pub mod mesh;
 pub mod noise;
 pub mod elastic;
+mod surface;
 pub mod press;
 pub mod indent;
 pub mod controller;

@@ -4,43 +4,46 @@
 
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
-use palpate_store::journal::Event;
+use palpate_store::error::StoreError;
 
-use crate::refusal::Refusal;
 use crate::wire::life::{End, EndReason, Status};
 use crate::wire::session::options;
 
 /// What a session is doing, by its journal.
-pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<Status, Refusal> {
-    let journal = store.journal();
-    let length = journal.len(session.id)?;
-    let last = match length.checked_sub(1) {
-        Some(last) => journal.entry(session.id, last)?,
-        None => None,
-    };
-    let n_retracted = journal.retractions(session.id)?.len() as u64;
-    let is_closed = last.as_ref().is_some_and(|last| last.event == Event::Closed);
+pub(crate) fn status(
+    store: &Database,
+    session: &Session,
+    now: u64,
+) -> Result<Status, StoreError> {
+    let head = store.journal().head(session.id)?;
     // A retraction is no reading, and takes one away.
-    let n_others = 2 * n_retracted + u64::from(is_closed);
-    let since = last.map_or(session.created_at_ms, |last| last.received_at_ms);
+    let n_others = 2 * head.n_retracted + u64::from(head.is_closed);
+    let since = head.last_at_ms.unwrap_or(session.created_at_ms);
     let leased_until_ms = options(session).leased_until_ms;
     let expires_at_ms = (session.time_to_live_ms > 0).then(|| {
         since.saturating_add(session.time_to_live_ms).max(leased_until_ms.unwrap_or_default())
     });
     let expired = expires_at_ms.filter(|expires| now >= *expires);
     let end = match expired {
-        _ if is_closed => Some(End { at_ms: since, reason: EndReason::Closed }),
+        _ if head.is_closed => Some(End { at_ms: since, reason: EndReason::Closed }),
         Some(at_ms) => Some(End { at_ms, reason: EndReason::Expired }),
         None => None,
     };
-    let n_readings = length.saturating_sub(n_others);
-    Ok(Status { length, n_readings, n_retracted, end, expires_at_ms, leased_until_ms })
+    Ok(Status {
+        length: head.length,
+        n_readings: head.length.saturating_sub(n_others),
+        n_retracted: head.n_retracted,
+        changed_at_ms: since,
+        end,
+        expires_at_ms,
+        leased_until_ms,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use palpate_store::entity::{Method, StoredReading};
-    use palpate_store::journal::NewEntry;
+    use palpate_store::journal::{Event, NewEntry};
 
     use uuid::Uuid;
 

@@ -31,7 +31,7 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
         let client = caller::client(&request);
         let peer = request.extensions().get::<ConnectInfo<Peer>>();
         if peer.is_some_and(|ConnectInfo(peer)| peer.is_reserve) {
-            return Err(Refusal::ConnectionsFull { open: app.admission().connections.used() });
+            return Err(Refusal::ConnectionsFull { open: app.admission().connections().used() });
         }
         let (mut request, body) = arrival::receive(&app, request, client).await?;
         request.extensions_mut().insert(client);

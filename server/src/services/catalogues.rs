@@ -17,7 +17,6 @@ use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
-use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::ModelPart;
 use uuid::Uuid;
 

@@ -21,6 +21,8 @@ pub(crate) struct Status {
     pub(crate) n_readings: u64,
     /// Readings that are withdrawn.
     pub(crate) n_retracted: u64,
+    /// When the last entry came, or the session began.
+    pub(crate) changed_at_ms: u64,
     /// When and why it ended; `None` while it is open.
     pub(crate) end: Option<End>,
     /// When it expires, or has expired, if nothing new comes; `None` when it never does.

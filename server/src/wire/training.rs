@@ -13,9 +13,9 @@ use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};
 use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
-use crate::wire::Invalid;
-use crate::wire::{INTEGER_MAX, count, time};
+use crate::wire::{INTEGER_MAX, Invalid, count, time};
 
 /// How many switches of the current version an answer lists.
 const HISTORY_MAX: usize = 100;

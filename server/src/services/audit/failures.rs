@@ -19,7 +19,7 @@ const WINDOW: Duration = Duration::from_secs(60);
 
 /// The buckets of all keys.
 #[derive(Debug)]
-pub(super) struct Failures {
+pub(crate) struct Failures {
     per_minute: NonZeroU32,
     buckets: Mutex<HashMap<Uuid, Bucket>>,
 }
@@ -31,19 +31,19 @@ struct Bucket {
 }
 
 impl Failures {
-    pub(super) fn new(per_minute: NonZeroU32) -> Self {
+    pub(crate) fn new(per_minute: NonZeroU32) -> Self {
         Self { per_minute, buckets: Mutex::default() }
     }
 
     /// Whether a key may try another change; if not, how long it has to wait.
-    pub(super) fn check(&self, key: Uuid, now: Instant) -> Result<(), Duration> {
+    pub(crate) fn check(&self, key: Uuid, now: Instant) -> Result<(), Duration> {
         let level = self.buckets().get(&key).map_or(0.0, |bucket| self.level(*bucket, now));
         let above = level + 1.0 - f64::from(self.per_minute.get());
         if above > 0.0 { Err(WINDOW.mul_f64(above / self.drain())) } else { Ok(()) }
     }
 
     /// Notes that a change of a key failed.
-    pub(super) fn failed(&self, key: Uuid, now: Instant) {
+    pub(crate) fn failed(&self, key: Uuid, now: Instant) {
         let mut buckets = self.buckets();
         if buckets.len() >= KEYS_REMEMBERED {
             buckets.retain(|_, bucket| self.level(*bucket, now) > 0.0);
@@ -53,7 +53,7 @@ impl Failures {
     }
 
     /// The bound, as a key is told that has to wait.
-    pub(super) fn bound(&self, wait: Duration) -> Bound {
+    pub(crate) fn bound(&self, wait: Duration) -> Bound {
         Bound {
             name: "failed-changes",
             unit: "requests",

@@ -17,7 +17,7 @@ const FOLDS_MAX: usize = 100_000;
 
 /// What requests that are told by one entry have in common.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Alike {
+pub(crate) struct Alike {
     pub(super) client: Option<Client>,
     pub(super) operation: &'static str,
     pub(super) status: u16,

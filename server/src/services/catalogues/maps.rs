@@ -41,7 +41,7 @@ impl Mapped {
     }
 
     pub(crate) fn occupancy(&self, slice: Option<u32>) -> Result<wire::OccupancyMap, Refusal> {
-        geometry::occupancy_map(&self.model.objects[self.place], &self.map, slice)
+        Ok(geometry::occupancy_map(&self.model.objects[self.place], &self.map, slice)?)
     }
 
     /// A layer of cells as a PNG; the one in the middle if none is named.
@@ -129,7 +129,7 @@ impl Catalogues {
         let version = self.publish(name, draft, request.activate.unwrap_or(true)).await?;
         tracing::info!("Merged maps into version {version} of catalogue {name:?}");
         let catalogue = self.find(name)?;
-        training::version(&catalogue, &self.manifest(&catalogue, version)?)
+        Ok(training::version(&catalogue, &self.manifest(&catalogue, version)?)?)
     }
 }
 

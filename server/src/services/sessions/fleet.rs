@@ -23,7 +23,6 @@ const READINGS: u64 = 64;
 struct OpenSession {
     session: Session,
     status: Status,
-    changed_at_ms: u64,
 }
 
 impl Sessions {
@@ -43,7 +42,7 @@ impl Sessions {
         let mut open = self.open_now(now)?;
         let n_open = count(open.len());
         // Of what changed in one millisecond, a session that has entries changed after it began.
-        let newest = |one: &OpenSession| (one.changed_at_ms, one.status.length > 0, one.session.id);
+        let newest = |one: &OpenSession| (one.status.changed_at_ms, one.status.length > 0, one.session.id);
         open.sort_by_key(|one| std::cmp::Reverse(newest(one)));
         let sessions: Result<_, _> =
             open.into_iter().take(limit).map(|one| self.fleet_session(one)).collect();
@@ -57,18 +56,10 @@ impl Sessions {
             let Ok(Some(session)) = self.store.sessions().find(id) else { continue };
             let status = status(&self.store, &session, now)?;
             if status.end.is_none() {
-                let changed_at_ms = self.changed_at(&session, status.length)?;
-                open.push(OpenSession { session, status, changed_at_ms });
+                open.push(OpenSession { session, status });
             }
         }
         Ok(open)
-    }
-
-    /// When its newest entry came, or when it began.
-    fn changed_at(&self, session: &Session, length: u64) -> Result<u64, Refusal> {
-        let Some(last) = length.checked_sub(1) else { return Ok(session.created_at_ms) };
-        let entry = self.store.journal().entry(session.id, last)?;
-        Ok(entry.map_or(session.created_at_ms, |entry| entry.received_at_ms))
     }
 
     fn fleet_session(&self, one: OpenSession) -> Result<wire::FleetSession, Refusal> {

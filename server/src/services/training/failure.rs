@@ -14,6 +14,8 @@ use palpate_sim::sampler::SampleError;
 use palpate_store::error::StoreError;
 use thiserror::Error;
 
+use crate::known_sensors::UnknownSensor;
+use crate::model::NoPart;
 use crate::refusal::Refusal;
 
 /// Why a training came to nothing.
@@ -21,6 +23,10 @@ use crate::refusal::Refusal;
 pub(crate) enum TrainingFailure {
     #[error("it was told to stop")]
     Stopped,
+    #[error(transparent)]
+    NoPart(#[from] NoPart),
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
     #[error("object {object:?} has no data: upload a mesh or readings")]
     NoData { object: String },
     #[error("object {object:?} has readings of several sensors, expected one")]

@@ -119,7 +119,7 @@ pub(super) fn own_readings(
             Some(_) => return Err(TrainingFailure::Sensors { object: name() }),
             None => sources.sensors.get(&stored.sensor.to_string())?,
         };
-        let calibration = sources.sensors.calibrations().of(used.id, stored.calibration)?;
+        let calibration = sources.sensors.known().calibration(used.id, stored.calibration)?;
         let reading = from_store(stored, &used, calibration.as_deref())
             .map_err(|source| TrainingFailure::Reading { object: name(), source })?;
         readings.push(reading);
