@@ -37,7 +37,7 @@ pub struct Belief {
     /// The objects, likeliest first. If all are listed, their probabilities and `unknown` sum to 1.
     pub objects: Vec<ObjectProbability>,
     /// Probability that the object is not in the catalogue, 0 to 1. 0 with methods other than
-    /// `hybrid`, which assume that it is.
+    /// `surface`, which assume that it is.
     #[serde(default)]
     #[schema(minimum = 0.0, maximum = 1.0)]
     pub unknown: f64,
@@ -54,7 +54,7 @@ pub struct Belief {
     /// Entropy of the identity in bits, including "none of these". 0 is certainty; log2(n) is no
     /// knowledge of n objects.
     pub entropy_bits: f64,
-    /// Pose hypotheses, likeliest first; do not average them. With `hybrid` and `sva`, poses
+    /// Pose hypotheses, likeliest first; do not average them. With `surface` and `sva`, poses
     /// equivalent under the object's `symmetry` are one hypothesis. Empty with the methods
     /// `appearance…`, which estimate no pose.
     pub poses: Vec<PoseHypothesis>,

@@ -231,10 +231,10 @@ pub struct ReadingContribution {
     pub support_bits: Option<f64>,
     /// Fit of the reading to the object in the pose found by the others, in bits: log2 of its
     /// likelihood there over that of a touch at a random place. Negative if it fits nowhere. Only
-    /// with `hybrid`, after three other touches and for readings since the object last moved; null
+    /// with `surface`, after three other touches and for readings since the object last moved; null
     /// otherwise.
     pub fit_bits: Option<f64>,
-    /// Whether the reading disagrees with the rest, given at least three readings. With `hybrid`:
+    /// Whether the reading disagrees with the rest, given at least three readings. With `surface`:
     /// `fit_bits` is at most −8. With other methods: `support_bits` is at most −4.
     pub disagrees: bool,
 }

@@ -50,12 +50,12 @@ pub struct Reading {
     #[schema(min_items = 1, max_items = 4096)]
     pub feature: Option<Vec<f64>>,
     /// Distance in metres that the sensor travelled along its +z to the pose without contact, 0 to
-    /// 10. If the press met nothing, `hybrid` takes the whole path as free space.
+    /// 10. If the press met nothing, `surface` takes the whole path as free space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.0, maximum = 10.0, example = 0.12)]
     pub approach_m: Option<f64>,
     /// How far the object may have moved since the session's previous reading, in folding order.
-    /// With `hybrid`, the identity stays as probable as it was and the pose becomes uncertain by
+    /// With `surface`, the identity stays as probable as it was and the pose becomes uncertain by
     /// this amount. Retracting the reading retracts the motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_moved: Option<Looseness>,

@@ -23,7 +23,7 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
     pub version: Option<u32>,
-    /// Recognition method. Default: `hybrid`, or `sva` if the version has no surfaces.
+    /// Recognition method. Default: `surface`, or `sva` if the version has no surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<Method>,
     /// Frame of all sensor poses of the session, such as `base_link`. A reading that names another
@@ -37,7 +37,7 @@ pub struct CreateSession {
     #[schema(max_items = 10_000)]
     pub prior: Option<Vec<PriorEntry>>,
     /// Prior probability that the object is not in the catalogue, above 0 and below 1; for
-    /// `hybrid`. Default: 0.05.
+    /// `surface`. Default: 0.05.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(exclusive_minimum = 0.0, exclusive_maximum = 1.0, example = 0.05)]
     pub unknown_prior: Option<f64>,
@@ -60,18 +60,18 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
     pub seed: Option<u64>,
-    /// Robots with an inexactly known base, for `hybrid`. All readings of such a robot (by its
+    /// Robots with an inexactly known base, for `surface`. All readings of such a robot (by its
     /// `robot`) are displaced by one unknown motion within this uncertainty. Readings of other
     /// robots are taken as exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 100)]
     pub robots: Option<Vec<RobotBase>>,
-    /// Motion of the object between any two touches, for `hybrid`: pressing may shift the object,
+    /// Motion of the object between any two touches, for `surface`: pressing may shift the object,
     /// or a hand may hold it. Earlier touches then say less about the pose. For a single motion use
     /// `object_moved` of a reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_moves: Option<Looseness>,
-    /// Accepted risk of a wrong answer, 0.0001 to 0.5, for `hybrid`. The belief's `stop` says when
+    /// Accepted risk of a wrong answer, 0.0001 to 0.5, for `surface`. The belief's `stop` says when
     /// it is reached.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.000_1, maximum = 0.5, example = 0.05)]
@@ -168,7 +168,7 @@ pub enum Method {
     /// refined. Also detects objects that are not in the catalogue. Needs a version trained with
     /// surfaces (the default); accepts readings of any sensor.
     #[default]
-    Hybrid,
+    Surface,
     /// Spatially varying appearance with the corrections of `docs/equations.md`.
     Sva,
     /// Spatially varying appearance as the dissertation prints it, for its figures.
@@ -213,7 +213,7 @@ pub struct Session {
     /// Motion of the object between any two touches; null if it rests.
     pub object_moves: Option<Looseness>,
     /// Prior probability that the object is not in the catalogue; null with methods other than
-    /// `hybrid`.
+    /// `surface`.
     pub unknown_prior: Option<f64>,
     /// Accepted risk of a wrong answer; null if not set.
     pub risk: Option<f64>,

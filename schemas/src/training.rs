@@ -112,7 +112,7 @@ pub struct TrainingReport {
     /// Probable mistakes in the training as a whole. Those of one object are in its own `warnings`.
     #[serde(default)]
     pub warnings: Vec<Warning>,
-    /// Whether the probabilities of `hybrid` were calibrated on held-back readings; null without
+    /// Whether the probabilities of `surface` were calibrated on held-back readings; null without
     /// surfaces, and for versions trained before this was reported.
     #[serde(default)]
     pub calibrated: Option<bool>,
@@ -176,7 +176,7 @@ pub struct ObjectReport {
     pub warnings: Vec<Warning>,
 }
 
-/// Report of an object's surface, as `hybrid` uses it.
+/// Report of an object's surface, as `surface` uses it.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SurfaceReport {
     /// Number of touches kept.
@@ -276,11 +276,11 @@ pub struct StartTraining {
     /// Training options for the methods `appearance…`. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub appearance: Option<AppearanceTraining>,
-    /// Whether to learn the surfaces that `hybrid` needs. Default: the value of `pair_maps`.
+    /// Whether to learn the surfaces that `surface` needs. Default: the value of `pair_maps`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surfaces: Option<bool>,
     /// Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
-    /// only train `appearance`, and, together with `surfaces`, large catalogues for `hybrid` alone.
+    /// only train `appearance`, and, together with `surfaces`, large catalogues for `surface` alone.
     /// Default: true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pair_maps: Option<bool>,

@@ -91,7 +91,7 @@ pub(crate) async fn replay_session(
 /// Compares the belief with what it would be without each reading. For each reading it returns the
 /// contribution in bits and whether the reading disagrees with the rest.
 ///
-/// With `hybrid`, a reading disagrees if the other readings make it at least 256 times less likely
+/// With `surface`, a reading disagrees if the other readings make it at least 256 times less likely
 /// than a touch at a random place. With the other methods, it disagrees if removing it raises the
 /// odds of the others' answer at least 16-fold. 409 if the belief rests on more than 200 readings.
 #[utoipa::path(get, path = "/v1/sessions/{session}/explain", operation_id = "explain_session",

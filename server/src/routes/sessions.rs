@@ -182,7 +182,7 @@ pub(crate) async fn get_marginals(
 
 /// Rank the next touches
 ///
-/// With the method `hybrid`: ranks `candidates`, or approaches that the service generates. The
+/// With the method `surface`: ranks `candidates`, or approaches that the service generates. The
 /// score is the expected information about the object's identity times the probability of contact,
 /// divided by `cost` where given. Only approaches evaluated before `deadline_ms` are ranked;
 /// identical questions that are evaluated completely get identical answers. Nothing is stored.
