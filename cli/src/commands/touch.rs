@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use palpate_client::schemas::{
-    CatalogueVersion, CreateSensor, CreateSession, GeometryKind, Method, ProblemType, SensorPreset,
+    CatalogueVersion, CreateSensor, CreateSession, GeometricKind, Method, ProblemType, SensorPreset,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::sensor::SensorDescription;
@@ -57,7 +57,7 @@ pub(crate) struct TouchArgs {
     #[arg(long, default_value = "default")]
     catalogue: String,
     /// How to recognise [default: surface]. The methods `geometric…` need a version trained with
-    /// `--geometry`: planar, and the robot presses straight down within 8 mm of where a camera
+    /// `--geometric`: planar, and the robot presses straight down within 8 mm of where a camera
     /// saw the object; or solid, and it touches from all sides, and the camera is right to
     /// within 8 mm and 0.2 rad. The methods `appearance…` need one trained with
     /// `--appearance`; the robot sends no poses then.
@@ -233,8 +233,8 @@ fn is_geometric(method: Option<Method>) -> bool {
 
 /// How the robot touches: maps of a plane are for presses straight down.
 fn approach(method: Option<Method>, version: &CatalogueVersion) -> Approach {
-    let mut kinds = version.report.objects.iter().filter_map(|object| object.geometry);
-    let is_planar = kinds.any(|geometry| geometry.kind == GeometryKind::Planar);
+    let mut kinds = version.report.objects.iter().filter_map(|object| object.geometric);
+    let is_planar = kinds.any(|geometry| geometry.kind == GeometricKind::Planar);
     if is_geometric(method) && is_planar { Approach::StraightDown } else { Approach::Anywhere }
 }
 

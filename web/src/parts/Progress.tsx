@@ -7,7 +7,7 @@ const STAGES: Record<string, string> = {
   vocabulary: "Learning classes of appearance",
   mapping: "Mapping the objects",
   surface: "Learning surfaces",
-  geometry: "Learning maps of contact",
+  geometric: "Learning maps of contact",
   appearance: "Learning appearance",
   storing: "Storing the version",
 };
