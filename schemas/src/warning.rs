@@ -42,6 +42,6 @@ pub enum WarningCode {
     SizesDiffer,
     /// Too few readings touched the object to determine its surface.
     FewTouches,
-    /// Objects were left out of the version.
+    /// The training skipped objects.
     ObjectsSkipped,
 }

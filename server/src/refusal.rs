@@ -40,7 +40,7 @@ pub(crate) enum Refusal {
     #[error("{}", summary(.0))]
     Invalid(Vec<FieldError>),
     #[error(
-        "session {session} {end}: it accepts no more readings; its readings and its belief can \
+        "session {session} {end}; it accepts no more readings, but its readings and its belief can \
          still be read"
     )]
     SessionEnded { session: Uuid, end: End },

@@ -112,7 +112,7 @@ async fn small_slips_get_a_hint() {
     let job = it.train().await;
     let cancel = format!("/v1/jobs/{}/cancel", job["id"].as_str().unwrap());
     let ended = it.post(&cancel, &json!({})).await.problem(409, "wrong-state", None);
-    assert!(ended["detail"].as_str().unwrap().ends_with("ended already: succeeded"), "{ended}");
+    assert!(ended["detail"].as_str().unwrap().ends_with("already ended: succeeded"), "{ended}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
