@@ -43,12 +43,12 @@ pub(crate) struct NoPart {
 impl Model {
     /// The geometry of its objects with what sessions look up in it.
     pub(crate) fn prepared(&self) -> Result<&PreparedGeometry, NoPart> {
-        self.prepared.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometry))
+        self.prepared.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometric))
     }
 
     /// What the version knows of its objects' geometry.
-    pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, NoPart> {
-        self.core.geometric.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometry))
+    pub(crate) fn geometric(&self) -> Result<&Arc<GeometricModel>, NoPart> {
+        self.core.geometric.as_ref().ok_or_else(|| self.lacks(ModelPart::Geometric))
     }
 
     /// What the version knows of its objects' appearance.
@@ -57,17 +57,17 @@ impl Model {
     }
 
     /// The surfaces of its objects.
-    pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, NoPart> {
-        self.core.surface.as_ref().ok_or_else(|| self.lacks(ModelPart::Surfaces))
+    pub(crate) fn surface(&self) -> Result<&Arc<SurfaceModel>, NoPart> {
+        self.core.surface.as_ref().ok_or_else(|| self.lacks(ModelPart::Surface))
     }
 
     /// The maps of pairs of touches, one an object.
-    pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], NoPart> {
+    pub(crate) fn sva(&self) -> Result<&[Arc<ObjectMap>], NoPart> {
         let maps = self.core.sva.objects.as_slice();
         if maps.len() == self.objects.len() {
             return Ok(maps);
         }
-        Err(self.lacks(ModelPart::PairMaps))
+        Err(self.lacks(ModelPart::Sva))
     }
 
     /// The place of an object among the model's, by its id or its name when it was trained.
@@ -86,25 +86,25 @@ impl Model {
 /// A part's name for people and metrics.
 pub(crate) fn part_name(part: ModelPart) -> &'static str {
     match part {
-        ModelPart::PairMaps => "pair maps",
-        ModelPart::Geometry => "geometry",
+        ModelPart::Sva => "sva",
+        ModelPart::Geometric => "geometric",
         ModelPart::Appearance => "appearance",
-        ModelPart::Surfaces => "surfaces",
+        ModelPart::Surface => "surface",
     }
 }
 
 /// What a version without a part lacks, and what to do about it.
 fn lacking(part: ModelPart) -> &'static str {
     match part {
-        ModelPart::PairMaps => {
-            "has no pair maps: it was trained with `\"pair_maps\": false`, use the methods \
+        ModelPart::Sva => {
+            "has no pair maps: it was trained with `\"sva\": false`, use the methods \
              `appearance…`"
         }
-        ModelPart::Geometry => {
-            "has no geometry: train one with `\"geometry\": {\"kind\": \"planar\"}` or `solid`"
+        ModelPart::Geometric => {
+            "has no geometry: train one with `\"geometric\": {\"kind\": \"planar\"}` or `solid`"
         }
         ModelPart::Appearance => "has no appearance: train one with `\"appearance\": {}`",
-        ModelPart::Surfaces => {
+        ModelPart::Surface => {
             "was trained without surfaces: train it again, or use the method `sva`"
         }
     }

@@ -179,9 +179,9 @@ impl Catalogues {
         query: &wire::PageQuery,
     ) -> Result<wire::ObjectMap, Refusal> {
         let (from, limit) = (page_number(query)?, page_length(query)?);
-        let (model, place) = self.object_of(name, version, object, ModelPart::PairMaps).await?;
+        let (model, place) = self.object_of(name, version, object, ModelPart::Sva).await?;
         let from = usize::try_from(from).unwrap_or(usize::MAX);
-        Ok(training::object_map(&model.objects[place], &model.pair_maps()?[place], from, limit))
+        Ok(training::object_map(&model.objects[place], &model.sva()?[place], from, limit))
     }
 
     /// A part of a version's model and the place of one of its objects, all as a path names them.
@@ -261,7 +261,7 @@ impl Catalogues {
                 self.manifest(&catalogue, current.ok_or_else(untrained)?)?
             }
         };
-        let has_surfaces = manifest.has(ModelPart::Surfaces);
+        let has_surfaces = manifest.has(ModelPart::Surface);
         Ok(Pinned { catalogue: catalogue.id, version: manifest.version, has_surfaces })
     }
 

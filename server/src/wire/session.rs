@@ -221,11 +221,11 @@ pub(crate) fn method(request: &wire::CreateSession, has_surfaces: bool) -> Metho
 /// The part of a model that a method recognises by.
 pub(crate) fn part(method: Method) -> ModelPart {
     match method {
-        Method::Surface => ModelPart::Surfaces,
-        Method::Sva | Method::SvaLiteral => ModelPart::PairMaps,
+        Method::Surface => ModelPart::Surface,
+        Method::Sva | Method::SvaLiteral => ModelPart::Sva,
         Method::Appearance | Method::AppearanceLiteral => ModelPart::Appearance,
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
-            ModelPart::Geometry
+            ModelPart::Geometric
         }
     }
 }

@@ -125,8 +125,8 @@ fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
     let blocks = manifest.blocks.iter().filter(|block| part.needs(&block.name));
     let stored: u64 = blocks.map(|block| block.length).sum();
     match part {
-        ModelPart::PairMaps | ModelPart::Geometry | ModelPart::Appearance => stored,
-        ModelPart::Surfaces => match parameters_of(manifest) {
+        ModelPart::Sva | ModelPart::Geometric | ModelPart::Appearance => stored,
+        ModelPart::Surface => match parameters_of(manifest) {
             Some(known) if known.report.surface_bytes > 0 => known.report.surface_bytes,
             _ => SURFACE_GROWTH * stored,
         },
@@ -155,7 +155,7 @@ fn read_part(
     }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
         (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),
-        (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
+        (None, ModelPart::Sva) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };
     let geometry = core.geometric.clone();
