@@ -6,8 +6,8 @@ use palpate_client::{Client, ClientOptions};
 use crate::args::{Cli, Command};
 use crate::commands::{
     Context, analyses, audit, catalogues, compact, config, demo, experiment, explore, fsck, health,
-    jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report, robots, sensors,
-    serve, sessions, snapshot, touch, train,
+    jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report, robots,
+    sensors, serve, sessions, snapshot, touch, train,
 };
 use crate::output::Output;
 

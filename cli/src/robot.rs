@@ -11,9 +11,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use glam::{DQuat, DVec3};
-use palpate_client::schemas::{
-    self, MeshUnit, NextTouch, PosePrior, SensorPreset, TouchWorkspace,
-};
+use palpate_client::schemas::{self, MeshUnit, NextTouch, PosePrior, SensorPreset, TouchWorkspace};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};

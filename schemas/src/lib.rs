@@ -75,7 +75,7 @@ pub use session::{
 };
 pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
-    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, 
+    Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion,
     DistanceRange, Job, JobPage, JobStage, JobState, MapDistances, MapPatch, ObjectMap,
     ObjectReport, SetCurrent, SkippedObject, StartTraining, SurfaceReport, TrainingReport,
 };

@@ -9,17 +9,17 @@ use palpate_store::model_codec::ModelPart;
 use tokio::sync::watch;
 
 use crate::admission::Admission;
-use crate::services::audit::Audit;
-use crate::model::part_name;
-use crate::services::catalogues::Catalogues;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::services::jobs::Jobs;
-use crate::services::keys::Keys;
-use crate::services::objects::Objects;
+use crate::model::part_name;
 use crate::rate::Rates;
 use crate::refusal::Refusal;
 use crate::roles::Operations;
+use crate::services::audit::Audit;
+use crate::services::catalogues::Catalogues;
+use crate::services::jobs::Jobs;
+use crate::services::keys::Keys;
+use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
 

@@ -5,6 +5,7 @@
 //! the compute pool; if that panics nothing is in memory, and the next one to ask folds anew.
 
 mod account;
+mod adding;
 pub(crate) mod belief;
 pub(crate) mod checkpoints;
 mod ending;
@@ -15,37 +16,34 @@ mod next_touch;
 mod order;
 mod past;
 mod presses;
+mod readings;
 mod replay;
 mod retract;
 mod state;
 mod status;
 mod turns;
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use palpate_core::belief::answer::Answer;
 use palpate_core::object::ObjectIdx;
+use palpate_core::pose::Pose;
 use palpate_core::stop::Stop;
 use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, SessionEvent};
 use palpate_store::database::Database;
-use palpate_store::entity::{ReadingId, Session, StoredReading};
-use palpate_store::error::StoreError;
-use palpate_store::journal::{Event, Journal, NewEntry};
+use palpate_store::entity::Session;
 use tokio::sync::broadcast;
-use tracing::Instrument;
 
 use crate::asker::Asker;
-use crate::model::Model;
-use crate::clock::now_ms;
 use crate::compute::{ComputeError, Length, Place, Pool};
 use crate::known_sensors::KnownSensors;
+use crate::model::Model;
 use crate::refusal::Refusal;
-use crate::repeats::new_readings;
 use crate::wire::belief::{belief, top};
 use crate::wire::life::Status;
-use crate::wire::reading::{Incoming, warnings};
+use crate::wire::reading::Incoming;
 use crate::wire::session::{is_geometric, options};
 use crate::wire::{count, geometry};
 use account::Account;
@@ -53,6 +51,7 @@ pub(crate) use account::Total;
 use belief::{ObjectMarginals, SessionBelief, check};
 use checkpoints::Checkpoints;
 use folding::Folding;
+use readings::{Readings, Ready};
 pub(crate) use replay::ReplayQuestion;
 use state::State;
 pub(crate) use status::status;
@@ -85,6 +84,7 @@ pub(crate) struct Live {
     events: broadcast::Sender<SessionEvent>,
     last_use: AtomicU64,
     account: Account,
+    first_pose: OnceLock<Option<Pose>>,
 }
 
 /// What a session has in memory besides its belief, about: itself and its channel of events.
@@ -94,7 +94,8 @@ impl Live {
     pub(crate) fn new(session: Session, model: Arc<Model>, total: &Total) -> Self {
         let (events, _) = broadcast::channel(EVENTS_MAX);
         let (last_use, account) = (AtomicU64::new(0), total.open(ENTRY_BYTES));
-        Self { session, model, turns: Turns::default(), events, last_use, account }
+        let (turns, first_pose) = (Turns::default(), OnceLock::new());
+        Self { session, model, turns, events, last_use, account, first_pose }
     }
 
     pub(crate) fn session(&self) -> &Session {
@@ -146,91 +147,20 @@ impl Live {
         check(&self.session, &self.model, readings)
     }
 
-    /// Stores readings and answers the belief after them.
-    pub(crate) async fn add(
-        &self,
-        tools: &Tools<'_>,
-        readings: Vec<Incoming>,
-        detail: BeliefDetail,
-    ) -> Result<wire::ReadingsAdded, Refusal> {
-        let mut state = self.turns.take().await?;
-        let (now, key) = (now_ms(), Asker::current().key());
-        let status = self.status(tools.store, now)?;
-        let new = self.new_readings(tools.store, &readings)?;
-        let n_new = new.len();
-        if let Some(end) = status.end.filter(|_| n_new > 0) {
-            return Err(Refusal::SessionEnded { session: self.session.id, end });
-        }
-        if status.n_stored() + n_new as u64 > tools.readings_max as u64 {
-            return Err(Refusal::ReadingsFull {
-                what: "session",
-                found: status.n_stored(),
-                more: n_new,
-                max: tools.readings_max,
-            });
-        }
-        let repeated = if n_new == 0 { self.revision_of(tools.store, &readings)? } else { None };
-        let remembered = repeated.and_then(|revision| state.remembered(revision));
-        let is_answered = remembered.is_some() || detail == BeliefDetail::None;
-        let place =
-            if repeated.is_some() && is_answered { None } else { self.place(tools, detail)? };
-        if n_new > 0 {
-            let entries: Vec<NewEntry> =
-                new.iter().map(|reading| reading.entry(now, key)).collect();
-            let journal = tools.store.journal();
-            let span = tracing::info_span!("append", session.id = %self.session.id, n_new);
-            let appending = journal.append(self.session.id, status.length, &entries);
-            appending.instrument(span).await?;
-            metrics::counter!("palpate_readings_total").increment(n_new as u64);
-        }
-        let belief = match (remembered, place, repeated) {
-            (Some(belief), ..) => Some(belief),
-            (None, None, _) => None,
-            (None, Some(place), Some(revision)) => {
-                let start = past::start(&state.memory, revision);
-                Some(self.past(tools, place, revision, POSES, start).await?)
-            }
-            (None, Some(place), None) => {
-                Some(self.renew(&mut state, tools, place, status.length + n_new as u64).await?)
-            }
-        };
-        let first = tools.store.journal().entry(self.session.id, 0)?;
-        Ok(wire::ReadingsAdded {
-            session: self.session.id,
-            n_new: count(n_new),
-            n_repeated: count(readings.len() - n_new),
-            n_readings: count(status.n_readings + n_new as u64),
-            n_presses: belief.as_ref().map(|belief| belief.n_readings),
-            belief: shown(belief, detail),
-            warnings: warnings(&readings, first.as_ref()),
-        })
-    }
-
     /// The belief after what was just stored, for whoever sent it and those who follow.
     async fn renew(
         &self,
         state: &mut State,
-        tools: &Tools<'_>,
+        folding: Folding,
         place: Place,
         length: u64,
     ) -> Result<wire::Belief, Refusal> {
-        let answer = self.ask(state, tools, place, length, answer(POSES)).await?;
+        let answer = self.ask(state, folding, place, length, answer(POSES)).await?;
         let belief = self.shown(length, &answer);
         state.remember(&belief);
         self.count(state);
         self.publish(SessionEvent::Belief { belief: belief.clone() });
         Ok(belief)
-    }
-
-    /// The revision of the belief that was answered to readings which are all known.
-    fn revision_of(&self, store: &Database, readings: &[Incoming]) -> Result<Option<u64>, Refusal> {
-        let journal = store.journal();
-        let mut revision = None;
-        for id in readings.iter().filter_map(|reading| reading.id.as_ref()) {
-            let number = journal.find(self.session.id, id, Asker::current().key())?;
-            revision = revision.max(number.map(|number| number + 1));
-        }
-        Ok(revision)
     }
 
     /// The belief as it is now; `None` when its revision is known.
@@ -246,7 +176,9 @@ impl Live {
             return Ok(None);
         }
         let place = tools.pool.place()?;
-        let answer = self.ask(&mut state, tools, place, length, answer(poses)).await?;
+        let answer = self
+            .ask(&mut state, self.folding(tools, Vec::new()), place, length, answer(poses))
+            .await?;
         Ok(Some(self.shown(length, &answer)))
     }
 
@@ -266,7 +198,8 @@ impl Live {
         }
         let place = tools.pool.place()?;
         let ask = move |belief: &SessionBelief| belief.marginals(object);
-        let found = self.ask(&mut state, tools, place, length, ask).await?;
+        let found =
+            self.ask(&mut state, self.folding(tools, Vec::new()), place, length, ask).await?;
         let marginals = found.ok_or(Refusal::NoMarginals { session: self.session.id })?;
         let ObjectMarginals { object, probability, marginals } = marginals;
         let object = &self.model.objects[object.0 as usize];
@@ -283,16 +216,6 @@ impl Live {
         Refusal::NotFound { what: "session", reference: self.session.id.to_string() }
     }
 
-    fn new_readings<'a>(
-        &self,
-        store: &Database,
-        readings: &'a [Incoming],
-    ) -> Result<Vec<&'a Incoming>, Refusal> {
-        let journal = store.journal();
-        let key = Asker::current().key();
-        new_readings(readings, |id| Ok(stored(&journal, self.session.id, id, key)?))
-    }
-
     /// A place to compute. Without a belief to answer it is taken only for those who follow.
     fn place(&self, tools: &Tools<'_>, detail: BeliefDetail) -> Result<Option<Place>, Refusal> {
         match detail {
@@ -306,12 +229,11 @@ impl Live {
     async fn ask<T: Send + 'static>(
         &self,
         state: &mut State,
-        tools: &Tools<'_>,
+        folding: Folding,
         place: Place,
         length: u64,
         question: impl FnOnce(&SessionBelief) -> T + Send + 'static,
     ) -> Result<T, Refusal> {
-        let folding = self.folding(tools);
         let mut memory = std::mem::take(&mut state.memory);
         let missing = (length as usize).saturating_sub(memory.chronicle.len());
         let work_length = self.length_of(missing, &folding);
@@ -361,17 +283,19 @@ impl Live {
 
     /// Whether folding so many entries gives way to what other robots wait for.
     fn length_of(&self, missing: usize, folding: &Folding) -> Length {
-        let is_long = missing > SHORT_READINGS_MAX || is_geometric(folding.options.method);
+        let is_long = missing > SHORT_READINGS_MAX || is_geometric(folding.method);
         if is_long { Length::Long } else { Length::Short }
     }
 
-    fn folding(&self, tools: &Tools<'_>) -> Folding {
+    /// A fold of the session; `handed` are the newest entries of its journal.
+    fn folding(&self, tools: &Tools<'_>, handed: Vec<Ready>) -> Folding {
+        let options = options(&self.session);
+        let (journal, sensors) = (tools.store.journal(), Arc::clone(tools.sensors));
         Folding {
             session: self.session.clone(),
             model: Arc::clone(&self.model),
-            journal: tools.store.journal(),
-            sensors: Arc::clone(tools.sensors),
-            options: options(&self.session),
+            method: options.method,
+            readings: Readings::new(self.session.id, journal, sensors, options, handed),
             checkpoints: Arc::clone(tools.checkpoints),
             asker: Asker::current(),
         }
@@ -381,7 +305,7 @@ impl Live {
     /// with it. Blocks.
     pub(crate) fn store(&self, tools: &Tools<'_>) {
         if let Some(mut state) = self.turns.try_take() {
-            self.folding(tools).store(&mut state.memory, 1);
+            self.folding(tools, Vec::new()).store(&mut state.memory, 1);
         }
     }
 }
@@ -389,19 +313,6 @@ impl Live {
 /// The question for an answer with at most `poses` poses.
 fn answer(poses: usize) -> impl FnOnce(&SessionBelief) -> Answer + Send + 'static {
     move |belief| belief.answer(poses)
-}
-
-fn stored(
-    journal: &Journal,
-    session: uuid::Uuid,
-    id: &ReadingId,
-    key: Option<uuid::Uuid>,
-) -> Result<Option<StoredReading>, StoreError> {
-    let Some(seq) = journal.find(session, id, key)? else { return Ok(None) };
-    Ok(journal.entry(session, seq)?.and_then(|entry| match entry.event {
-        Event::Reading(reading) => Some(reading),
-        Event::Retraction { .. } | Event::Closed => None,
-    }))
 }
 
 fn shown(belief: Option<wire::Belief>, detail: BeliefDetail) -> Option<wire::Belief> {

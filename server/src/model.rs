@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate_dissertation::geometric::PreparedGeometry;
-use palpate_dissertation::appearance::model::AppearanceModel;
-use palpate_dissertation::geometric::model::GeometricModel;
-use palpate_recogniser::model::SurfaceModel;
-use palpate_dissertation::sva::model::ObjectMap;
 use palpate_core::symmetry::Symmetry;
+use palpate_dissertation::appearance::model::AppearanceModel;
+use palpate_dissertation::geometric::PreparedGeometry;
+use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_dissertation::sva::model::ObjectMap;
+use palpate_recogniser::model::SurfaceModel;
 use palpate_store::catalogue::VersionObject;
 use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::ModelPart;

@@ -13,11 +13,11 @@ mod unions;
 use std::sync::OnceLock;
 
 use palpate_schemas::{BeliefDetail, FieldError, Job, PlyForm, Problem, SessionEvent};
+use utoipa::OpenApi as _;
 use utoipa::openapi::extensions::Extensions;
 use utoipa::openapi::path::{Operation, ParameterIn, PathItem};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
-use utoipa::OpenApi as _;
 
 use crate::problem::CONTENT_TYPE;
 use crate::roles::{self, Rule, Who};

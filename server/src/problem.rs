@@ -198,9 +198,7 @@ fn kind(refusal: &Refusal) -> ProblemType {
         Refusal::BodyTooSlow { .. } => ProblemType::Timeout,
         Refusal::ContentType { .. }
         | Refusal::Format(FormatError::ContentType { .. })
-        | Refusal::ContentEncoding { .. } => {
-            ProblemType::UnsupportedMediaType
-        }
+        | Refusal::ContentEncoding { .. } => ProblemType::UnsupportedMediaType,
         Refusal::Invalid(_) | Refusal::Format(FormatError::Invalid(_)) => ProblemType::InvalidValue,
         Refusal::ReadingConflict { .. } | Refusal::OtherTruth(_) => ProblemType::Conflict,
         Refusal::SessionEnded { .. } => ProblemType::SessionEnded,

@@ -168,7 +168,8 @@ impl Operations {
 
     /// The methods of a path as the header `Allow` lists them.
     pub(crate) fn methods(&self, path: &str) -> String {
-        let methods: Vec<_> = self.0.get(path).into_iter().flat_map(BTreeMap::keys).copied().collect();
+        let methods: Vec<_> =
+            self.0.get(path).into_iter().flat_map(BTreeMap::keys).copied().collect();
         let head = if methods.contains(&"GET") { ["HEAD"].as_slice() } else { &[] };
         [&methods, head].concat().join(",")
     }

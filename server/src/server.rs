@@ -19,24 +19,24 @@ use tokio::task::JoinHandle;
 
 use crate::admission::Admission;
 use crate::app::{App, Parts};
-use crate::services::audit::{Audit, is_essential};
-use crate::services::catalogues::Catalogues;
 use crate::compute::Pool;
 use crate::config::{Access, Config};
 use crate::door::Door;
 use crate::middleware::headers::is_origin;
-use crate::services::integrity;
+use crate::middleware::telemetry;
+use crate::rate::Rates;
+use crate::refusal::Refusal;
 use crate::roles::Operations;
 use crate::router::router;
+use crate::services::audit::{Audit, is_essential};
+use crate::services::catalogues::Catalogues;
+use crate::services::integrity;
 use crate::services::jobs::Jobs;
 use crate::services::keys::{Keys, KeysError};
 use crate::services::objects::Objects;
-use crate::rate::Rates;
-use crate::refusal::Refusal;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
 use crate::tls::TlsError;
-use crate::middleware::telemetry;
 use crate::{openapi, tls};
 
 /// How long requests under way may go on after a stop was asked for.

@@ -220,7 +220,8 @@ fn the_mathematics_does_no_io_and_knows_no_time() {
     for krate in MATHEMATICS {
         for file in sources(&root().join(krate).join("src")) {
             let text = product(&std::fs::read_to_string(&file).unwrap());
-            for stranger in ["std::fs", "std::env", "std::net", "std::time", "std::io", "std::process"]
+            for stranger in
+                ["std::fs", "std::env", "std::net", "std::time", "std::io", "std::process"]
             {
                 assert!(!text.contains(stranger), "{} uses {stranger}", file.display());
             }
@@ -230,7 +231,8 @@ fn the_mathematics_does_no_io_and_knows_no_time() {
 
 #[test]
 fn the_recogniser_and_the_dissertation_do_not_know_each_other() {
-    for (krate, other) in [("recogniser", "palpate-dissertation"), ("dissertation", "palpate-recogniser")]
+    for (krate, other) in
+        [("recogniser", "palpate-dissertation"), ("dissertation", "palpate-recogniser")]
     {
         let manifest = std::fs::read_to_string(root().join(krate).join("Cargo.toml")).unwrap();
         assert!(!manifest.contains(other), "{krate} depends on {other}");

@@ -46,7 +46,8 @@ impl Live {
         let mut state = self.turns.insist().await;
         let length = tools.store.journal().len(self.session.id)?;
         let place = tools.pool.place()?;
-        let answer = self.ask(&mut state, tools, place, length, answer(0)).await?;
+        let answer =
+            self.ask(&mut state, self.folding(tools, Vec::new()), place, length, answer(0)).await?;
         let probability = match truth {
             Some(object) => answer.probabilities[object],
             None => answer.unknown,

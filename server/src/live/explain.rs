@@ -4,16 +4,18 @@
 //! folded without each in turn, from the belief of those before it. For n readings n²/2 folds;
 //! so n is bounded, the work is done in slices and ends when time is up.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 
-use super::{Live, Tools};
-use super::folding::{Folding, Ready};
+use super::folding::Folding;
+use super::readings::Ready;
 use super::replay::SLICE;
-use crate::live::belief::SessionBelief;
+use super::{Live, Tools};
 use crate::clock::now_ms;
+use crate::live::belief::SessionBelief;
 use crate::refusal::Refusal;
 use crate::wire::history::{self, Without};
 
@@ -26,7 +28,7 @@ const TIME_MAX: Duration = Duration::from_secs(60);
 struct Comparison {
     folding: Folding,
     /// In the order in which they are folded.
-    readings: Vec<Ready>,
+    readings: Vec<Arc<Ready>>,
     /// The belief of all.
     whole: Answer,
     /// The belief of those before the reading that is left out now.
@@ -50,7 +52,7 @@ impl Live {
         let newest = self.status(tools.store, now_ms())?.length;
         let revision = at.unwrap_or(newest);
         self.check_revision(tools, "?at", revision)?;
-        let folding = self.folding(tools);
+        let folding = self.folding(tools, Vec::new());
         let begin = move || Comparison::begin(folding, revision as usize);
         let mut comparison = tools.pool.place()?.run_long(begin).await??;
         while !comparison.is_complete() && begun.elapsed() < TIME_MAX {
@@ -61,7 +63,7 @@ impl Live {
             comparison = tools.pool.place()?.run_long(slice).await??;
         }
         let Comparison { readings, whole, known, .. } = comparison;
-        let ids = readings.into_iter().map(|ready| (ready.number, ready.id)).collect();
+        let ids = readings.iter().map(|ready| (ready.number, ready.id.clone())).collect();
         Ok(history::explanation(&self.session, revision, ids, &whole, &known, &self.model))
     }
 }
@@ -75,14 +77,14 @@ impl Comparison {
             let (session, found) = (folding.session.id, order.len());
             return Err(Refusal::TooManyToExplain { session, found, max: READINGS_MAX });
         }
-        let readings = folding.ready(order)?;
+        let readings = folding.readings.ready(order)?;
         let before = folding.nothing()?.belief;
         let mut belief = before.clone();
         for reading in &readings {
             folding.add(&mut belief, reading)?;
         }
         let whole = belief.answer(0);
-        let resting = readings.iter().rposition(Ready::object_moved).unwrap_or(0);
+        let resting = readings.iter().rposition(|ready| ready.object_moved()).unwrap_or(0);
         Ok(Self { folding, readings, whole, before, without: None, resting, known: Vec::new() })
     }
 

@@ -2,58 +2,34 @@
 //!
 //! The journal says which readings there are, the chronicle in which order they are folded.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use palpate_core::reading::Reading;
 use palpate_dissertation::geometric::GeometricError;
-use palpate_store::entity::{ReadingId, Sensor, Session, StoredReading};
-use palpate_store::journal::{Entry, Event, Journal};
+use palpate_schemas::Method;
+use palpate_store::entity::Session;
 
+use super::belief::{BeliefError, SessionBelief};
+use super::checkpoints::{Checkpoint, Checkpoints};
 use super::memory::{Fold, Memory, Start};
 use super::order::{Chronicle, Touch, begins_with, stored_order};
+use super::readings::{ENTRIES_PER_READ, Readings, Ready};
 use crate::asker::Asker;
-use crate::live::belief::{BeliefError, SessionBelief};
-use crate::model::Model;
-use crate::live::checkpoints::{Checkpoint, Checkpoints};
 use crate::compute::ComputeError;
+use crate::model::Model;
 use crate::refusal::Refusal;
-use crate::known_sensors::KnownSensors;
-use crate::wire::reading::from_store;
-use crate::wire::session::{Options, base};
-
-/// How many entries of a journal are read at once.
-const ENTRIES_PER_READ: usize = 256;
 
 /// Everything that folding needs, on a thread of the pool.
 pub(crate) struct Folding {
     pub(super) session: Session,
     pub(super) model: Arc<Model>,
-    pub(super) journal: Journal,
-    pub(super) sensors: Arc<KnownSensors>,
-    pub(super) options: Options,
+    pub(super) readings: Readings,
+    pub(super) method: Method,
     pub(super) checkpoints: Arc<Checkpoints>,
     pub(super) asker: Asker,
 }
 
 /// So many readings are folded before their belief is stored, or stored again.
 const READINGS_PER_CHECKPOINT: usize = 16;
-
-/// A reading that is ready to be folded.
-pub(super) struct Ready {
-    pub(super) number: u32,
-    pub(super) id: Option<ReadingId>,
-    stored: StoredReading,
-    reading: Reading,
-    sensor: Arc<Sensor>,
-}
-
-impl Ready {
-    /// Whether the object may have moved before it.
-    pub(super) fn object_moved(&self) -> bool {
-        self.stored.object_moved.is_some()
-    }
-}
 
 impl Folding {
     /// Brings what is in memory up to the journal's first `length` entries.
@@ -62,9 +38,7 @@ impl Folding {
         memory: &'memory mut Memory,
         length: usize,
     ) -> Result<&'memory SessionBelief, Refusal> {
-        self.read(length, memory.chronicle.len(), |entry| {
-            memory.take(entry);
-        })?;
+        self.readings.tell(&mut memory.chronicle, length)?;
         memory.settle();
         let order = memory.chronicle.order().to_vec();
         let mut fold = match memory.begin() {
@@ -77,14 +51,14 @@ impl Folding {
                 None => self.nothing()?,
             },
         };
-        let folded = self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.options.method));
+        let folded = self.fold_on(&mut fold, &order, |fold| memory.note(fold, self.method));
         if matches!(folded, Ok(()) | Err(Refusal::Compute(ComputeError::Stopped))) {
             // Where it ended the next one goes on.
             memory.keep(fold);
         }
         folded?;
         self.store(memory, READINGS_PER_CHECKPOINT);
-        memory.newest().ok_or_else(|| self.gone())
+        memory.newest().ok_or_else(|| self.readings.gone())
     }
 
     /// Stores the newest belief if it rests on `more` readings more than the one that is stored.
@@ -105,7 +79,8 @@ impl Folding {
         let Some(n) = begins_with(order, &rests_on).filter(|_| is_ours) else { return Ok(None) };
         let mut fold = self.nothing()?;
         for touches in order[..n].chunks(ENTRIES_PER_READ) {
-            for Ready { stored, reading, sensor, .. } in &self.ready(touches)? {
+            for ready in &self.readings.ready(touches)? {
+                let Ready { stored, reading, sensor, .. } = &**ready;
                 if !fold.belief.retrace(stored, reading, &sensor.description) {
                     return Ok(None);
                 }
@@ -141,11 +116,9 @@ impl Folding {
     /// What the journal's first `length` entries say.
     pub(super) fn chronicle(&self, length: usize) -> Result<Chronicle, Refusal> {
         let mut chronicle = Chronicle::default();
-        self.read(length, 0, |entry| {
-            chronicle.take(entry);
-        })?;
+        self.readings.tell(&mut chronicle, length)?;
         chronicle.settle();
-        if chronicle.len() < length { Err(self.gone()) } else { Ok(chronicle) }
+        if chronicle.len() < length { Err(self.readings.gone()) } else { Ok(chronicle) }
     }
 
     /// The belief before any reading.
@@ -171,7 +144,7 @@ impl Folding {
         fold.belief.heed(self.asker.overdue());
         while fold.n < order.len() {
             let next = &order[fold.n..order.len().min(fold.n + ENTRIES_PER_READ)];
-            for ready in &self.ready(next)? {
+            for ready in &self.readings.ready(next)? {
                 self.add(&mut fold.belief, ready)?;
                 fold.n += 1;
                 each(fold);
@@ -179,38 +152,6 @@ impl Folding {
             metrics::counter!("palpate_readings_folded_total").increment(next.len() as u64);
         }
         Ok(())
-    }
-
-    /// The readings of presses, ready to be folded. A motion that the first frame of a press
-    /// announced goes with the frame that counts.
-    pub(super) fn ready(&self, touches: &[Touch]) -> Result<Vec<Ready>, Refusal> {
-        let numbers =
-            touches.iter().flat_map(|touch| touch.moved_by.into_iter().chain([touch.number]));
-        let mut ready = self.numbered(numbers.collect())?;
-        let mut in_order = Vec::with_capacity(touches.len());
-        for touch in touches {
-            let first = touch.moved_by.map(|first| ready.remove(&first).ok_or_else(|| self.gone()));
-            let mut counts = ready.remove(&touch.number).ok_or_else(|| self.gone())?;
-            if let Some(first) = first.transpose()? {
-                counts.stored.object_moved = first.stored.object_moved;
-            }
-            in_order.push(counts);
-        }
-        Ok(in_order)
-    }
-
-    /// Readings by their numbers.
-    fn numbered(&self, mut sorted: Vec<u32>) -> Result<BTreeMap<u32, Ready>, Refusal> {
-        sorted.sort_unstable();
-        let mut ready = BTreeMap::new();
-        for run in sorted.chunk_by(|a, b| a + 1 == *b) {
-            for entry in self.journal.entries(self.session.id, u64::from(run[0]), run.len())? {
-                if let Some(one) = self.one(&entry)? {
-                    ready.insert(one.number, one);
-                }
-            }
-        }
-        Ok(ready)
     }
 
     /// Takes a reading into account.
@@ -225,51 +166,6 @@ impl Folding {
     /// By how many bits a belief expects a reading more than a touch anywhere.
     pub(super) fn fit_bits(belief: &SessionBelief, ready: &Ready) -> Option<f64> {
         belief.fit_bits(&ready.reading, &ready.sensor.description)
-    }
-
-    fn one(&self, entry: &Entry) -> Result<Option<Ready>, Refusal> {
-        let Event::Reading(stored) = &entry.event else { return Ok(None) };
-        let robot = entry.reading_id.as_ref().map(|id| id.robot.as_str());
-        let sensor = self.sensors.get(&stored.sensor.to_string())?;
-        let calibration = self.sensors.calibration(sensor.id, stored.calibration)?;
-        let reading = from_store(stored, &sensor, calibration.as_deref())
-            .map_err(|error| self.unusable(&error))?;
-        let reading = match base(&self.options, robot) {
-            Some(base) => reading.with_base(base),
-            None => reading,
-        };
-        let (number, id) = (entry.seq as u32, entry.reading_id.clone());
-        Ok(Some(Ready { number, id, stored: stored.clone(), reading, sensor }))
-    }
-
-    /// Some of the journal's entries from `next` on, before `last`.
-    pub(super) fn entries(&self, next: usize, last: usize) -> Result<Vec<Entry>, Refusal> {
-        let limit = ENTRIES_PER_READ.min(last.saturating_sub(next));
-        Ok(self.journal.entries(self.session.id, next as u64, limit)?)
-    }
-
-    /// Reads the journal's entries from `next` up to `length`.
-    fn read(
-        &self,
-        length: usize,
-        next: usize,
-        mut each: impl FnMut(&Entry),
-    ) -> Result<(), Refusal> {
-        let mut next = next;
-        while next < length {
-            let entries = self.entries(next, length)?;
-            if entries.is_empty() {
-                return Ok(());
-            }
-            entries.iter().for_each(&mut each);
-            next += entries.len();
-        }
-        Ok(())
-    }
-
-    /// A reading that was there: the session was deleted.
-    fn gone(&self) -> Refusal {
-        Refusal::NotFound { what: "session", reference: self.session.id.to_string() }
     }
 
     fn unusable(&self, error: &dyn std::error::Error) -> Refusal {

@@ -7,8 +7,8 @@ use palpate_schemas::Method;
 
 use super::{Live, Tools};
 use crate::asker::Asker;
-use crate::live::belief::SessionBelief;
 use crate::clock::now_ms;
+use crate::live::belief::SessionBelief;
 use crate::refusal::Refusal;
 use crate::wire::next_touch::{Question, next_touches};
 use crate::wire::session::{name, options};
@@ -37,7 +37,8 @@ impl Live {
             let mut is_late = || begun.elapsed() >= question.deadline || asker.is_gone();
             (belief.next_touches(&question, &mut is_late), question)
         };
-        let (ranking, question) = self.ask(&mut state, tools, place, length, ask).await?;
+        let (ranking, question) =
+            self.ask(&mut state, self.folding(tools, Vec::new()), place, length, ask).await?;
         let ranking = ranking.ok_or(Refusal::NoTouch { session })?;
         Ok(next_touches(session, length, &ranking, &question))
     }

@@ -8,6 +8,7 @@
 
 use std::collections::BTreeSet;
 
+use palpate_store::entity::{ReadingId, StoredReading};
 use palpate_store::journal::{Entry, Event};
 
 use super::presses::{Frame, presses};
@@ -82,13 +83,7 @@ impl Chronicle {
     pub(crate) fn take(&mut self, entry: &Entry) {
         let change = match &entry.event {
             Event::Reading(reading) => {
-                let number = self.changes.len() as u32;
-                let id = entry.reading_id.as_ref().map(|id| (id.robot.clone(), id.seq));
-                let place = Place { stamp_ns: reading.stamp_ns, id, number };
-                let before = |other: &u32| self.added(*other).map(|one| &one.place) < Some(&place);
-                let at = self.standing.partition_point(before);
-                self.standing.insert(at, number);
-                Change::Adds(Box::new(Added { place, frame: Frame::of(reading) }))
+                return self.take_reading(entry.reading_id.as_ref(), reading);
             }
             Event::Retraction { seq } => {
                 let withdrawn = u32::try_from(*seq).unwrap_or(u32::MAX);
@@ -98,6 +93,17 @@ impl Chronicle {
             Event::Closed => Change::Nothing,
         };
         self.changes.push(change);
+    }
+
+    /// Takes the journal's next entry, which is a reading.
+    pub(super) fn take_reading(&mut self, id: Option<&ReadingId>, reading: &StoredReading) {
+        let number = self.changes.len() as u32;
+        let id = id.map(|id| (id.robot.clone(), id.seq));
+        let place = Place { stamp_ns: reading.stamp_ns, id, number };
+        let before = |other: &u32| self.added(*other).map(|one| &one.place) < Some(&place);
+        let at = self.standing.partition_point(before);
+        self.standing.insert(at, number);
+        self.changes.push(Change::Adds(Box::new(Added { place, frame: Frame::of(reading) })));
     }
 
     /// Brings the order up to the entries that were taken; gives how many presses at its
@@ -160,7 +166,6 @@ impl Change {
 
 #[cfg(test)]
 mod tests {
-    use palpate_store::entity::{ReadingId, StoredReading};
     use uuid::Uuid;
 
     use super::*;

@@ -5,8 +5,8 @@
 use palpate_core::belief::answer::Answer;
 use palpate_schemas as wire;
 
-use super::{Live, Tools};
 use super::memory::{Memory, Start};
+use super::{Live, Tools};
 use crate::clock::now_ms;
 use crate::compute::Place;
 use crate::refusal::Refusal;
@@ -55,7 +55,7 @@ impl Live {
         poses: usize,
         start: Option<Start>,
     ) -> Result<wire::Belief, Refusal> {
-        let folding = self.folding(tools);
+        let folding = self.folding(tools, Vec::new());
         let work = move || -> Result<Answer, Refusal> {
             Ok(folding.past(revision as usize, start)?.answer(poses))
         };

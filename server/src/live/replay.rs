@@ -60,7 +60,7 @@ impl Live {
         }
         let last = upto.min(question.after + question.limit);
         let mut walk = Walk {
-            folding: self.folding(tools),
+            folding: self.folding(tools, Vec::new()),
             memory: Memory::default(),
             last: last as usize,
             steps: Vec::new(),
@@ -97,7 +97,7 @@ impl Walk {
             self.folding.bring(&mut self.memory, after)?;
         }
         let next = self.memory.chronicle.len();
-        let entries = self.folding.entries(next, self.last)?;
+        let entries = self.folding.readings.entries(next, self.last)?;
         for entry in &entries {
             let step = self.step(entry)?;
             self.steps.push(step);

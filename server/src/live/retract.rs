@@ -44,7 +44,9 @@ impl Live {
         let revision = before.unwrap_or(status.length) + 1;
         let belief = match place {
             None => None,
-            Some(place) if is_new => Some(self.renew(&mut state, tools, place, revision).await?),
+            Some(place) if is_new => Some(
+                self.renew(&mut state, self.folding(tools, Vec::new()), place, revision).await?,
+            ),
             Some(place) => {
                 let start = past::start(&state.memory, revision);
                 Some(self.past(tools, place, revision, POSES, start).await?)

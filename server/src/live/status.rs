@@ -10,11 +10,7 @@ use crate::wire::life::{End, EndReason, Status};
 use crate::wire::session::options;
 
 /// What a session is doing, by its journal.
-pub(crate) fn status(
-    store: &Database,
-    session: &Session,
-    now: u64,
-) -> Result<Status, StoreError> {
+pub(crate) fn status(store: &Database, session: &Session, now: u64) -> Result<Status, StoreError> {
     let head = store.journal().head(session.id)?;
     // A retraction is no reading, and takes one away.
     let n_others = 2 * head.n_retracted + u64::from(head.is_closed);

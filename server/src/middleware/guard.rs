@@ -15,15 +15,15 @@ use axum::response::{IntoResponse, Response};
 use palpate_store::access::AccessKey;
 
 use crate::app::App;
-use crate::services::audit::Attempt;
 use crate::client::Client;
 use crate::dashboard;
 use crate::door::Peer;
-use crate::secret::redacted;
-use crate::refusal::Refusal;
-use crate::roles::{Asked, Effect, Rule, Who};
 use crate::middleware::caller::Caller;
 use crate::middleware::telemetry::REQUEST_ID;
+use crate::refusal::Refusal;
+use crate::roles::{Asked, Effect, Rule, Who};
+use crate::secret::redacted;
+use crate::services::audit::Attempt;
 use crate::wire;
 
 /// Lets a request in, or says why not.

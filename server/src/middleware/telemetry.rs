@@ -17,8 +17,8 @@ use tracing::Instrument;
 use tracing_opentelemetry::OpenTelemetrySpanExt;
 use uuid::Uuid;
 
-use crate::secret::redacted;
 use crate::problem;
+use crate::secret::redacted;
 
 /// The header that names a request, in requests and answers.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");

@@ -4,8 +4,8 @@
 mod tests {
     use std::collections::BTreeSet;
 
-    use palpate_schemas::Role::{self, Admin, Robot, Trainer, Viewer};
     use axum::http::Method;
+    use palpate_schemas::Role::{self, Admin, Robot, Trainer, Viewer};
 
     use crate::openapi::operation_ids;
     use crate::roles::Effect::{Changes, Reads};

@@ -7,9 +7,9 @@ use axum::extract::State;
 use palpate_schemas::{AuditPage, AuditQuery};
 
 use crate::app::App;
-use crate::services::audit::check_operation;
 use crate::extract::Params;
 use crate::refusal::Refusal;
+use crate::services::audit::check_operation;
 
 /// List the audit log
 ///

@@ -9,8 +9,8 @@ use palpate_schemas::{
 
 use crate::app::App;
 use crate::extract::{Params, Segment1, Segment2, Segment3};
-use crate::routes::documented::{Conflict, Ended};
 use crate::refusal::Refusal;
+use crate::routes::documented::{Conflict, Ended};
 
 /// List a session's readings
 ///

@@ -6,8 +6,8 @@ use palpate_schemas::{Job, JobPage, PageQuery};
 
 use crate::app::App;
 use crate::extract::{Params, Segment1};
-use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
+use crate::routes::documented::Conflict;
 
 /// List the jobs
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",

@@ -9,8 +9,8 @@ use palpate_schemas::{ApiKey, ApiKeyPage, CreateKey, NewApiKey, PageQuery, Rotat
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
 use crate::middleware::caller::Caller;
-use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
+use crate::routes::documented::Conflict;
 use crate::wire::access;
 
 /// List the keys

@@ -8,8 +8,8 @@ use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyQuery, Slice
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1, Segment3};
-use crate::routes::documented::{Conflict, MapFile};
 use crate::refusal::Refusal;
+use crate::routes::documented::{Conflict, MapFile};
 
 /// Cache policy of answers that never change: one year.
 const IMMUTABLE: &str = "private, max-age=31536000, immutable";

@@ -10,10 +10,10 @@ use palpate_schemas::{
 };
 
 use crate::app::App;
-use crate::routes::blocks;
 use crate::extract::{JsonBody, MeshBody, Params, ReadingsBody, Segment1};
-use crate::routes::documented::{Conflict, MeshFile};
 use crate::refusal::Refusal;
+use crate::routes::blocks;
+use crate::routes::documented::{Conflict, MeshFile};
 
 /// List the objects
 #[utoipa::path(get, path = "/v1/objects", operation_id = "list_objects", tag = "objects",

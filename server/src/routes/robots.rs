@@ -7,8 +7,8 @@ use palpate_schemas::{BindRobot, PageQuery, Robot, RobotPage};
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
-use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
+use crate::routes::documented::Conflict;
 
 /// List the robot names held by keys
 ///

@@ -8,8 +8,8 @@ use palpate_schemas::{CreateSensor, PageQuery, Reading, ReadingCheck, Sensor, Se
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1};
-use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
+use crate::routes::documented::Conflict;
 
 /// List the sensors
 #[utoipa::path(get, path = "/v1/sensors", operation_id = "list_sensors", tag = "sensors",

@@ -12,8 +12,8 @@ use palpate_schemas::{
 
 use crate::app::App;
 use crate::extract::{JsonBody, OptionalBody, Params, ReadingsBody, Segment1, revision};
-use crate::routes::documented::{Conflict, Ended};
 use crate::refusal::Refusal;
+use crate::routes::documented::{Conflict, Ended};
 
 /// List the sessions
 #[utoipa::path(get, path = "/v1/sessions", operation_id = "list_sessions", tag = "sessions",

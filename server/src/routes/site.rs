@@ -1,15 +1,14 @@
 //! Health, metrics and version of the server.
 
+use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
-use axum::Json;
 use palpate_schemas::{Liveness, Readiness, Version};
 
 use crate::app::App;
 use crate::middleware::telemetry;
 use crate::refusal::Refusal;
-
 
 /// Check that the process answers
 #[utoipa::path(get, path = "/livez", operation_id = "livez", tag = "site",

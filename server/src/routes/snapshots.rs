@@ -12,8 +12,8 @@ use crate::admission::InMemory;
 use crate::app::App;
 use crate::client::Client;
 use crate::middleware::caller::Caller;
-use crate::routes::documented::SnapshotFile;
 use crate::refusal::Refusal;
+use crate::routes::documented::SnapshotFile;
 use crate::services::snapshots::{IN_MEMORY, take};
 
 /// Take a snapshot

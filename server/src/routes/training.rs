@@ -11,8 +11,8 @@ use palpate_schemas::{
 
 use crate::app::App;
 use crate::extract::{JsonBody, Params, Segment1, Segment2, Segment3, if_match};
-use crate::routes::documented::Conflict;
 use crate::refusal::Refusal;
+use crate::routes::documented::Conflict;
 use crate::wire;
 
 /// List the catalogues

@@ -27,11 +27,11 @@ use palpate_store::model_codec::model_to_blocks;
 use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
 
-use crate::services::catalogues::Catalogues;
 use crate::clock::now_ms;
 use crate::config::Config;
-use crate::services::objects::Objects;
 use crate::refusal::Refusal;
+use crate::services::catalogues::Catalogues;
+use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::training::{Plan, Sources, TrainingFailure, train};
 use crate::wire::training::job as shown;

@@ -18,8 +18,8 @@ use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::services::keys::Keys;
 use crate::refusal::Refusal;
+use crate::services::keys::Keys;
 use crate::services::sensors::Sensors;
 use crate::wire::object::{mesh_report, read_format, stored_format, stored_unit, unit_metres};
 use crate::wire::reading::{Incoming, READINGS_MAX};
@@ -188,7 +188,10 @@ impl Objects {
                         n_new: convert::count(entries.len()),
                         n_repeated: convert::count(readings.len() - entries.len()),
                         n_readings: convert::count(before + entries.len() as u64),
-                        warnings: convert::reading::warnings(&readings, first.as_ref()),
+                        warnings: convert::reading::warnings(
+                            &readings,
+                            first.as_ref().and_then(convert::reading::pose_of),
+                        ),
                     });
                 }
             }
@@ -211,7 +214,10 @@ impl Objects {
         let next = from + entries.len() as u64;
         let more = next < journal.len(object.id)? && !entries.is_empty();
         Ok(wire::StoredReadingPage {
-            items: entries.iter().filter_map(|it| convert::reading::stored(it, |key| keys.writer(key))).collect(),
+            items: entries
+                .iter()
+                .filter_map(|it| convert::reading::stored(it, |key| keys.writer(key)))
+                .collect(),
             next_cursor: more.then(|| next.to_string()),
         })
     }

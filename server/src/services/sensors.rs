@@ -13,10 +13,10 @@ use palpate_store::entity::Sensor;
 use palpate_store::error::StoreError;
 use uuid::Uuid;
 
-use crate::services::calibrations::Calibrations;
 use crate::clock::now_ms;
 use crate::known_sensors::KnownSensors;
 use crate::refusal::Refusal;
+use crate::services::calibrations::Calibrations;
 use crate::wire::reading::Source;
 use crate::wire::{cursor, page_id, page_length, reading, sensor};
 
@@ -35,13 +35,7 @@ impl Sensors {
     pub(crate) fn new(store: Database) -> Self {
         let known = Arc::new(KnownSensors::new(store.clone()));
         let calibrations = Calibrations::new(store.clone(), Arc::clone(&known));
-        Self {
-            store,
-            known,
-            calibrations,
-            closed: DashSet::new(),
-            using: Arc::default(),
-        }
+        Self { store, known, calibrations, closed: DashSet::new(), using: Arc::default() }
     }
 
     /// What is known of how they respond.
@@ -109,7 +103,8 @@ impl Sensors {
         given: &wire::Reading,
     ) -> Result<wire::ReadingCheck, Refusal> {
         let expected = self.get(reference)?;
-        let incoming = reading::one("", given, self.source(&given.sensor)?, given.frame_id.as_deref())?;
+        let incoming =
+            reading::one("", given, self.source(&given.sensor)?, given.frame_id.as_deref())?;
         if incoming.sensor.id != expected.id {
             let detail = format!("came {:?}, expected {reference:?} as in the path", given.sensor);
             return Err(Refusal::field("/sensor", detail));

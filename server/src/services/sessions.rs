@@ -23,18 +23,19 @@ use palpate_schemas::{BeliefDetail, Method, SessionEvent, SessionState};
 use palpate_store::database::Database;
 use palpate_store::entity::Session;
 use tokio::sync::broadcast;
+use tokio::task::JoinHandle;
 use uuid::Uuid;
 
 use crate::asker;
-use crate::model::Model;
-use crate::services::catalogues::Catalogues;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::config::Config;
-use crate::services::keys::Keys;
 use crate::live::checkpoints::Checkpoints;
 use crate::live::{Live, POSES, Tools, Total, status};
+use crate::model::Model;
 use crate::refusal::Refusal;
+use crate::services::catalogues::Catalogues;
+use crate::services::keys::Keys;
 use crate::services::sensors::Sensors;
 use crate::wire::{self as convert};
 
@@ -120,7 +121,7 @@ impl Sessions {
             true => asker::spawn_within(self.answer_timeout, adding),
             false => asker::spawn(adding),
         };
-        adding.await.unwrap_or(Err(Refusal::Panicked))
+        finished(adding).await
     }
 
     /// The belief as it is now or was after some readings; `None` when it is the one of
@@ -153,7 +154,7 @@ impl Sessions {
             let object = query.object.as_deref();
             live.marginals(&sessions.tools(), object, known_revision).await
         });
-        asking.await.unwrap_or(Err(Refusal::Panicked))
+        finished(asking).await
     }
 
     /// Where to touch next, as the belief is now.
@@ -171,7 +172,7 @@ impl Sessions {
             asker::spawn(
                 async move { live.next_touches(&sessions.tools(), question, begun).await },
             );
-        asking.await.unwrap_or(Err(Refusal::Panicked))
+        finished(asking).await
     }
 
     /// What happens to a session from now on, and its belief as it is now.
@@ -217,7 +218,7 @@ impl Sessions {
             asker::spawn(
                 async move { live.belief(&sessions.tools(), poses, known_revision).await },
             );
-        asking.await.unwrap_or(Err(Refusal::Panicked))
+        finished(asking).await
     }
 
     fn tools(&self) -> Tools<'_> {
@@ -327,6 +328,11 @@ impl Sessions {
             self.live.remove_if(id, |_, live| is_idle(live));
         }
     }
+}
+
+/// The outcome of a task that goes on when its caller leaves.
+async fn finished<T>(task: JoinHandle<Result<T, Refusal>>) -> Result<T, Refusal> {
+    task.await.unwrap_or(Err(Refusal::Panicked))
 }
 
 /// Whether nobody works with an entry or follows it.

@@ -99,7 +99,11 @@ pub(crate) fn mesh_format(
             Err(Invalid::field("?format", detail).into())
         }
         (None, Some(asked)) if content_type == "application/octet-stream" => Ok(sim_format(asked)),
-        (None, None) if content_type == "application/octet-stream" => Err(Invalid::field("?format", "missing, expected stl, obj, ply or off with application/octet-stream").into()),
+        (None, None) if content_type == "application/octet-stream" => Err(Invalid::field(
+            "?format",
+            "missing, expected stl, obj, ply or off with application/octet-stream",
+        )
+        .into()),
         (None, _) => Err(FormatError::ContentType { found: content_type.to_owned() }),
     }
 }

@@ -117,15 +117,19 @@ pub(crate) fn readings(
     if errors.is_empty() { Ok(checked) } else { Err(Invalid(errors)) }
 }
 
-/// What is probably a mistake in the readings of a request, which follow those of a journal that
-/// begins with `first`.
-pub(crate) fn warnings(readings: &[Incoming], first: Option<&Entry>) -> Vec<wire::Warning> {
-    let first = first.and_then(|entry| match &entry.event {
-        Event::Reading(reading) => reading.session_from_sensor,
-        Event::Retraction { .. } | Event::Closed => None,
-    });
+/// What is probably a mistake in the readings of a request, which follow those of a journal whose
+/// first reading has the pose `first`.
+pub(crate) fn warnings(readings: &[Incoming], first: Option<Pose>) -> Vec<wire::Warning> {
     let judged: Vec<Judged<'_>> = readings.iter().map(Incoming::judged).collect();
     of_readings(&judged, first.map(|pose| pose.translation))
+}
+
+/// The pose of the reading that an entry is, if it is one and has a pose.
+pub(crate) fn pose_of(entry: &Entry) -> Option<Pose> {
+    match &entry.event {
+        Event::Reading(reading) => reading.session_from_sensor,
+        Event::Retraction { .. } | Event::Closed => None,
+    }
 }
 
 /// Checks one reading that stands at `pointer`.
@@ -214,7 +218,10 @@ pub(crate) fn looseness(pointer: &str, given: wire::Looseness) -> Result<Loosene
 }
 
 /// A stored training reading for the wire; `None` for entries that are not readings.
-pub(crate) fn stored(entry: &Entry, writer: impl Fn(Uuid) -> wire::Writer) -> Option<wire::StoredReading> {
+pub(crate) fn stored(
+    entry: &Entry,
+    writer: impl Fn(Uuid) -> wire::Writer,
+) -> Option<wire::StoredReading> {
     let Event::Reading(reading) = &entry.event else { return None };
     Some(wire::StoredReading {
         index: super::count(entry.seq),

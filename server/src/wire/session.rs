@@ -290,7 +290,8 @@ fn checked_options(
         }
     }
     let Some(maps) = &model.core.geometric else {
-        let detail = format!("came {}, expected a method that the version was trained for", name(method));
+        let detail =
+            format!("came {}, expected a method that the version was trained for", name(method));
         return Err(Invalid::field("/method", detail));
     };
     let kind = geometry::kind(maps);

@@ -7,9 +7,9 @@ use palpate_dissertation::geometric::{BeliefMemory, GeometricError};
 use palpate_schemas::{Method, PosePrior};
 use palpate_store::entity::Session;
 
+use crate::limits::megabytes;
 use crate::live::belief::{BeliefError, SessionBelief};
 use crate::model::Model;
-use crate::limits::megabytes;
 use crate::refusal::Refusal;
 use crate::wire::geometry::HALF_EXTENT;
 use crate::wire::session::{self, Options, options};

@@ -42,7 +42,8 @@ impl Sessions {
         let mut open = self.open_now(now)?;
         let n_open = count(open.len());
         // Of what changed in one millisecond, a session that has entries changed after it began.
-        let newest = |one: &OpenSession| (one.status.changed_at_ms, one.status.length > 0, one.session.id);
+        let newest =
+            |one: &OpenSession| (one.status.changed_at_ms, one.status.length > 0, one.session.id);
         open.sort_by_key(|one| std::cmp::Reverse(newest(one)));
         let sessions: Result<_, _> =
             open.into_iter().take(limit).map(|one| self.fleet_session(one)).collect();
@@ -74,7 +75,9 @@ impl Sessions {
         Ok(wire::FleetSession {
             robots: robots.into_iter().map(str::to_owned).collect(),
             last_reading_at: newest.map(|entry| time(entry.received_at_ms)),
-            session: convert::session::session(&session, &catalogue, status, |key| self.keys.writer(key)),
+            session: convert::session::session(&session, &catalogue, status, |key| {
+                self.keys.writer(key)
+            }),
         })
     }
 }

@@ -8,7 +8,7 @@ use palpate_store::entity::ReadingId;
 use palpate_store::journal::Limit;
 use uuid::Uuid;
 
-use super::{Sessions, poses};
+use super::{Sessions, finished, poses};
 use crate::asker;
 use crate::live::ReplayQuestion;
 use crate::refusal::Refusal;
@@ -116,7 +116,7 @@ impl Sessions {
         let sessions = Arc::clone(self);
         let task =
             asker::spawn(async move { live.retract(&sessions.tools(), number, detail).await });
-        task.await.unwrap_or(Err(Refusal::Panicked))
+        finished(task).await
     }
 }
 

@@ -12,12 +12,12 @@ use uuid::Uuid;
 
 use super::fits::fits;
 use super::open::Full;
-use super::Sessions;
+use super::{Sessions, finished};
 use crate::asker;
-use crate::services::catalogues::DEFAULT;
 use crate::clock::now_ms;
 use crate::live::{Live, status};
 use crate::refusal::Refusal;
+use crate::services::catalogues::DEFAULT;
 use crate::wire::life::{opened_by, set_lease, set_truth};
 use crate::wire::session::Limits;
 use crate::wire::{self as convert, cursor, page_id, page_length};
@@ -69,7 +69,8 @@ impl Sessions {
             return Err(error.into());
         }
         tracing::debug!(session.id = %session.id, "Created session {}", session.id);
-        let shown = convert::session::session(&session, &model.name, status, |key| self.keys.writer(key));
+        let shown =
+            convert::session::session(&session, &model.name, status, |key| self.keys.writer(key));
         self.keep(session.id, Arc::new(Live::new(session, model, &self.beliefs)));
         Ok(shown)
     }
@@ -158,7 +159,7 @@ impl Sessions {
             live.publish(SessionEvent::Closed { session: Box::new(session.clone()) });
             Ok(session)
         });
-        closing.await.unwrap_or(Err(Refusal::Panicked))
+        finished(closing).await
     }
 
     /// Notes what a session's object was, and counts how right its belief is.
