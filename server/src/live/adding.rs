@@ -60,7 +60,7 @@ impl Live {
         let request = self.request(tools, &status, &readings)?;
         let n_new = request.n_new();
         let belief = match request {
-            Request::Repeat(revision) => self.repeat(&state, tools, revision, detail).await?,
+            Request::Repeat(revision) => self.repeat(&mut state, tools, revision, detail).await?,
             Request::Append(new) => {
                 let length = status.length;
                 self.append(&mut state, tools, Append { length, now, new, detail }).await?
@@ -110,7 +110,7 @@ impl Live {
     /// The belief that was answered at a revision, where an answer is to have one.
     async fn repeat(
         &self,
-        state: &State,
+        state: &mut State,
         tools: &Tools<'_>,
         revision: u64,
         detail: BeliefDetail,

@@ -113,6 +113,8 @@ impl TrainingFailure {
             | Self::FeatureLength { object, .. }
             | Self::Appearance { object, .. } => Some(object),
             Self::Stopped
+            | Self::NoPart(_)
+            | Self::UnknownSensor(_)
             | Self::NothingLeft { .. }
             | Self::AppearanceVocabulary(_)
             | Self::Vocabulary(_)
