@@ -2,9 +2,9 @@
 
 pub mod adaptive;
 pub mod class_field;
+pub mod planes;
 pub mod histogram;
 pub mod kld;
 pub mod particle;
-pub mod planes;
 pub mod pose_bins;
 pub mod sparse;

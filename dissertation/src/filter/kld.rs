@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashSet;
 
-use super::particle::Particle;
+use palpate_core::pose::Pose;
 
 /// Parameters of the adaptive number of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,16 +20,15 @@ pub struct KldSize {
 }
 
 impl KldSize {
-    /// Number of particles needed for the bins that `particles` occupy, at most `max`.
+    /// Number of particles needed for the bins that objects in poses occupy, at most `max`.
     #[must_use]
-    pub fn wanted(&self, particles: &[Particle], max: usize) -> usize {
-        let bin = |particle: &Particle| {
-            let pose = &particle.session_from_object;
+    pub fn wanted(&self, particles: impl IntoIterator<Item = (usize, Pose)>, max: usize) -> usize {
+        let bin = |(object, pose): (usize, Pose)| {
             let at = (pose.translation / self.edge).floor().to_array();
             let turned = (pose.rotation.to_scaled_axis() / self.angle).floor().to_array();
-            (particle.object, at.map(|v| v as i32), turned.map(|v| v as i32))
+            (object, at.map(|v| v as i32), turned.map(|v| v as i32))
         };
-        let occupied: FxHashSet<_> = particles.iter().map(bin).collect();
+        let occupied: FxHashSet<_> = particles.into_iter().map(bin).collect();
         self.size(occupied.len()).clamp(self.min.min(max), max)
     }
 
@@ -57,6 +56,6 @@ mod tests {
         // k − 1 = 100: 2/900 = 0.0022222, root 1 − 0.0022222 + 0.0471405·2.33 = 1.107615,
         // 1000 · 1.358812 = 1358.8.
         assert_eq!(size.size(101), 1359);
-        assert_eq!(size.wanted(&[], 1_000), 50);
+        assert_eq!(size.wanted([], 1_000), 50);
     }
 }

@@ -259,8 +259,11 @@ impl ParticleFilter {
             None => self.options.n,
             Some(size) => {
                 let preview = pick(&weights, self.options.n, self.options.resampling, stream);
-                let preview: Vec<Particle> = preview.map(|idx| self.particles[idx]).collect();
-                size.wanted(&preview, self.options.n)
+                let preview = preview.map(|idx| {
+                    let particle = &self.particles[idx];
+                    (particle.object, particle.session_from_object)
+                });
+                size.wanted(preview, self.options.n)
             }
         };
         let injected = (n_injected_share * n as f64).round() as usize;
