@@ -1,9 +1,9 @@
 //! Palpate's networked service, as a library: start a [`Server`] with a [`Config`].
 //!
-//! A request comes in by `door` and goes through `telemetry` (id, log, figures), `headers`
-//! (for browsers), `guard` (who may do what: `keys`, `roles`), `admission` (bounds), `audit`
-//! and a route, which asks one of `sensors`, `objects`, `catalogues`, `jobs` and `sessions`;
-//! `wire` converts, `compute` computes, `problem` turns every refusal into RFC 9457.
+//! A request comes in by `door`, passes the layers of `middleware` and reaches a handler in
+//! `routes`, which asks one of `services`; a session in memory is `live`. `wire` converts,
+//! `compute` computes, `problem` turns every error into RFC 9457. The order of the lines `mod`
+//! is the order in which modules may use each other: `tests/whole/house.rs` enforces it.
 
 mod clock;
 mod secret;

@@ -1,8 +1,7 @@
 //! Number of particles by the bins that a belief occupies (KLD sampling, Fox 2003).
 
-use rustc_hash::FxHashSet;
-
 use palpate_core::pose::Pose;
+use rustc_hash::FxHashSet;
 
 /// Parameters of the adaptive number of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
