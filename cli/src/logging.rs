@@ -1,22 +1,12 @@
-//! Where logs and traces go: to the standard error, and on request to a collector.
+//! Where logs go: to the standard error; and spans, on request, to a collector.
 
-use std::sync::OnceLock;
-
-use anyhow::Context as _;
-use opentelemetry::trace::TracerProvider as _;
-use opentelemetry_otlp::{Protocol, SpanExporter, WithExportConfig};
-use opentelemetry_sdk::Resource;
-use opentelemetry_sdk::propagation::TraceContextPropagator;
-use opentelemetry_sdk::trace::SdkTracerProvider;
+use anyhow::ensure;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
 use crate::args::{Cli, Command, LogFormat};
 use crate::progress;
-
-/// What sends spans, as long as the process runs.
-static SPANS: OnceLock<SdkTracerProvider> = OnceLock::new();
 
 /// Logs go to the standard error: what `RUST_LOG` says, else warnings, and with `serve` or
 /// `--verbose` also what happens. Spans go to the collector that `serve` names, if it does.
@@ -33,42 +23,33 @@ pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
         Command::Serve(args) => args.otlp_endpoint.as_deref(),
         _ => None,
     };
-    let spans = collector.map(provider).transpose()?;
-    let spans = spans.map(|provider| {
-        let tracer = provider.tracer("palpate");
-        let layer = tracing_opentelemetry::layer().with_tracer(tracer);
-        let _ = SPANS.set(provider);
-        // Spans are told whatever the log leaves out.
-        layer.with_filter(EnvFilter::new("off,palpate_server=info"))
-    });
-    tracing_subscriber::registry().with(log.with_filter(filter)).with(spans).init();
+    check_collector(collector, cfg!(feature = "otlp"))?;
+    let subscriber = tracing_subscriber::registry().with(log.with_filter(filter));
+    #[cfg(feature = "otlp")]
+    let subscriber = subscriber.with(collector.map(crate::spans::layer).transpose()?);
+    subscriber.init();
     Ok(())
 }
 
-/// Sends what is left; the process ends.
-pub(crate) fn flush() {
-    if let Some(spans) = SPANS.get()
-        && let Err(error) = spans.shutdown()
-    {
-        eprintln!("some spans did not reach the collector: {error}");
-    }
+/// Refuses a collector in a build that cannot send spans.
+fn check_collector(collector: Option<&str>, is_built_in: bool) -> anyhow::Result<()> {
+    ensure!(
+        is_built_in || collector.is_none(),
+        "--otlp-endpoint (OTEL_EXPORTER_OTLP_ENDPOINT) needs the feature `otlp`, which this \
+         palpate was built without: build it with `--features otlp`"
+    );
+    Ok(())
 }
 
-/// Sends spans to a collector's address, by OTLP over HTTP.
-fn provider(address: &str) -> anyhow::Result<SdkTracerProvider> {
-    let endpoint = format!("{}/v1/traces", address.trim_end_matches('/'));
-    // The exporter's client speaks TLS by it, and asks for it even when the collector does not.
-    let _ = rustls::crypto::ring::default_provider().install_default();
-    let exporter = SpanExporter::builder()
-        .with_http()
-        .with_protocol(Protocol::HttpBinary)
-        .with_endpoint(&endpoint)
-        .build()
-        .with_context(|| format!("cannot send spans to {endpoint}"))?;
-    opentelemetry::global::set_text_map_propagator(TraceContextPropagator::new());
-    let resource = Resource::builder()
-        .with_service_name("palpate")
-        .with_attribute(opentelemetry::KeyValue::new("service.version", env!("CARGO_PKG_VERSION")))
-        .build();
-    Ok(SdkTracerProvider::builder().with_batch_exporter(exporter).with_resource(resource).build())
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_collector_is_refused_by_a_build_without_otlp() {
+        let error = check_collector(Some("http://localhost:4318"), false).unwrap_err();
+        assert!(error.to_string().contains("--features otlp"), "{error}");
+        assert!(check_collector(None, false).is_ok());
+        assert!(check_collector(Some("http://localhost:4318"), true).is_ok());
+    }
 }

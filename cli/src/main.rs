@@ -17,6 +17,8 @@ mod progress;
 mod readings_file;
 mod robot;
 mod settings;
+#[cfg(feature = "otlp")]
+mod spans;
 mod symmetry;
 mod trial;
 mod verdict;
@@ -51,7 +53,8 @@ fn main() -> ExitCode {
         }
         Err(error) => Err(error.into()),
     };
-    logging::flush();
+    #[cfg(feature = "otlp")]
+    spans::flush();
     exit::code_of(outcome)
 }
 

@@ -8,6 +8,7 @@ use uuid::Uuid;
 
 /// What the holder of a key is. `x-palpate-roles` of each operation lists who may call it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, PartialOrd, Ord, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
     /// Touches things: sessions, readings, next touches; reads sensors and catalogues.
@@ -179,6 +180,7 @@ pub struct AuditQuery {
 
 /// A part of the audit log with a size of its own: none pushes out what is in another.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum AuditRing {
     /// What changed something, or may have.

@@ -21,6 +21,7 @@ pub struct GeometryTraining {
 
 /// What a map is of.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum GeometryKind {
     /// A raised shape that is pressed from above, such as a letter: x, y and the turn about
@@ -101,6 +102,7 @@ pub struct PlyQuery {
 
 /// What a PLY file of a map holds.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum PlyForm {
     /// The centres of the cells that are likely occupied.

@@ -164,6 +164,7 @@ pub struct PriorEntry {
 
 /// How to recognise.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Hypotheses that pairs of touches propose, that every touch verifies and that are
@@ -298,6 +299,7 @@ pub struct AddReadings {
 
 /// How much of the belief an answer holds.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum BeliefDetail {
     /// Every object, and the five likeliest poses.

@@ -308,6 +308,7 @@ pub struct StartTraining {
 
 /// How a press becomes a feature.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum Descriptor {
     /// The pressures themselves: neither turns nor shifts are removed.

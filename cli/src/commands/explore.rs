@@ -7,9 +7,9 @@ mod truth;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::schemas::{
-    AddReadings, Belief, BeliefDetail, CreateSession, Method, Reading, ReadingsQuery, SensorPreset,
+    AddReadings, Belief, BeliefDetail, CreateSession, MeshUnit, Method, Reading, ReadingsQuery, SensorPreset,
     Session,
 };
 use palpate_sim::shapes;
@@ -19,9 +19,9 @@ use uuid::Uuid;
 use self::planner::Planner;
 use self::truth::Truth;
 use super::Context;
-use super::objects::Unit;
 use super::sensors::parse_preset;
 use super::touch::ensure_sensor;
+use crate::args::among;
 use crate::exit::Ended;
 use crate::explorer::{self, Plan};
 use crate::output;
@@ -48,7 +48,7 @@ pub(crate) struct ExploreArgs {
     mesh: Option<PathBuf>,
     /// The unit of the file's coordinates.
     #[arg(long, value_enum, default_value = "mm")]
-    unit: Unit,
+    unit: MeshUnit,
     /// Send the readings of this file instead of exploring; `-` is the standard input.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["mesh", "object", "offline", "out"])]
     replay: Option<PathBuf>,
@@ -84,8 +84,8 @@ pub(crate) struct ExploreArgs {
     catalogue: String,
     /// How a new session recognises [default: hybrid]. An object that moves (--perturb) needs a
     /// method that ignores poses: appearance, of a version trained with `--appearance`.
-    #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
-    method: Option<ExploreMethod>,
+    #[arg(long, value_parser = among(&BLIND), conflicts_with_all = ["session", "offline"])]
+    method: Option<Method>,
     /// How probable it is before the first touch that the object of a new session is none of
     /// the catalogue's: above 0 and below 1, for `hybrid` [default: 0.05].
     #[arg(long, value_name = "PROBABILITY", conflicts_with_all = ["session", "offline"])]
@@ -101,30 +101,9 @@ pub(crate) struct ExploreArgs {
     picture: Option<PathBuf>,
 }
 
-/// How to recognise; the methods `geometric…` need to know where the object may lie, which a
-/// blind arm does not.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ExploreMethod {
-    /// Spatially varying appearance.
-    Sva,
-    /// Spatially varying appearance as printed.
-    SvaLiteral,
-    /// Bags of features: which object, not where.
-    Appearance,
-    /// Bags of features as printed.
-    AppearanceLiteral,
-}
-
-impl ExploreMethod {
-    fn wire(self) -> Method {
-        match self {
-            Self::Sva => Method::Sva,
-            Self::SvaLiteral => Method::SvaLiteral,
-            Self::Appearance => Method::Appearance,
-            Self::AppearanceLiteral => Method::AppearanceLiteral,
-        }
-    }
-}
+/// The other methods need to know where the object may lie, which a blind arm does not.
+const BLIND: [Method; 5] =
+    [Method::Hybrid, Method::Sva, Method::SvaLiteral, Method::Appearance, Method::AppearanceLiteral];
 
 /// The answer.
 #[derive(Debug, Serialize)]
@@ -186,7 +165,7 @@ async fn replay(args: &ExploreArgs, file: ReadingsFile, context: &Context) -> an
 async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
     let plan = plan(args)?;
     if args.mesh.is_some() {
-        context.output.say(crate::robot::read_as(args.unit.wire(), &plan.mesh));
+        context.output.say(crate::robot::read_as(args.unit, &plan.mesh));
     }
     let (session, truth) = if args.offline {
         (None, args.object.as_deref().map(Truth::named))
@@ -268,7 +247,7 @@ async fn hear(
 
 fn plan(args: &ExploreArgs) -> anyhow::Result<Plan> {
     let mesh = match (&args.mesh, &args.object) {
-        (Some(path), _) => crate::robot::read_mesh(path, args.unit.wire())?,
+        (Some(path), _) => crate::robot::read_mesh(path, args.unit)?,
         (None, Some(name)) => shapes::example(name).ok_or_else(|| {
             anyhow::anyhow!(
                 "object {name} is not a built-in example, expected one of {} or --mesh FILE",
@@ -297,7 +276,7 @@ async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Sessio
         None => {
             let new = CreateSession {
                 catalogue: Some(args.catalogue.clone()),
-                method: args.method.map(ExploreMethod::wire),
+                method: args.method,
                 unknown_prior: args.unknown_prior,
                 ..CreateSession::default()
             };

@@ -1,6 +1,6 @@
 //! `palpate keys`: who is let in. And `palpate whoami`.
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use palpate_client::schemas::{ApiKey, CreateKey, NewApiKey, PageQuery, Role, RotateKey};
 use serde_json::json;
 
@@ -22,7 +22,7 @@ enum Action {
         name: String,
         /// What its holder may do.
         #[arg(long)]
-        role: RoleChoice,
+        role: Role,
         /// After how many days it is refused; never when not given.
         #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u64).range(1..=3650))]
         expires_days: Option<u64>,
@@ -49,30 +49,6 @@ enum Action {
     },
 }
 
-/// What the holder of a key may do.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RoleChoice {
-    /// Touch things: sessions, readings, next touches.
-    Robot,
-    /// Teach: objects, sensors, trainings; and look on.
-    Trainer,
-    /// Look on.
-    Viewer,
-    /// Everything, also giving keys.
-    Admin,
-}
-
-impl From<RoleChoice> for Role {
-    fn from(choice: RoleChoice) -> Self {
-        match choice {
-            RoleChoice::Robot => Self::Robot,
-            RoleChoice::Trainer => Self::Trainer,
-            RoleChoice::Viewer => Self::Viewer,
-            RoleChoice::Admin => Self::Admin,
-        }
-    }
-}
-
 /// Does what was asked.
 pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
@@ -80,7 +56,7 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
         Action::Create { name, role, expires_days } => {
             let expires_in_s = expires_days.map(|days| days * 86_400);
             let created =
-                client.create_key(&CreateKey { name, role: role.into(), expires_in_s }).await?;
+                client.create_key(&CreateKey { name, role, expires_in_s }).await?;
             output.answer(&created, with_secret)?;
             if !client.whoami().await?.keys_required {
                 output.say("This server asks nobody for a key yet. It does from its next start.");

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::schemas::{BeliefDetail, Method};
 use palpate_client::{Client, Error as ClientError, RetryPolicy};
 use palpate_experiments::load::{
@@ -16,6 +16,7 @@ use palpate_experiments::load::{
 use serde::Serialize;
 
 use super::Context;
+use crate::args::among;
 use crate::exit::Ended;
 use crate::output::Output;
 use crate::progress::StepProgress;
@@ -80,11 +81,11 @@ pub(crate) struct LoadArgs {
     #[arg(long, default_value_t = 30.0, value_parser = positive)]
     timeout_s: f64,
     /// How to recognise [default: the server's choice].
-    #[arg(long, value_enum)]
-    method: Option<LoadMethod>,
+    #[arg(long, value_parser = among(&[Method::Hybrid, Method::Sva]))]
+    method: Option<Method>,
     /// How much of the belief is answered to a reading.
     #[arg(long, value_enum, default_value = "full")]
-    belief: LoadBelief,
+    belief: BeliefDetail,
     /// The seed of everything random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -110,26 +111,6 @@ pub(crate) struct LoadArgs {
     /// Draw throughput and latency against the rate, as SVG.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-}
-
-/// How to recognise.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LoadMethod {
-    /// Proposed, verified and refined hypotheses.
-    Hybrid,
-    /// Spatially varying appearance.
-    Sva,
-}
-
-/// How much of the belief is answered.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LoadBelief {
-    /// Every object, and the likeliest poses.
-    Full,
-    /// The likeliest object and pose.
-    Top,
-    /// Nothing: the reading is stored.
-    None,
 }
 
 /// The answer: the run, and which bounds it breaks.
@@ -214,15 +195,8 @@ fn config(args: &LoadArgs) -> LoadConfig {
     LoadConfig {
         seed: args.seed,
         catalogue: args.catalogue.clone(),
-        method: args.method.map(|method| match method {
-            LoadMethod::Hybrid => Method::Hybrid,
-            LoadMethod::Sva => Method::Sva,
-        }),
-        belief: match args.belief {
-            LoadBelief::Full => BeliefDetail::Full,
-            LoadBelief::Top => BeliefDetail::Top,
-            LoadBelief::None => BeliefDetail::None,
-        },
+        method: args.method,
+        belief: args.belief,
         rates,
         arrivals: if args.poisson { Arrivals::Poisson } else { Arrivals::Constant },
         duration: Duration::from_secs_f64(args.duration_s),

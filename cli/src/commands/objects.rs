@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use palpate_client::schemas::{
     AddTrainingReadings, CreateObject, MeshReport, MeshUnit, ObjectInfo, PageQuery, ProblemType,
     Reading,
@@ -29,28 +29,7 @@ pub(crate) struct ObjectsArgs {
 
 /// The unit of a mesh file's coordinates, which the file does not say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Unit {
-    /// Metres.
-    M,
-    /// Millimetres.
-    Mm,
-    /// Centimetres.
-    Cm,
-    /// Inches.
-    In,
-}
-
-impl Unit {
-    /// The unit's name on the wire.
-    pub(crate) fn wire(self) -> MeshUnit {
-        match self {
-            Self::M => MeshUnit::M,
-            Self::Mm => MeshUnit::Mm,
-            Self::Cm => MeshUnit::Cm,
-            Self::In => MeshUnit::In,
-        }
-    }
-}
+pub(crate) 
 
 #[derive(Debug, Subcommand)]
 enum Action {
@@ -72,7 +51,7 @@ enum Action {
         mesh: Option<PathBuf>,
         /// The unit of the file's coordinates.
         #[arg(long, value_enum, default_value = "mm")]
-        unit: Unit,
+        unit: MeshUnit,
         /// What people say about it.
         #[arg(long, default_value = "")]
         description: String,
@@ -85,7 +64,7 @@ enum Action {
         file: PathBuf,
         /// The unit of the file's coordinates.
         #[arg(long, value_enum, default_value = "mm")]
-        unit: Unit,
+        unit: MeshUnit,
     },
     /// Remove an object with its mesh and readings; trained versions keep what they know.
     Remove {
@@ -161,7 +140,7 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
             let id = object.id.to_string();
             if let Some((format, bytes)) = file {
                 let format = robot::wire_format(format);
-                match client.put_mesh(&id, format, unit.wire(), bytes.into()).await {
+                match client.put_mesh(&id, format, unit, bytes.into()).await {
                     Ok(report) => output.say(read_words(&report)),
                     Err(error) => return Err(without_mesh(client, &object, error).await),
                 }
@@ -173,7 +152,7 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
         Action::Mesh { object, file, unit } => {
             let (format, bytes) = robot::read_mesh_file(&file)?;
             let format = robot::wire_format(format);
-            let report = client.put_mesh(&object, format, unit.wire(), bytes.into()).await?;
+            let report = client.put_mesh(&object, format, unit, bytes.into()).await?;
             output.answer(&report, read_words)
         }
         Action::Remove { object } => {

@@ -63,7 +63,7 @@ pub(crate) struct ServeArgs {
     #[arg(long, env = "PALPATE_TLS_KEY", value_name = "FILE", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
     /// Send a span of every request to the collector at this address, by OTLP over HTTP, such as
-    /// http://localhost:4318.
+    /// http://localhost:4318. Only in a palpate that was built with `--features otlp`.
     #[arg(long, env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
     pub(crate) otlp_endpoint: Option<String>,
     /// Let pages of this origin use the API from a browser; may be given several times.

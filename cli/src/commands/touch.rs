@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::schemas::{
-    CatalogueVersion, CreateSensor, CreateSession, GeometryKind, Method, ProblemType, SensorPreset,
+    CatalogueVersion, CreateSensor, CreateSession, GeometryKind, MeshUnit, Method, ProblemType, SensorPreset,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::sensor::SensorDescription;
@@ -15,7 +15,6 @@ use palpate_sim::symmetry;
 use serde::Serialize;
 
 use super::Context;
-use super::objects::Unit;
 use super::sensors::parse_preset;
 use crate::calibrated;
 use crate::exit::Ended;
@@ -42,7 +41,7 @@ pub(crate) struct TouchArgs {
     mesh: PathBuf,
     /// The unit of the file's coordinates.
     #[arg(long, value_enum, default_value = "mm")]
-    unit: Unit,
+    unit: MeshUnit,
     /// How often to touch it.
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=1000))]
     readings: u32,
@@ -62,7 +61,7 @@ pub(crate) struct TouchArgs {
     /// within 8 mm and 0.2 rad. The methods `appearance…` need one trained with
     /// `--appearance`; the robot sends no poses then.
     #[arg(long, value_enum)]
-    method: Option<TouchMethod>,
+    method: Option<Method>,
     /// How probable it is before the first touch that the object is none of the catalogue's:
     /// above 0 and below 1, for the method `hybrid` [default: 0.05].
     #[arg(long, value_name = "PROBABILITY")]
@@ -70,42 +69,6 @@ pub(crate) struct TouchArgs {
     /// The robot's sensor.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
-}
-
-/// How to recognise.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum TouchMethod {
-    /// Proposed, verified and refined hypotheses.
-    Hybrid,
-    /// Spatially varying appearance.
-    Sva,
-    /// Spatially varying appearance as printed.
-    SvaLiteral,
-    /// Maps of contact and pressure.
-    Geometric,
-    /// Maps of contact with the printed histogram filter.
-    GeometricHistogram,
-    /// Maps of contact with the printed particle filter.
-    GeometricParticles,
-    /// Bags of features: which object, not where.
-    Appearance,
-    /// Bags of features as printed.
-    AppearanceLiteral,
-}
-
-impl TouchMethod {
-    fn wire(self) -> Method {
-        match self {
-            Self::Hybrid => Method::Hybrid,
-            Self::Sva => Method::Sva,
-            Self::SvaLiteral => Method::SvaLiteral,
-            Self::Geometric => Method::Geometric,
-            Self::GeometricHistogram => Method::GeometricHistogram,
-            Self::GeometricParticles => Method::GeometricParticles,
-            Self::Appearance => Method::Appearance,
-            Self::AppearanceLiteral => Method::AppearanceLiteral,
-        }
-    }
 }
 
 /// The answer.
@@ -127,12 +90,12 @@ struct Touched {
 /// Does what was asked.
 pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
-    let mesh = robot::read_mesh(&args.mesh, args.unit.wire())?;
-    output.say(robot::read_as(args.unit.wire(), &mesh));
+    let mesh = robot::read_mesh(&args.mesh, args.unit)?;
+    output.say(robot::read_as(args.unit, &mesh));
     ensure_sensor(client, args.sensor).await?;
     let current = client.current_version(&args.catalogue).await?.version;
     let version = client.catalogue_version(&args.catalogue, current).await?;
-    let method = args.method.map(TouchMethod::wire);
+    let method = args.method;
     let symmetry = symmetry::of_mesh(&mesh);
     let simulator = Arc::new(PressSimulator::new(mesh, described(args.sensor)));
     let approach = approach(method, &version);

@@ -4,10 +4,10 @@ mod appearance;
 
 use std::io::{IsTerminal, Write};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::Client;
 use palpate_client::schemas::{
-    CatalogueVersion, GeometryKind, GeometryReport, GeometryTraining, Job, JobState, StartTraining,
+    CatalogueVersion, Descriptor, GeometryKind, GeometryReport, GeometryTraining, Job, JobState, StartTraining,
     SurfaceReport, TrainingReport, Warning, WarningCode,
 };
 use serde::Serialize;
@@ -18,7 +18,7 @@ use crate::exit::Ended;
 use crate::output::{self, Output};
 use crate::progress::TrainingProgress;
 use crate::symmetry;
-use appearance::{AppearanceArgs, DescriptorName, appearance_words};
+use appearance::{AppearanceArgs, appearance_words};
 
 /// Arguments of `palpate train`.
 #[derive(Debug, Args)]
@@ -49,11 +49,11 @@ pub(crate) struct TrainArgs {
     classes: Option<u32>,
     /// How a press becomes a feature [default: mnti].
     #[arg(long, value_enum)]
-    descriptor: Option<DescriptorName>,
+    descriptor: Option<Descriptor>,
     /// Also learn maps of contact, for sessions with the methods `geometric…`: of a plane
     /// that is pressed from above, or of a solid.
     #[arg(long, value_enum)]
-    geometry: Option<Geometry>,
+    geometry: Option<GeometryKind>,
     /// The side of a cell of these maps, 0.1 to 50 mm [default: what suits the kind].
     #[arg(long, requires = "geometry", value_parser = parse_cell_mm)]
     cell_mm: Option<f64>,
@@ -75,15 +75,6 @@ pub(crate) struct TrainArgs {
     detach: bool,
 }
 
-/// What maps of contact are of.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Geometry {
-    /// A raised shape in a plane, such as a letter.
-    Planar,
-    /// A solid touched from all sides.
-    Solid,
-}
-
 fn parse_cell_mm(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(cell) if (0.1..=50.0).contains(&cell) => Ok(cell),
@@ -101,10 +92,7 @@ struct Trained {
 /// Does what was asked.
 pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
     let geometry = args.geometry.map(|kind| GeometryTraining {
-        kind: match kind {
-            Geometry::Planar => GeometryKind::Planar,
-            Geometry::Solid => GeometryKind::Solid,
-        },
+        kind,
         cell: args.cell_mm.map(|cell| cell / 1e3),
     });
     let training = StartTraining {
@@ -113,7 +101,7 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
         readings_per_object: args.readings_per_object,
         seed: args.seed,
         n_classes: args.classes,
-        descriptor: args.descriptor.map(DescriptorName::wire),
+        descriptor: args.descriptor,
         geometry,
         appearance: args.appearance.wire(),
         surfaces: args.only_surfaces.then_some(true),

@@ -5,7 +5,6 @@ use axum::http::{HeaderMap, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Json, Router};
 use palpate_schemas::{Liveness, Readiness, Version};
-use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
 use crate::refusal::Refusal;
@@ -13,9 +12,28 @@ use crate::{dashboard, openapi, telemetry};
 
 /// Pages for people, and the API's description.
 pub(crate) fn pages() -> Router<App> {
-    let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
-    let pages = Router::new().merge(docs).route("/openapi.json", axum::routing::get(description));
+    let pages = docs().route("/openapi.json", axum::routing::get(description));
     dashboard::paths().fold(pages, |pages, path| pages.route(path, axum::routing::get(file)))
+}
+
+/// The API's documentation: Swagger UI.
+#[cfg(feature = "swagger")]
+fn docs() -> Router<App> {
+    use utoipa_swagger_ui::{Config, SwaggerUi};
+
+    Router::new().merge(SwaggerUi::new("/docs").config(Config::from("/openapi.json")))
+}
+
+/// The API's documentation: a plain list of operations.
+#[cfg(not(feature = "swagger"))]
+fn docs() -> Router<App> {
+    async fn listing(headers: HeaderMap) -> Response {
+        let page = openapi::listing::page().as_bytes();
+        dashboard::tagged("text/html; charset=utf-8", page, &headers)
+    }
+    ["/docs", "/docs/"]
+        .into_iter()
+        .fold(Router::new(), |pages, path| pages.route(path, axum::routing::get(listing)))
 }
 
 /// Whether the process answers
