@@ -81,7 +81,7 @@ pub(crate) struct LoadArgs {
     #[arg(long, default_value_t = 30.0, value_parser = positive)]
     timeout_s: f64,
     /// How to recognise [default: the server's choice].
-    #[arg(long, value_parser = among(&[Method::Hybrid, Method::Sva]))]
+    #[arg(long, value_parser = among(&[Method::Surface, Method::Sva]))]
     method: Option<Method>,
     /// How much of the belief is answered to a reading.
     #[arg(long, value_enum, default_value = "full")]
