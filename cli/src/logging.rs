@@ -1,9 +1,8 @@
 //! Where logs go: to the standard error; and spans, on request, to a collector.
 
-use anyhow::ensure;
-use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer};
+use anyhow::{Context as _, ensure};
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::{Layer, layer::SubscriberExt, util::SubscriberInitExt};
 
 use crate::args::{Cli, Command, LogFormat};
 use crate::progress;
@@ -13,7 +12,7 @@ use crate::progress;
 pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
     let talkative = cli.verbose || matches!(cli.command, Command::Serve(_));
     let default = if talkative { "info" } else { "warn" };
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    let filter = filter(std::env::var("RUST_LOG").ok(), default)?;
     let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
     let log = match cli.log_format {
         LogFormat::Human => log.with_ansi(progress::is_watched()).boxed(),
@@ -31,6 +30,12 @@ pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Which logs are written: `RUST_LOG`, such as `warn,palpate_server=debug`, else the default.
+fn filter(asked: Option<String>, default: &str) -> anyhow::Result<Targets> {
+    let asked = asked.filter(|asked| !asked.is_empty());
+    asked.as_deref().unwrap_or(default).parse().context("RUST_LOG is no list of levels")
+}
+
 /// Refuses a collector in a build that cannot send spans.
 fn check_collector(collector: Option<&str>, is_built_in: bool) -> anyhow::Result<()> {
     ensure!(
@@ -44,6 +49,16 @@ fn check_collector(collector: Option<&str>, is_built_in: bool) -> anyhow::Result
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rust_log_says_what_is_logged() {
+        let asked = filter(Some("warn,palpate_server=debug".to_owned()), "info").unwrap();
+        assert!(asked.would_enable("palpate_server::live", &tracing::Level::DEBUG));
+        assert!(!asked.would_enable("hyper", &tracing::Level::INFO));
+        let default = filter(Some(String::new()), "info").unwrap();
+        assert!(default.would_enable("hyper", &tracing::Level::INFO));
+        assert!(filter(Some("palpate=loudly".to_owned()), "info").is_err());
+    }
 
     #[test]
     fn a_collector_is_refused_by_a_build_without_otlp() {

@@ -25,7 +25,7 @@ use crate::rate::{Rates, share};
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
-use crate::{problem, routes, telemetry};
+use crate::{problem, process, routes, telemetry};
 
 /// What handlers work with. Cheap to clone.
 #[derive(Clone)]
@@ -157,8 +157,7 @@ impl App {
 
     /// Brings the figures up to date that nobody else keeps.
     pub(crate) fn measure(&self) {
-        // What the operating system says of the process: memory, processor time, open files.
-        metrics_process::Collector::default().collect();
+        process::measure();
         metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
         metrics::gauge!("palpate_sessions_open").set(self.0.sessions.n_open() as f64);
         metrics::gauge!("palpate_jobs_unfinished").set(self.0.jobs.n_unfinished() as f64);

@@ -37,6 +37,7 @@ mod limits;
 mod live;
 mod objects;
 mod problem;
+mod process;
 mod rate;
 mod refusal;
 mod repeats;

@@ -8,5 +8,7 @@ mod letters;
 mod load;
 mod numbers;
 mod serving;
+#[cfg(feature = "otlp")]
+mod spans;
 mod story;
 mod torture;

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 use palpate_client::schemas::{
-    AddReadings, Belief, BeliefDetail, CreateSession, MeshUnit, Method, Reading, ReadingsQuery, SensorPreset,
-    Session,
+    AddReadings, Belief, BeliefDetail, CreateSession, MeshUnit, Method, Reading, ReadingsQuery,
+    SensorPreset, Session,
 };
 use palpate_sim::shapes;
 use serde::Serialize;
@@ -102,8 +102,13 @@ pub(crate) struct ExploreArgs {
 }
 
 /// The other methods need to know where the object may lie, which a blind arm does not.
-const BLIND: [Method; 5] =
-    [Method::Surface, Method::Sva, Method::SvaLiteral, Method::Appearance, Method::AppearanceLiteral];
+const BLIND: [Method; 5] = [
+    Method::Surface,
+    Method::Sva,
+    Method::SvaLiteral,
+    Method::Appearance,
+    Method::AppearanceLiteral,
+];
 
 /// The answer.
 #[derive(Debug, Serialize)]

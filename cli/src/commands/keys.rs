@@ -55,8 +55,7 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
     match args.action {
         Action::Create { name, role, expires_days } => {
             let expires_in_s = expires_days.map(|days| days * 86_400);
-            let created =
-                client.create_key(&CreateKey { name, role, expires_in_s }).await?;
+            let created = client.create_key(&CreateKey { name, role, expires_in_s }).await?;
             output.answer(&created, with_secret)?;
             if !client.whoami().await?.keys_required {
                 output.say("This server asks nobody for a key yet. It does from its next start.");

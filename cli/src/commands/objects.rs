@@ -27,10 +27,6 @@ pub(crate) struct ObjectsArgs {
     action: Action,
 }
 
-/// The unit of a mesh file's coordinates, which the file does not say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) 
-
 #[derive(Debug, Subcommand)]
 enum Action {
     /// List the objects.

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use clap::Args;
 use palpate_client::schemas::{
-    CatalogueVersion, CreateSensor, CreateSession, GeometryKind, MeshUnit, Method, ProblemType, SensorPreset,
+    CatalogueVersion, CreateSensor, CreateSession, GeometryKind, MeshUnit, Method, ProblemType,
+    SensorPreset,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::sensor::SensorDescription;

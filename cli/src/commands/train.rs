@@ -7,8 +7,8 @@ use std::io::{IsTerminal, Write};
 use clap::Args;
 use palpate_client::Client;
 use palpate_client::schemas::{
-    CatalogueVersion, Descriptor, GeometryKind, GeometryReport, GeometryTraining, Job, JobState, StartTraining,
-    SurfaceReport, TrainingReport, Warning, WarningCode,
+    CatalogueVersion, Descriptor, GeometryKind, GeometryReport, GeometryTraining, Job, JobState,
+    StartTraining, SurfaceReport, TrainingReport, Warning, WarningCode,
 };
 use serde::Serialize;
 
@@ -91,10 +91,9 @@ struct Trained {
 
 /// Does what was asked.
 pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
-    let geometry = args.geometry.map(|kind| GeometryTraining {
-        kind,
-        cell: args.cell_mm.map(|cell| cell / 1e3),
-    });
+    let geometry = args
+        .geometry
+        .map(|kind| GeometryTraining { kind, cell: args.cell_mm.map(|cell| cell / 1e3) });
     let training = StartTraining {
         objects: (!args.objects.is_empty()).then_some(args.objects),
         sensor: args.sensor,
