@@ -4,11 +4,9 @@
 mod command;
 mod corpora;
 mod house;
-mod letters;
 mod load;
 mod numbers;
 mod serving;
 #[cfg(feature = "otlp")]
 mod spans;
-mod story;
 mod torture;

@@ -1,11 +1,10 @@
 //! Health, documentation, and errors that the framework would answer in plain text.
 
-use palpate_server::{Server, StartError};
 use reqwest::header::HeaderValue;
 use reqwest::{Method, StatusCode};
 use serde_json::json;
 
-use crate::harness::{Harness, config};
+use crate::harness::Harness;
 
 /// Files of Swagger UI, which a build with the feature `swagger` has.
 const SWAGGER: &[&str] = &["swagger-ui-bundle.js", "swagger-ui.css", "swagger-initializer.js"];
@@ -73,17 +72,6 @@ async fn a_fit_request_id_is_kept_and_others_are_replaced() {
         let answer = request.send().await.unwrap();
         assert_eq!(answer.headers()["x-request-id"] == given, is_kept, "{given}");
     }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn other_machines_are_not_let_in_without_keys() {
-    let folder = tempfile::TempDir::new().unwrap();
-    let mut open = config(folder.path());
-    open.listen = "0.0.0.0:0".parse().unwrap();
-    let error = Server::start(open.clone()).await.unwrap_err();
-    assert!(matches!(error, StartError::InsecureBind { .. }), "{error}");
-    open.insecure_bind = true;
-    Server::start(open).await.unwrap().shutdown().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
