@@ -266,22 +266,6 @@ fn clients_features_use_the_same_machinery() {
 }
 
 #[test]
-fn centers_of_classes_are_images_where_the_descriptor_can_be_undone() {
-    let plain = AppearanceConfig { descriptor: DescriptorKind::Vectorize, ..config() };
-    let model = learn(&plain, &KINDS);
-    let images = model.vocabulary.class_images().unwrap();
-    assert_eq!(images.len(), model.vocabulary.n_classes());
-    // Centres are means of images of norm 1: nowhere clearly negative, norm 1 at most.
-    for image in &images {
-        assert_eq!((image.rows, image.cols), (6, 6));
-        let norm: f64 = image.pressures.iter().map(|p| p * p).sum::<f64>().sqrt();
-        assert!((0.3..1.01).contains(&norm), "{norm}");
-        assert!(image.pressures.iter().all(|p| *p > -0.05), "{image:?}");
-    }
-    assert_eq!(learn(&config(), &KINDS).vocabulary.class_images(), None);
-}
-
-#[test]
 fn what_does_not_fit_is_refused_by_name() {
     let sensor = SensorDescription::digitacts_6x6();
     let readings = touches(KINDS[0], 30, 1);

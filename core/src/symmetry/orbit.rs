@@ -59,12 +59,6 @@ impl Symmetry {
         self.placed_as(pose, rotation)
     }
 
-    /// One pose for all that look alike: the one turned least.
-    #[must_use]
-    pub fn canonical(&self, pose: &Pose) -> Pose {
-        self.nearest_to(pose, &Pose::IDENTITY)
-    }
-
     /// The poses that look like `pose`, itself first, at most 60. Beside a continuous axis
     /// these are `pose` and, if the object can be turned over, `pose` turned over; all turns of
     /// each about the axis look the same too.
@@ -234,7 +228,7 @@ mod tests {
                 for other in alike {
                     let (moved, angle) = kind.distance(&pose, &other);
                     prop_assert!(moved < 1e-12 && angle < 1e-7, "{moved} {angle} {kind:?}");
-                    let (a, b) = (kind.canonical(&pose), kind.canonical(&other));
+                    let [a, b] = [pose, other].map(|pose| kind.nearest_to(&pose, &Pose::IDENTITY));
                     prop_assert!((a.angle_to(&Pose::IDENTITY) - b.angle_to(&Pose::IDENTITY)).abs() < 1e-7);
                 }
             }

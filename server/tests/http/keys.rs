@@ -1,6 +1,6 @@
 //! API keys: made, used, rotated, revoked; and that a server without them stays at home.
 
-use palpate_server::{Access, Server, StartError};
+use palpate_server::{Access, Config, Server, StartError};
 use reqwest::Method;
 use serde_json::{Value, json};
 
