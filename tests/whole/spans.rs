@@ -1,4 +1,4 @@
-//! Spans of requests, as a collector gets them from a command that was built with `otlp`.
+//! Spans of requests at a collector; the command under test was built with `otlp`.
 
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -6,7 +6,7 @@ use tokio::net::TcpListener;
 
 use crate::command::Serving;
 
-/// A collector that takes one batch of spans, and gives the bytes of it.
+/// A collector that accepts one batch of spans and returns its bytes.
 async fn collect(listener: TcpListener) -> Vec<u8> {
     let (mut stream, _) = listener.accept().await.unwrap();
     let mut bytes = Vec::new();
@@ -31,7 +31,7 @@ fn holds(bytes: &[u8], part: &[u8]) -> bool {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn spans_of_requests_reach_a_collector_as_parts_of_the_callers_trace() {
+async fn spans_reach_a_collector_within_the_callers_trace() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let collector = format!("http://{}", listener.local_addr().unwrap());
     let collected = tokio::spawn(collect(listener));

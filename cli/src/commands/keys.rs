@@ -1,4 +1,4 @@
-//! `palpate keys`: who is let in. And `palpate whoami`.
+//! `palpate keys`: manage API keys. And `palpate whoami`.
 
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{ApiKey, CreateKey, NewApiKey, PageQuery, Role, RotateKey};
@@ -16,40 +16,40 @@ pub(crate) struct KeysArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Create a key; its secret is shown this once.
+    /// Create a key and print its secret, once.
     Create {
-        /// What to call its holder, such as a robot's name.
+        /// Name of the key, such as a robot's name.
         name: String,
-        /// What its holder may do.
+        /// Role of the key.
         #[arg(long)]
         role: Role,
-        /// After how many days it is refused; never when not given.
+        /// Days until the key expires [default: never].
         #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u64).range(1..=3650))]
         expires_days: Option<u64>,
     },
-    /// List the keys, revoked ones too.
+    /// List the keys, including revoked ones.
     List,
     /// Show one key.
     Show {
-        /// Its name or id.
+        /// Name or id of the key.
         key: String,
     },
-    /// Refuse a key from now on.
+    /// Revoke a key.
     Revoke {
-        /// Its name or id.
+        /// Name or id of the key.
         key: String,
     },
-    /// Give a key a new secret; it is shown this once.
+    /// Rotate a key: give it a new secret and print it, once.
     Rotate {
-        /// Its name or id.
+        /// Name or id of the key.
         key: String,
-        /// For how many seconds the secret before is still let in.
+        /// Seconds for which the previous secret stays valid.
         #[arg(long, value_name = "S", default_value_t = 0)]
         grace_s: u64,
     },
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
@@ -58,7 +58,7 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
             let created = client.create_key(&CreateKey { name, role, expires_in_s }).await?;
             output.answer(&created, with_secret)?;
             if !client.whoami().await?.keys_required {
-                output.say("This server asks nobody for a key yet. It does from its next start.");
+                output.say("This server does not require keys yet. It will from its next start.");
             }
             Ok(())
         }
@@ -72,7 +72,7 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
         }
         Action::Revoke { key } => {
             client.revoke_key(&key).await?;
-            output.answer(&json!({ "revoked": key }), |_| format!("{key} is refused from now on"))
+            output.answer(&json!({ "revoked": key }), |_| format!("revoked {key}"))
         }
         Action::Rotate { key, grace_s } => {
             let rotated = client.rotate_key(&key, &RotateKey { grace_s: Some(grace_s) }).await?;
@@ -81,12 +81,12 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
     }
 }
 
-/// Says whom the server takes this key for.
+/// Shows the key and role that the server sees.
 pub(crate) async fn whoami(context: &Context) -> anyhow::Result<()> {
     let whoami = context.client.whoami().await?;
     context.output.answer(&whoami, |whoami| match &whoami.key {
         Some(key) => format!("{}, {}\n{}", key.name, word(&whoami.role), table_of(key)),
-        None => "nobody is asked for a key here: everybody may do everything".to_owned(),
+        None => "this server requires no keys: every caller is admin".to_owned(),
     })
 }
 
@@ -124,7 +124,7 @@ fn state(key: &ApiKey) -> String {
     match (&key.revoked_at, &key.rotating_until) {
         (Some(at), _) => format!("revoked {at}"),
         (None, _) if !key.active => "expired".to_owned(),
-        (None, Some(until)) => format!("active, secret before until {until}"),
+        (None, Some(until)) => format!("active, previous secret until {until}"),
         (None, None) => "active".to_owned(),
     }
 }

@@ -54,7 +54,7 @@ mod tests {
         let rows: Vec<&str> = page().lines().filter(|line| line.starts_with("<tr>")).collect();
         assert_eq!(rows.len(), n_operations);
         assert!(
-            rows.contains(&"<tr><td>GET<td><code>/livez</code><td>Whether the process answers"),
+            rows.contains(&"<tr><td>GET<td><code>/livez</code><td>Check that the process answers"),
             "{}",
             page()
         );

@@ -1,34 +1,34 @@
-//! What `palpate train` asks for of appearance, and how it shows what came out.
+//! `palpate train`: appearance options and their results.
 
 use clap::Args;
 use palpate_client::schemas::{
     AppearanceSummary, AppearanceTraining, ClusteringKind, Descriptor, FeatureSource,
 };
 
-/// Arguments about appearance.
+/// Appearance options.
 #[derive(Debug, Args)]
 #[group(multiple = true)]
 pub(super) struct AppearanceArgs {
-    /// Also learn classes of appearance, for sessions with the methods `appearance…`.
+    /// Also learn appearance classes, for the methods `appearance…`.
     #[arg(long)]
     appearance: bool,
-    /// How a press becomes a feature for these classes [default: mnti].
+    /// Descriptor for these classes [default: mnti].
     #[arg(long, value_enum, requires = "appearance", conflicts_with = "features")]
     appearance_descriptor: Option<Descriptor>,
-    /// Compare the features that robots send with their readings instead of images.
+    /// Compare the features that clients send with their readings instead of images.
     #[arg(long, requires = "appearance")]
     features: bool,
-    /// Candidates for the number of these classes; held-back readings choose [default: 48].
+    /// Candidates for the number of classes; held-back readings choose [default: 48].
     #[arg(long, requires = "appearance", value_delimiter = ',',
         value_parser = clap::value_parser!(u32).range(2..=400))]
     appearance_classes: Vec<u32>,
-    /// The share of the features' variance that is kept, 0.5 to 1 [default: 0.99].
+    /// Share of the features' variance to keep, 0.5 to 1 [default: 0.99].
     #[arg(long, requires = "appearance")]
     variance_share: Option<f64>,
-    /// How these classes are found [default: mixture].
+    /// Clustering method for these classes [default: mixture].
     #[arg(long, value_enum, requires = "appearance")]
     clustering: Option<ClusteringKind>,
-    /// At most this many axes that tell the objects apart, after the principal components.
+    /// Maximum number of discriminant axes after the principal components.
     #[arg(long, requires = "appearance", value_parser = clap::value_parser!(u32).range(1..=1000))]
     discriminant_axes: Option<u32>,
     /// Learn nothing else: for readings without poses.
@@ -37,7 +37,7 @@ pub(super) struct AppearanceArgs {
 }
 
 impl AppearanceArgs {
-    /// What is asked for; `None` for nothing.
+    /// The appearance part of the request; `None` if not requested.
     pub(super) fn wire(&self) -> Option<AppearanceTraining> {
         if !self.appearance {
             return None;
@@ -55,7 +55,7 @@ impl AppearanceArgs {
     }
 }
 
-/// What was learnt, in lines of their own behind the rest.
+/// The appearance part of the result, as lines.
 pub(super) fn appearance_words(summary: &AppearanceSummary) -> String {
     let warnings = summary.warnings.iter().map(|warning| format!("\nwarning: {warning}"));
     format!(
