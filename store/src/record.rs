@@ -1,7 +1,8 @@
-//! Stored ↔ core: the frozen structs that are written, and their conversions.
+//! Stored ↔ core: the frozen forms that are written, and their conversions.
 //!
-//! A struct that ends in `V1` never changes; a new field makes a `V2` with the next schema
-//! number, and decoding turns what it finds into today's type. Payloads are bincode 2.0.1's
+//! A stored form, a tuple or a struct that ends in `V1`, never changes: golden files hold it. A new
+//! field makes a `V2` with the next schema number, and decoding turns what it finds into today's
+//! type. Payloads are bincode 2.0.1's
 //! `legacy` form (fixed-width little-endian, u64 lengths); readings' pressures are raw
 //! little-endian f64, NaN for a taxel without a value. Journal entries, calibrations
 //! and what guards the door have files of their own.
@@ -166,58 +167,19 @@ impl Record for Sensor {
     }
 }
 
-#[derive(Encode, Decode)]
-struct ObjectRecordV1 {
-    id: IdV1,
-    name: String,
-    description: String,
-    revision: u64,
-    created_at_ms: u64,
-    updated_at_ms: u64,
-}
-
 impl Record for Object {
     const KIND: Kind = Kind::Object;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&ObjectRecordV1 {
-            id: self.id.into_bytes(),
-            name: self.name.clone(),
-            description: self.description.clone(),
-            revision: self.revision,
-            created_at_ms: self.created_at_ms,
-            updated_at_ms: self.updated_at_ms,
-        })
+        let Self { id, name, description, revision, created_at_ms, updated_at_ms } = self;
+        write(&(id.as_bytes(), name, description, revision, created_at_ms, updated_at_ms))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: ObjectRecordV1 = read(payload)?;
-        Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            name: stored.name,
-            description: stored.description,
-            revision: stored.revision,
-            created_at_ms: stored.created_at_ms,
-            updated_at_ms: stored.updated_at_ms,
-        })
+        let (id, name, description, revision, created_at_ms, updated_at_ms) = read(payload)?;
+        let id = Uuid::from_bytes(id);
+        Ok(Self { id, name, description, revision, created_at_ms, updated_at_ms })
     }
-}
-
-#[derive(Encode, Decode)]
-struct JobRecordV1 {
-    id: IdV1,
-    catalogue: String,
-    request: String,
-    state: u8,
-    stage: String,
-    done: u64,
-    total: u64,
-    cancel_requested: bool,
-    version: Option<u32>,
-    error: Option<String>,
-    created_at_ms: u64,
-    started_at_ms: Option<u64>,
-    finished_at_ms: Option<u64>,
 }
 
 const JOB_STATES: [JobState; 5] = [
@@ -232,59 +194,35 @@ impl Record for Job {
     const KIND: Kind = Kind::Job;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&JobRecordV1 {
-            id: self.id.into_bytes(),
-            catalogue: self.catalogue.clone(),
-            request: self.request.clone(),
-            state: code(&JOB_STATES, &self.state),
-            stage: self.stage.clone(),
-            done: self.done,
-            total: self.total,
-            cancel_requested: self.cancel_requested,
-            version: self.version,
-            error: self.error.clone(),
-            created_at_ms: self.created_at_ms,
-            started_at_ms: self.started_at_ms,
-            finished_at_ms: self.finished_at_ms,
-        })
+        let progress = (&self.stage, self.done, self.total, self.cancel_requested);
+        let outcome = (self.version, &self.error);
+        let times = (self.created_at_ms, self.started_at_ms, self.finished_at_ms);
+        let state = code(&JOB_STATES, &self.state);
+        let id = self.id.as_bytes();
+        write(&(id, &self.catalogue, &self.request, state, progress, outcome, times))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: JobRecordV1 = read(payload)?;
+        let (id, catalogue, request, state, progress, outcome, times) = read(payload)?;
+        let (stage, done, total, cancel_requested) = progress;
+        let (version, error) = outcome;
+        let (created_at_ms, started_at_ms, finished_at_ms) = times;
         Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            catalogue: stored.catalogue,
-            request: stored.request,
-            state: coded(&JOB_STATES, "state", stored.state)?,
-            stage: stored.stage,
-            done: stored.done,
-            total: stored.total,
-            cancel_requested: stored.cancel_requested,
-            version: stored.version,
-            error: stored.error,
-            created_at_ms: stored.created_at_ms,
-            started_at_ms: stored.started_at_ms,
-            finished_at_ms: stored.finished_at_ms,
+            id: Uuid::from_bytes(id),
+            catalogue,
+            request,
+            state: coded(&JOB_STATES, "state", state)?,
+            stage,
+            done,
+            total,
+            cancel_requested,
+            version,
+            error,
+            created_at_ms,
+            started_at_ms,
+            finished_at_ms,
         })
     }
-}
-
-#[derive(Encode, Decode)]
-struct SessionRecordV1 {
-    id: IdV1,
-    catalogue: IdV1,
-    version: u32,
-    method: u8,
-    sensors: Vec<IdV1>,
-    frame_id: String,
-    prior: Vec<(IdV1, f64)>,
-    /// Always true: whether objects move is said by the method and the options.
-    unused: bool,
-    seed: u64,
-    time_to_live_ms: u64,
-    options: String,
-    created_at_ms: u64,
-    closed_at_ms: Option<u64>,
 }
 
 const METHODS: [Method; 4] = [Method::Surface, Method::Sva, Method::Appearance, Method::Geometric];
@@ -293,39 +231,37 @@ impl Record for Session {
     const KIND: Kind = Kind::Session;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&SessionRecordV1 {
-            id: self.id.into_bytes(),
-            catalogue: self.catalogue.into_bytes(),
-            version: self.version,
-            method: code(&METHODS, &self.method),
-            sensors: self.sensors.iter().map(|id| id.into_bytes()).collect(),
-            frame_id: self.frame_id.clone(),
-            prior: self.prior.iter().map(|(id, weight)| (id.into_bytes(), *weight)).collect(),
-            unused: true,
-            seed: self.seed,
-            time_to_live_ms: self.time_to_live_ms,
-            options: self.options.clone(),
-            created_at_ms: self.created_at_ms,
-            closed_at_ms: self.closed_at_ms,
-        })
+        let (id, catalogue) = (self.id.as_bytes(), self.catalogue.as_bytes());
+        let method = code(&METHODS, &self.method);
+        let sensors: Vec<IdV1> = self.sensors.iter().map(|id| id.into_bytes()).collect();
+        let prior = self.prior.iter().map(|(id, weight)| (id.into_bytes(), *weight));
+        let prior: Vec<(IdV1, f64)> = prior.collect();
+        let times = (self.time_to_live_ms, &self.options, self.created_at_ms, self.closed_at_ms);
+        let from = (id, catalogue, self.version, method, sensors, &self.frame_id, prior);
+        // True: unused; the method and the options say whether objects move.
+        write(&(from, true, self.seed, times))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: SessionRecordV1 = read(payload)?;
-        let prior = stored.prior.into_iter().map(|(id, weight)| (Uuid::from_bytes(id), weight));
+        let (from, unused, seed, times) = read(payload)?;
+        let _: bool = unused;
+        let (id, catalogue, version, method, sensors, frame_id, prior) = from;
+        let sensors: Vec<IdV1> = sensors;
+        let prior: Vec<(IdV1, f64)> = prior;
+        let (time_to_live_ms, options, created_at_ms, closed_at_ms) = times;
         Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            catalogue: Uuid::from_bytes(stored.catalogue),
-            version: stored.version,
-            method: coded(&METHODS, "method", stored.method)?,
-            sensors: stored.sensors.into_iter().map(Uuid::from_bytes).collect(),
-            frame_id: stored.frame_id,
-            prior: prior.collect(),
-            seed: stored.seed,
-            time_to_live_ms: stored.time_to_live_ms,
-            options: stored.options,
-            created_at_ms: stored.created_at_ms,
-            closed_at_ms: stored.closed_at_ms,
+            id: Uuid::from_bytes(id),
+            catalogue: Uuid::from_bytes(catalogue),
+            version,
+            method: coded(&METHODS, "method", method)?,
+            sensors: sensors.into_iter().map(Uuid::from_bytes).collect(),
+            frame_id,
+            prior: prior.into_iter().map(|(id, weight)| (Uuid::from_bytes(id), weight)).collect(),
+            seed,
+            time_to_live_ms,
+            options,
+            created_at_ms,
+            closed_at_ms,
         })
     }
 }
@@ -408,16 +344,6 @@ impl<T: Plain> Record for T {
     }
 }
 
-#[derive(Encode, Decode)]
-struct MeshRecordV1 {
-    upload: IdV1,
-    format: u8,
-    unit: u8,
-    length: u64,
-    hash: [u8; 32],
-    uploaded_at_ms: u64,
-}
-
 const MESH_FORMATS: [MeshFormat; 4] =
     [MeshFormat::Stl, MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off];
 const MESH_UNITS: [MeshUnit; 4] =
@@ -427,110 +353,67 @@ impl Record for MeshInfo {
     const KIND: Kind = Kind::Mesh;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&MeshRecordV1 {
-            upload: self.upload.into_bytes(),
-            format: code(&MESH_FORMATS, &self.format),
-            unit: code(&MESH_UNITS, &self.unit),
-            length: self.length,
-            hash: self.hash,
-            uploaded_at_ms: self.uploaded_at_ms,
-        })
+        let (format, unit) = (code(&MESH_FORMATS, &self.format), code(&MESH_UNITS, &self.unit));
+        let upload = self.upload.as_bytes();
+        write(&(upload, format, unit, self.length, self.hash, self.uploaded_at_ms))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: MeshRecordV1 = read(payload)?;
-        Ok(Self {
-            upload: Uuid::from_bytes(stored.upload),
-            format: coded(&MESH_FORMATS, "format", stored.format)?,
-            unit: coded(&MESH_UNITS, "unit", stored.unit)?,
-            length: stored.length,
-            hash: stored.hash,
-            uploaded_at_ms: stored.uploaded_at_ms,
-        })
+        let (upload, format, unit, length, hash, uploaded_at_ms) = read(payload)?;
+        let format = coded(&MESH_FORMATS, "format", format)?;
+        let unit = coded(&MESH_UNITS, "unit", unit)?;
+        let upload = Uuid::from_bytes(upload);
+        Ok(Self { upload, format, unit, length, hash, uploaded_at_ms })
     }
-}
-
-#[derive(Encode, Decode)]
-struct CatalogueRecordV1 {
-    id: IdV1,
-    name: String,
-    latest: u32,
-    current: Option<u32>,
-    revision: u64,
-    history: Vec<(u32, u64)>,
-    created_at_ms: u64,
 }
 
 impl Record for Catalogue {
     const KIND: Kind = Kind::Catalogue;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&CatalogueRecordV1 {
-            id: self.id.into_bytes(),
-            name: self.name.clone(),
-            latest: self.latest,
-            current: self.current,
-            revision: self.revision,
-            history: self.history.iter().map(|switch| (switch.version, switch.at_ms)).collect(),
-            created_at_ms: self.created_at_ms,
-        })
+        let Self { id, name, latest, current, revision, history, created_at_ms } = self;
+        let history: Vec<(u32, u64)> =
+            history.iter().map(|switch| (switch.version, switch.at_ms)).collect();
+        write(&(id.as_bytes(), name, latest, current, revision, history, created_at_ms))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: CatalogueRecordV1 = read(payload)?;
+        let (id, name, latest, current, revision, history, created_at_ms) = read(payload)?;
+        let history: Vec<(u32, u64)> = history;
         let switch = |(version, at_ms)| Switch { version, at_ms };
-        Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            name: stored.name,
-            latest: stored.latest,
-            current: stored.current,
-            revision: stored.revision,
-            history: stored.history.into_iter().map(switch).collect(),
-            created_at_ms: stored.created_at_ms,
-        })
+        let (id, history) = (Uuid::from_bytes(id), history.into_iter().map(switch).collect());
+        Ok(Self { id, name, latest, current, revision, history, created_at_ms })
     }
-}
-
-#[derive(Encode, Decode)]
-struct VersionRecordV1 {
-    catalogue: IdV1,
-    version: u32,
-    job: Option<IdV1>,
-    parameters: String,
-    objects: Vec<(IdV1, String)>,
-    blocks: Vec<(String, [u8; 32], u64)>,
-    created_at_ms: u64,
 }
 
 impl Record for Manifest {
     const KIND: Kind = Kind::Version;
 
     fn to_payload(&self) -> Vec<u8> {
-        let object = |object: &VersionObject| (object.id.into_bytes(), object.name.clone());
-        let block = |block: &BlockEntry| (block.name.clone(), block.hash, block.length);
-        write(&VersionRecordV1 {
-            catalogue: self.catalogue.into_bytes(),
-            version: self.version,
-            job: self.job.map(Uuid::into_bytes),
-            parameters: self.parameters.clone(),
-            objects: self.objects.iter().map(object).collect(),
-            blocks: self.blocks.iter().map(block).collect(),
-            created_at_ms: self.created_at_ms,
-        })
+        let Self { catalogue, version, job, parameters, objects, blocks, created_at_ms } = self;
+        let objects: Vec<(&IdV1, &String)> =
+            objects.iter().map(|object| (object.id.as_bytes(), &object.name)).collect();
+        let blocks: Vec<(&String, [u8; 32], u64)> =
+            blocks.iter().map(|block| (&block.name, block.hash, block.length)).collect();
+        let (catalogue, job) = (catalogue.as_bytes(), job.map(Uuid::into_bytes));
+        write(&(catalogue, version, job, parameters, objects, blocks, created_at_ms))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: VersionRecordV1 = read(payload)?;
+        let (catalogue, version, job, parameters, objects, blocks, created_at_ms) = read(payload)?;
+        let objects: Vec<(IdV1, String)> = objects;
+        let blocks: Vec<(String, [u8; 32], u64)> = blocks;
+        let job: Option<IdV1> = job;
         let object = |(id, name)| VersionObject { id: Uuid::from_bytes(id), name };
         let block = |(name, hash, length)| BlockEntry { name, hash, length };
         Ok(Self {
-            catalogue: Uuid::from_bytes(stored.catalogue),
-            version: stored.version,
-            job: stored.job.map(Uuid::from_bytes),
-            parameters: stored.parameters,
-            objects: stored.objects.into_iter().map(object).collect(),
-            blocks: stored.blocks.into_iter().map(block).collect(),
-            created_at_ms: stored.created_at_ms,
+            catalogue: Uuid::from_bytes(catalogue),
+            version,
+            job: job.map(Uuid::from_bytes),
+            parameters,
+            objects: objects.into_iter().map(object).collect(),
+            blocks: blocks.into_iter().map(block).collect(),
+            created_at_ms,
         })
     }
 }
