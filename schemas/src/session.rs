@@ -188,6 +188,35 @@ pub enum Method {
     AppearanceLiteral,
 }
 
+impl Method {
+    /// Its name, as on the wire.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Surface => "surface",
+            Self::Sva => "sva",
+            Self::SvaLiteral => "sva_literal",
+            Self::Geometric => "geometric",
+            Self::GeometricHistogram => "geometric_histogram",
+            Self::GeometricParticles => "geometric_particles",
+            Self::Appearance => "appearance",
+            Self::AppearanceLiteral => "appearance_literal",
+        }
+    }
+
+    /// Whether it needs contact maps, and a prior over poses.
+    #[must_use]
+    pub fn is_geometric(self) -> bool {
+        matches!(self, Self::Geometric | Self::GeometricHistogram | Self::GeometricParticles)
+    }
+
+    /// Whether it compares appearance alone: it needs no poses, and the object may move.
+    #[must_use]
+    pub fn is_appearance(self) -> bool {
+        matches!(self, Self::Appearance | Self::AppearanceLiteral)
+    }
+}
+
 /// A session: one object that is touched.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Session {

@@ -112,10 +112,12 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         version: Some(current),
         method,
         unknown_prior: args.unknown_prior,
-        pose_prior: is_geometric(method).then(|| robot.pose_prior(truth.origin_in_mesh)),
+        pose_prior: method
+            .is_some_and(Method::is_geometric)
+            .then(|| robot.pose_prior(truth.origin_in_mesh)),
         ..CreateSession::default()
     };
-    if is_appearance(method) {
+    if method.is_some_and(Method::is_appearance) {
         robot = robot.without_poses();
     }
     let mut session = client.touch_session(&session, &context.robot("simulated")).await?;
@@ -138,7 +140,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
             return Err(Ended::Interrupted.into());
         }
     };
-    let is_posed = !is_appearance(method) && args.object != NONE;
+    let is_posed = !method.is_some_and(Method::is_appearance) && args.object != NONE;
     let touched = Touched::of(session.id(), &result);
     output.answer(&touched, |touched| verdict(touched, &result.last, is_posed))?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }
@@ -183,22 +185,15 @@ fn verdict(touched: &Touched, last: &Step, is_posed: bool) -> String {
     )
 }
 
-fn is_appearance(method: Option<Method>) -> bool {
-    matches!(method, Some(Method::Appearance | Method::AppearanceLiteral))
-}
-
-fn is_geometric(method: Option<Method>) -> bool {
-    matches!(
-        method,
-        Some(Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles)
-    )
-}
-
 /// The approach of the robot: straight down for planar maps.
 fn approach(method: Option<Method>, version: &CatalogueVersion) -> Approach {
     let mut kinds = version.report.objects.iter().filter_map(|object| object.geometry);
     let is_planar = kinds.any(|geometry| geometry.kind == GeometryKind::Planar);
-    if is_geometric(method) && is_planar { Approach::StraightDown } else { Approach::Anywhere }
+    if method.is_some_and(Method::is_geometric) && is_planar {
+        Approach::StraightDown
+    } else {
+        Approach::Anywhere
+    }
 }
 
 fn step_words(step: &Step) -> String {
