@@ -1,5 +1,4 @@
-//! API keys, the names of robots that belong to them, and entries of the audit log as they are
-//! stored.
+//! Stored forms of API keys, the names of robots that they own, and entries of the audit log.
 
 use bincode::{Decode, Encode};
 use uuid::Uuid;
@@ -17,7 +16,7 @@ impl Record for AccessKey {
     const KIND: Kind = Kind::AccessKey;
 
     fn to_payload(&self) -> Vec<u8> {
-        // The hash before the last rotation, and from when on it is refused.
+        // The hash before the last rotation, and when it expires.
         let previous = self.previous.map(|previous| (previous.hash, previous.until_ms));
         let (id, role) = (self.id.as_bytes(), code(&ROLES, &self.role));
         let times =
@@ -70,7 +69,7 @@ struct AuditRecordV1 {
     n_left_out: u32,
 }
 
-/// Schema 1 with how often it was asked, and when the last time.
+/// Schema 1 with the number of requests and the time of the last.
 #[derive(Encode, Decode)]
 struct AuditRecordV2 {
     first: AuditRecordV1,
@@ -108,7 +107,7 @@ impl Record for AuditEntry {
     }
 }
 
-/// An entry of schema 1: it was asked once.
+/// An entry of schema 1: one request.
 fn once(stored: AuditRecordV1) -> Result<AuditEntry, RecordError> {
     let role = stored.role.map(|role| coded(&ROLES, "role", role)).transpose()?;
     Ok(AuditEntry {

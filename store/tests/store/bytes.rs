@@ -1,10 +1,10 @@
-//! The stored bytes are a contract: frozen examples of each record, and round trips.
+//! Tests of the stored bytes: frozen examples of each record, and round trips.
 //!
-//! `golden/records_v1.txt` was written by this test's `current` on layout 1 and is never
-//! changed: what it holds must be readable for ever. A new schema adds a file:
+//! `golden/records_v1.txt` was written by this test's `current` on layout 1 and never
+//! changes: its content must stay readable for ever. A new schema adds a file:
 //! `golden/records_v2.txt` has journal entries of schema 2 and calibrations,
-//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4, `golden/records_v5.txt` of schema 5,
-//! `golden/retractions_v1.txt` what withdraws a reading.
+//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4,
+//! `golden/records_v5.txt` of schema 5, `golden/retractions_v1.txt` a retraction.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ const GOLDEN: &str = include_str!("golden/records_v1.txt");
 const GOLDEN_V2: &str = include_str!("golden/records_v2.txt");
 const GOLDEN_V3: &str = include_str!("golden/records_v3.txt");
 const GOLDEN_V4: &str = include_str!("golden/records_v4.txt");
-/// Of schema 5, and of robots' names.
+/// Schema 5, and robots' names.
 const GOLDEN_V5: &str = include_str!("golden/records_v5.txt");
 const GOLDEN_RETRACTIONS: &str = include_str!("golden/retractions_v1.txt");
 
@@ -41,7 +41,7 @@ fn current() -> String {
     lines(&*engine)
 }
 
-/// The same of a database with these journal entries, and what else is put in.
+/// The dump of a database with these journal entries, and what `and` adds.
 fn current_of(entries: &[NewEntry], and: impl AsyncFnOnce(&Database)) -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
@@ -66,7 +66,7 @@ fn retracted() -> [NewEntry; 2] {
 
 pub(crate) fn lines(engine: &dyn Engine) -> String {
     let mut text = String::new();
-    // The layout record, the first, also says which Palpate made it.
+    // The layout record, the first, also contains the version of its creator.
     for (key, value) in engine.scan(b"", Some(b"!"), 1000).unwrap() {
         let value = match value.len() {
             0..=500 => hex(&value),
@@ -94,7 +94,7 @@ fn is_entry(line: &str) -> bool {
     line.starts_with("72") || line.starts_with("74")
 }
 
-/// Bytes written today are the frozen ones, but for journal entries of earlier schemas.
+/// Compares written bytes with frozen ones, except journal entries of earlier schemas.
 #[track_caller]
 fn check_frozen(current: &str, golden: &str) {
     for (now, frozen) in current.lines().zip(golden.lines()) {
@@ -104,7 +104,7 @@ fn check_frozen(current: &str, golden: &str) {
 }
 
 #[test]
-fn todays_bytes_are_the_frozen_bytes() {
+fn written_bytes_equal_the_frozen_bytes() {
     check_frozen(&current(), GOLDEN);
     let entries = [samples::calibrated_entry("a", 1, 7), closed()];
     let calibrated = current_of(&entries, async |database| {
@@ -121,7 +121,7 @@ fn todays_bytes_are_the_frozen_bytes() {
 }
 
 #[test]
-fn todays_bytes_of_schema_5_are_the_frozen_bytes() {
+fn written_bytes_of_schema_5_equal_the_frozen_bytes() {
     let key = Uuid::from_u128(80);
     let entry = NewEntry { written_by: Some(key), ..samples::moved_entry("a", 1) };
     let holder = RobotHolder { robot: "arm-3".to_owned(), key, since_ms: 7 };
@@ -163,7 +163,7 @@ pub(crate) fn thawed(golden: &str) -> Database {
     Database::with_engine(Arc::clone(&engine)).unwrap();
     for line in golden.lines() {
         let (key, value) = line.split_once(' ').unwrap();
-        // Files' pieces are frozen by their hashes only.
+        // Pieces of files are frozen by their hashes only.
         if !value.contains("bytes") {
             engine.commit(Commit::new().put(unhex(key), unhex(value))).wait().unwrap();
         }
@@ -178,7 +178,7 @@ fn frozen_bytes_are_read() {
     assert_eq!(database.objects().all().unwrap(), [samples::object(20)]);
     assert_eq!(database.jobs().all().unwrap(), [samples::job(40)]);
     assert_eq!(database.sessions().all().unwrap(), [samples::session(50)]);
-    // Journal entries of schemas before 4 are read by `migrations` alone.
+    // Only `migrations` reads journal entries of schemas before 4.
     let error = database.journal().entries(Uuid::from_u128(50), 0, 10).unwrap_err();
     assert!(error.to_string().contains("schema 1"), "{error}");
     let calibrated = thawed(GOLDEN_V2);
@@ -254,7 +254,7 @@ fn manifest() -> impl Strategy<Value = Manifest> {
 
 proptest! {
     #[test]
-    fn entries_come_back_bit_by_bit(entry in entry()) {
+    fn entries_are_restored_bit_by_bit(entry in entry()) {
         prop_assert_eq!(decode::<Entry>(&encode(&entry)).unwrap(), entry);
     }
 
