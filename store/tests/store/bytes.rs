@@ -259,18 +259,18 @@ proptest! {
     }
 
     #[test]
-    fn manifests_come_back(manifest in manifest()) {
+    fn manifests_are_restored(manifest in manifest()) {
         prop_assert_eq!(decode::<Manifest>(&encode(&manifest)).unwrap(), manifest);
     }
 
     #[test]
-    fn objects_come_back(name in "\\PC{0,40}", description in "\\PC{0,400}", at in any::<u64>()) {
+    fn objects_are_restored(name in "\\PC{0,40}", description in "\\PC{0,400}", at in any::<u64>()) {
         let object = Object { name, description, created_at_ms: at, ..samples::object(9) };
         prop_assert_eq!(decode::<Object>(&encode(&object)).unwrap(), object);
     }
 
     #[test]
-    fn any_bytes_are_refused_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes_are_refused_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         prop_assert!(decode::<Object>(&bytes).is_err());
         let sealed = palpate_store::envelope::seal(
             palpate_store::envelope::Kind::JournalEntry, 1, &bytes);
