@@ -29,7 +29,7 @@ pub(crate) fn stderr(output: &Output) -> String {
 /// A server that stops when it is dropped, and its answer when it started.
 pub(crate) struct Server {
     child: Child,
-    started: Value,
+    pub(crate) started: Value,
     log: File,
 }
 
