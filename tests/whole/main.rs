@@ -5,9 +5,9 @@
 mod command;
 mod corpora;
 mod house;
-mod letters;
 mod load;
 mod numbers;
 mod serving;
-mod story;
+#[cfg(feature = "otlp")]
+mod spans;
 mod torture;
