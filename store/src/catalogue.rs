@@ -173,12 +173,15 @@ impl Catalogues {
         self.table.list(after, limit)
     }
 
-    /// Writes a new version: its blocks, then its manifest. It is not current yet.
+    /// Writes a new version: its blocks, then its manifest. It is not current yet. All its blocks
+    /// count to the caller, also those that other versions have too.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Damaged`]; the engine's.
     pub async fn publish(&self, catalogue: Uuid, draft: Draft) -> Result<Manifest, StoreError> {
         self.get(catalogue)?;
+        let bytes = draft.blocks.iter().map(|(_, content)| content.len() as u64).sum();
+        self.engine.check_quota(bytes)?;
         let mut blocks = Vec::with_capacity(draft.blocks.len());
         for (name, content) in draft.blocks {
             blocks.push(self.write_block(name, &content).await?);
@@ -198,7 +201,8 @@ impl Catalogues {
             now.latest += 1;
             manifest.version = now.latest;
             let head = key::numbered(Space::Version, catalogue, u64::from(now.latest));
-            Ok::<_, Infallible>(pieces::put(Commit::new(), &head, &record::encode(&manifest), None))
+            let commit = pieces::put(Commit::new(), &head, &record::encode(&manifest), None);
+            Ok::<_, Infallible>(Commit { counted: vec![(head, bytes)], ..commit })
         });
         published.await?.unwrap_or_else(|never| match never {});
         Ok(manifest)

@@ -58,6 +58,8 @@ pub enum Kind {
     RobotHolder = 21,
     /// The latest time that was seen.
     Clock = 22,
+    /// How many bytes an API key wrote of a thing.
+    Holding = 23,
     /// How many commits there were, and the sum of all records.
     Tally = 30,
 }

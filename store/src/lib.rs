@@ -4,8 +4,9 @@
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
 //! values are; `pieces` splits what is large; [`table`], [`journal`], [`calibration`],
 //! [`mesh`], [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
-//! [`fsck`] checks a whole database, [`snapshot`] copies one. `docs/formats.md` draws every
-//! byte. Times are arguments, in milliseconds since 1970.
+//! [`holding`] counts the bytes that each API key wrote; [`fsck`] checks a whole database,
+//! [`snapshot`] copies one. `docs/formats.md` draws every byte.
+//! Times are arguments, in milliseconds since 1970.
 //! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
 pub mod engine;
@@ -27,6 +28,8 @@ pub mod access;
 pub mod private;
 pub mod record;
 pub mod robot;
+
+pub mod holding;
 
 mod pieces;
 

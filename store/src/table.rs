@@ -218,6 +218,7 @@ impl<T: Entity> Table<T> {
             let mut commit =
                 Commit::new().expect(head.clone(), Expected::Value(pieces::first(&bytes)));
             commit.writes.extend(with.writes);
+            commit.counted = with.counted;
             if let (Some(old), Some(new)) = (before.name(), after.name())
                 && old != new
             {

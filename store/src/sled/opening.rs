@@ -2,6 +2,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
+use std::ops::Bound;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,7 +15,9 @@ use super::levels::{Form, Layer, Levels};
 use super::mark::{self, Found};
 use super::tally::{Contents, TALLY_KEY, Tally, contents};
 use super::{SledOptions, guarded};
-use crate::engine::{EngineError, OpenError};
+use crate::engine::{EngineError, OpenError, Pair};
+use crate::holding::Held;
+use crate::key::{self, Space};
 
 /// The file whose lock says that the folder is in use.
 const LOCK_FILE: &str = "lock";
@@ -38,10 +41,7 @@ pub(super) struct Verified {
 
 /// Holds what is there against what was written last.
 pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenError> {
-    let unreadable = |error: EngineError| OpenError::Damaged {
-        folder: folder.to_owned(),
-        detail: error.to_string(),
-    };
+    let unreadable = |error: EngineError| unreadable(folder, &error);
     let path = folder.join(mark::MARK_FILE);
     let found_mark =
         mark::read(folder).map_err(|source| OpenError::Io { path: path.clone(), source })?;
@@ -70,6 +70,26 @@ pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenErr
     };
     let tally = Tally { commits: there.max(acknowledged), sum };
     Ok(Verified { tally, live_bytes, damage })
+}
+
+/// Files that the engine cannot read.
+pub(super) fn unreadable(folder: &Path, error: &EngineError) -> OpenError {
+    OpenError::Damaged { folder: folder.to_owned(), detail: error.to_string() }
+}
+
+/// Bytes that each API key holds.
+pub(super) fn held(levels: &Levels) -> Result<Held, EngineError> {
+    let (held, prefix) = (Held::default(), key::space(Space::Holding));
+    guarded("counting the bytes of keys", || {
+        let pairs = levels.range(Bound::Included(&prefix));
+        let within = |pair: &::sled::Result<Pair>| {
+            pair.as_ref().map_or(true, |(key, _)| key.starts_with(&prefix))
+        };
+        pairs.take_while(within).collect::<::sled::Result<Vec<Pair>>>()
+    })?
+    .iter()
+    .try_for_each(|(key, record)| held.note(key, None, Some(record)))?;
+    Ok(held)
 }
 
 /// Opens the files that are the database.
