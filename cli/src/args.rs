@@ -146,6 +146,8 @@ pub(crate) enum Command {
     Audit(AuditArgs),
     /// Copies of all that a server has stored: take, verify, restore.
     Snapshot(SnapshotArgs),
+    /// Show what is stored, which key wrote it, and what would free most.
+    Storage,
     /// Give back the room on the disk that removed records still take.
     Compact(CompactArgs),
     /// Check a folder of stored data that no server has open.
@@ -188,6 +190,8 @@ mod tests {
         "palpate compact",
         "palpate compact --data ./d --json",
         "palpate serve --store-slack-mb 8",
+        "palpate serve --store-quota-mb 500",
+        "palpate storage --json",
         "palpate snapshot create monday.snapshot",
         "palpate snapshot verify monday.snapshot --json",
         "palpate snapshot restore monday.snapshot --data ./restored",

@@ -26,6 +26,7 @@ pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
 pub(crate) mod snapshot;
+pub(crate) mod storage;
 pub(crate) mod touch;
 pub(crate) mod train;
 
@@ -109,6 +110,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Whoami => keys::whoami(&context()?).await,
         Command::Audit(args) => audit::run(args, &context()?).await,
         Command::Snapshot(args) => snapshot::run(args, output, context).await,
+        Command::Storage => storage::run(&context()?).await,
         Command::Compact(args) => compact::run(args, output, context).await,
         Command::Fsck(args) => fsck::run(args, output).await,
         Command::Migrate(args) => migrate::run(args, output).await,

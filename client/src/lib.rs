@@ -39,6 +39,7 @@ mod keys;
 mod compactions;
 mod sessions;
 mod snapshots;
+mod storage;
 
 mod history;
 

@@ -69,6 +69,8 @@ pub struct ApiKey {
     pub revoked_at: Option<String>,
     /// Until when the secret before the last rotation is let in as well; null: it is not.
     pub rotating_until: Option<String>,
+    /// Bytes of stored data that it wrote and that were not removed since.
+    pub stored_bytes: u64,
 }
 
 /// A key with its secret, which is shown this once.
@@ -106,6 +108,8 @@ pub struct Whoami {
     pub role: Role,
     /// The caller's key; null when nobody is asked for one.
     pub key: Option<ApiKey>,
+    /// Bytes of stored data that one key may hold; null: no bound.
+    pub quota_bytes: Option<u64>,
 }
 
 /// A key that wrote something.

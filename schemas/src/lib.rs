@@ -21,6 +21,7 @@ pub mod problem;
 pub mod reading;
 pub mod sensor;
 pub mod session;
+pub mod storage;
 pub mod symmetry;
 pub mod training;
 pub mod warning;
@@ -71,6 +72,7 @@ pub use session::{
     PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent,
     SessionPage, SessionState, SessionsQuery, Truth,
 };
+pub use storage::{Storage, StorageHolder, StoredKind, StoredThing};
 pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion, Descriptor,

@@ -62,6 +62,10 @@ pub enum ProblemType {
     /// 409: something with this name, or another reading with this robot and sequence, exists.
     #[serde(rename = "urn:palpate:problem:conflict")]
     Conflict,
+    /// 409: the key's quota of stored bytes is used up; `detail` says how many bytes it holds and
+    /// may hold. Remove something that it wrote, then repeat the request.
+    #[serde(rename = "urn:palpate:problem:quota-exceeded")]
+    QuotaExceeded,
     /// 410: the session was closed or has expired; `detail` says which, and when. What it
     /// believed can still be read.
     #[serde(rename = "urn:palpate:problem:session-ended")]

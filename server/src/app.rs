@@ -25,6 +25,7 @@ use crate::rate::{Rates, share};
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
+use crate::storage::Storage;
 use crate::{problem, routes, telemetry};
 
 /// What handlers work with. Cheap to clone.
@@ -45,6 +46,7 @@ pub(crate) struct Parts {
     pub(crate) sessions: Arc<Sessions>,
     pub(crate) keys: Arc<Keys>,
     pub(crate) audit: Arc<Audit>,
+    pub(crate) storage: Arc<Storage>,
     pub(crate) stopping: watch::Receiver<bool>,
 }
 
@@ -105,6 +107,10 @@ impl App {
         &self.0.audit
     }
 
+    pub(crate) fn storage(&self) -> &Arc<Storage> {
+        &self.0.storage
+    }
+
     /// Reads much of the store on a thread that computes: those that serve requests stay free.
     pub(crate) async fn apart<T: Send + 'static>(
         &self,
@@ -122,7 +128,7 @@ impl App {
     /// Whether the server does its work.
     pub(crate) fn readiness(&self) -> Readiness {
         let (store, room) = match self.0.store.stats() {
-            Ok(stats) => (check("store", true, taken(&stats)), room(&stats)),
+            Ok(stats) => (check("store", true, taken(&stats)), room(&stats, &self.0.storage)),
             Err(error) => {
                 let unknown = check("room", true, "nobody can tell".to_owned());
                 (check("store", false, error.to_string()), unknown)
@@ -215,13 +221,14 @@ pub(crate) fn router(app: App) -> Router {
         .with_state(app)
 }
 
-/// Whether writes are taken.
-fn room(stats: &EngineStats) -> Check {
+/// Whether writes are taken; if not, what would make room.
+fn room(stats: &EngineStats, storage: &Storage) -> Check {
     let reserve = stats.reserve_bytes >> 20;
     match stats.free_bytes {
         Some(free) if free < stats.reserve_bytes => {
-            let free = free >> 20;
-            check("room", false, format!("{free} MB are free, {reserve} MB must stay: no writes"))
+            let (free, advice) = (free >> 20, storage.advice(stats));
+            let found = format!("{free} MB are free, {reserve} MB must stay: no writes{advice}");
+            check("room", false, found)
         }
         Some(free) => check("room", true, format!("{} MB are free", free >> 20)),
         None => check("room", true, "nobody can tell".to_owned()),

@@ -69,6 +69,8 @@ pub struct Config {
     pub disk_reserve_bytes: u64,
     /// Room beyond 1.5 times the live bytes at which the stored data is compacted by itself.
     pub store_slack_bytes: u64,
+    /// Bytes of stored data that one API key may hold; no bound when `None`.
+    pub store_quota_bytes: Option<u64>,
     /// How the free bytes are found.
     pub free_space: FreeSpace,
     /// The longest body of JSON or MessagePack, in bytes.
@@ -149,6 +151,7 @@ impl Config {
             store_cache_bytes: 64 << 20,
             disk_reserve_bytes: RESERVE_BYTES,
             store_slack_bytes: SLACK_BYTES,
+            store_quota_bytes: Some(10_000_000_000),
             free_space: FreeSpace::of_disk(),
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,

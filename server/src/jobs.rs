@@ -27,7 +27,9 @@ use palpate_store::model_codec::model_to_blocks;
 use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
 
+use crate::asker;
 use crate::catalogues::Catalogues;
+use crate::client::Client;
 use crate::clock::now_ms;
 use crate::config::Config;
 use crate::objects::Objects;
@@ -277,7 +279,9 @@ impl Jobs {
     async fn run(self: &Arc<Self>, job: Job, stopping: watch::Receiver<bool>) {
         let id = job.id;
         let Some(control) = self.control(id) else { return };
-        match self.train(&job, &control).await {
+        // What a training stores counts to the key that asked for it.
+        let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
+        match asker::ask(client.map(Client::Key), self.train(&job, &control)).await {
             Ok(version) => {
                 self.end(Ending::new(id, JobState::Succeeded, Some(version), None), &stopping)
                     .await;

@@ -45,6 +45,7 @@ mod routes;
 mod sensors;
 mod sessions;
 mod snapshots;
+mod storage;
 mod telemetry;
 mod training;
 mod wire;

@@ -96,6 +96,9 @@ fn bound(refusal: &Refusal) -> Option<Bound> {
         Refusal::AnswersFull { max, .. } => Bound::used_up("answers", "content-bytes", *max),
         Refusal::ConnectionsFull { open } => Bound::used_up("connections", "connections", *open),
         Refusal::ShareFull { name, unit, total, .. } => Bound::used_up(name, unit, *total),
+        Refusal::Store(StoreError::Engine(EngineError::OverQuota { quota, .. })) => {
+            Bound::used_up("storage", "content-bytes", usize::try_from(*quota).unwrap_or(usize::MAX))
+        }
         Refusal::Compute(ComputeError::Full { places }) => {
             Bound::used_up("compute", "places", *places)
         }
@@ -251,6 +254,7 @@ fn store_kind(error: &StoreError) -> ProblemType {
             ProblemType::Conflict
         }
         StoreError::Engine(EngineError::Full { .. }) => ProblemType::StorageFull,
+        StoreError::Engine(EngineError::OverQuota { .. }) => ProblemType::QuotaExceeded,
         StoreError::Engine(
             EngineError::Busy { .. }
             | EngineError::CutsUnderWay { .. }
@@ -299,7 +303,9 @@ fn status(kind: ProblemType) -> StatusCode {
         ProblemType::NotFound => StatusCode::NOT_FOUND,
         ProblemType::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
         ProblemType::Timeout => StatusCode::REQUEST_TIMEOUT,
-        ProblemType::WrongState | ProblemType::Conflict => StatusCode::CONFLICT,
+        ProblemType::WrongState | ProblemType::Conflict | ProblemType::QuotaExceeded => {
+            StatusCode::CONFLICT
+        }
         ProblemType::SessionEnded => StatusCode::GONE,
         ProblemType::TooManyRequests => StatusCode::TOO_MANY_REQUESTS,
         ProblemType::PreconditionFailed => StatusCode::PRECONDITION_FAILED,
@@ -323,6 +329,7 @@ fn title(kind: ProblemType) -> &'static str {
         ProblemType::Timeout => "The request did not arrive in time",
         ProblemType::WrongState => "The request does not fit the state",
         ProblemType::Conflict => "Something else is there already",
+        ProblemType::QuotaExceeded => "Storage quota exceeded",
         ProblemType::SessionEnded => "The session has ended",
         ProblemType::TooManyRequests => "That is more than your share",
         ProblemType::PreconditionFailed => "It has changed in between",

@@ -289,6 +289,18 @@ impl Catalogues {
         }
     }
 
+    /// Bytes of all blocks that versions of a catalogue name, each once.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`]; the engine's.
+    pub fn block_bytes(&self, catalogue: Uuid) -> Result<u64, StoreError> {
+        let mut blocks = BTreeMap::new();
+        for manifest in self.manifests(catalogue, 0, usize::MAX)? {
+            blocks.extend(manifest.blocks.iter().map(|block| (block.hash, block.length)));
+        }
+        Ok(blocks.values().sum())
+    }
+
     /// The content of a block, checked against its hash.
     ///
     /// # Errors

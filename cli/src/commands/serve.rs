@@ -232,6 +232,16 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
     )]
     store_slack_mb: u64,
+    /// How much stored data one API key may hold, in MB: sessions, readings, objects, versions and
+    /// what else it wrote; more is refused (409) until something of it is removed. 0 is no bound.
+    #[arg(
+        long,
+        env = "PALPATE_STORE_QUOTA_MB",
+        value_name = "MB",
+        default_value_t = 10_000,
+        value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
+    )]
+    store_quota_mb: u64,
 }
 
 /// Whether requests need an API key.
@@ -356,6 +366,7 @@ fn config(args: ServeArgs) -> Config {
         migrate: args.migrate,
         disk_reserve_bytes: args.disk_reserve_mb << 20,
         store_slack_bytes: args.store_slack_mb << 20,
+        store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),
         ..usual
     }
 }
