@@ -27,7 +27,7 @@ pub(crate) fn reason_of(
     report: &TrainingReport,
 ) -> Option<UncalibratedReason> {
     match method.unwrap_or_default() {
-        Method::Hybrid => report.uncalibrated_reason,
+        Method::Surface => report.uncalibrated_reason,
         Method::Appearance => None,
         _ => Some(UncalibratedReason::Method),
     }

@@ -50,10 +50,10 @@ pub(crate) fn name(object: Option<&str>) -> &str {
 
 /// Fails for a method that cannot answer "none of these" when that is the truth.
 pub(crate) fn can_answer_none(method: Method) -> anyhow::Result<()> {
-    if method == Method::Hybrid {
+    if method == Method::Surface {
         return Ok(());
     }
-    bail!("--object {NONE} needs the method hybrid: no other method answers {NONE_OF_THESE:?}")
+    bail!("--object {NONE} needs the method surface: no other method answers {NONE_OF_THESE:?}")
 }
 
 /// The error for an object that a version does not have.
@@ -99,10 +99,10 @@ mod tests {
     }
 
     #[test]
-    fn only_hybrid_can_be_right_about_an_object_outside_the_catalogue() {
-        assert!(can_answer_none(Method::Hybrid).is_ok());
+    fn only_surface_can_be_right_about_an_object_outside_the_catalogue() {
+        assert!(can_answer_none(Method::Surface).is_ok());
         let refused = can_answer_none(Method::Appearance).unwrap_err().to_string();
-        assert!(refused.contains("hybrid"), "{refused}");
+        assert!(refused.contains("surface"), "{refused}");
         let unknown = not_trained("vase", ["mug", "cup"].into_iter()).to_string();
         assert!(unknown.contains("vase") && unknown.contains("mug, cup"), "{unknown}");
         assert!(unknown.contains("none for an object outside"), "{unknown}");

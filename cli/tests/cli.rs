@@ -217,7 +217,7 @@ fn none_of_these_is_an_answer(ask: impl Fn(&str) -> Output) {
     assert_eq!(unknown.status.code(), Some(1));
     assert!(stderr(&unknown).contains("or none for an object"), "{}", stderr(&unknown));
     let cannot = ask(&format!("{touch} --object none --method sva"));
-    assert!(stderr(&cannot).contains("needs the method hybrid"), "{}", stderr(&cannot));
+    assert!(stderr(&cannot).contains("needs the method surface"), "{}", stderr(&cannot));
     let explore = format!("explore --readings 1 --mesh meshes/mug.stl --json {sure}");
     let explored = ask(&format!("{explore} --object mug"));
     assert_eq!(explored.status.code(), Some(4), "{}", stderr(&explored));

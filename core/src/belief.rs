@@ -1,7 +1,8 @@
-//! What the service answers: identities, poses, and how sure it is.
+//! Beliefs: identities, poses, and how sure they are.
 
 pub mod answer;
 pub mod orbits;
-pub mod refine;
+pub mod prior;
 
 pub use answer::{Answer, PoseMode, WeightedPose};
+pub use prior::{MismatchError, log_prior};

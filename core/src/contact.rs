@@ -8,7 +8,7 @@
 use glam::DVec3;
 use nalgebra::{Matrix3, SymmetricEigen};
 
-use crate::reading::TactileImage;
+use crate::reading::{Reading, TactileImage};
 use crate::sensor::SensorDescription;
 
 /// The share of the maximum at which a taxel counts as touching.
@@ -83,6 +83,20 @@ pub fn normal_constraint(points: &[DVec3]) -> f64 {
     }
     let ratio = (squares[1].max(0.0) / squares[0]).sqrt();
     if ratio < MIN_CONSTRAINT { 0.0 } else { ratio }
+}
+
+/// True when any taxel reads clearly more than noise: above [`contact_floor`].
+#[must_use]
+pub fn touches(reading: &Reading, sensor: &SensorDescription) -> bool {
+    reading.image().max() > contact_floor(sensor)
+}
+
+/// The pressure (Pa) above which a taxel reads clearly more than noise: five deviations and two
+/// steps of the converter, and at least one part in two hundred of the sensing range.
+#[must_use]
+pub fn contact_floor(sensor: &SensorDescription) -> f64 {
+    let parameters = sensor.parameters();
+    (5.0 * parameters.noise).max(2.0 * parameters.quantisation).max(parameters.saturation / 200.0)
 }
 
 #[cfg(test)]

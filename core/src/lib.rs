@@ -16,46 +16,22 @@ pub mod exponential;
 
 pub mod pose;
 
-pub mod rotation_grid;
-
 pub mod sensor;
 
 pub mod reading;
 
 pub mod contact;
 
-pub mod occupancy;
+pub mod object;
+
+pub mod training;
 
 pub mod metric;
-
-pub mod mosaic;
 
 pub mod descriptor;
 
 pub mod vocabulary;
 
-pub mod patch;
-
-pub mod patch_pair;
-
-pub mod filter;
-
 pub mod symmetry;
 
-pub mod surface;
-
-pub mod model;
-
 pub mod belief;
-
-pub mod train;
-
-pub mod recognise;
-
-pub mod hybrid;
-
-pub mod next_touch;
-
-pub mod geometric;
-
-pub mod appearance;

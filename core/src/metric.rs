@@ -8,7 +8,6 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::occupancy::OccupancyGrid;
 use crate::pose::Pose;
 
 /// How mass is spread in a body: what the inertial distance needs.
@@ -66,14 +65,6 @@ impl Inertia {
             sum += mass * outer(at - center);
         }
         Some(Self { center, second_moment: sum * mass.recip() })
-    }
-
-    /// The cells of a map that are more likely occupied than not (section 3.4.2); `None` when
-    /// there are none.
-    #[must_use]
-    pub fn of_map(map: &OccupancyGrid) -> Option<Self> {
-        let occupied = map.log_odds().iter().enumerate().filter(|(_, log_odds)| **log_odds > 0.0);
-        Self::of_points(occupied.map(|(cell, _)| (map.shape().center(cell), 1.0)))
     }
 
     /// d² = ‖Δt‖² at the centre of mass + tr((R₁ − R₂) J (R₁ − R₂)ᵀ)/m; the distance in metres.
@@ -146,7 +137,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::occupancy::GridShape;
     use crate::rng::{Purpose, Stream};
 
     /// A uniform ball of radius 40 mm: J/m = r²/5.
@@ -179,18 +169,6 @@ mod tests {
         // The centre goes from 1 to −1: 4, and the ball turns in place: (8/5)·0.0016.
         let expected = (4.0_f64 + 1.6 * 0.0016).sqrt();
         assert!((off.distance(&Pose::IDENTITY, &turned) - expected).abs() < 1e-12);
-    }
-
-    #[test]
-    fn occupied_cells_make_a_body() {
-        let shape = GridShape::new(DVec3::ZERO, 1.0, [3, 1, 1]).unwrap();
-        let map = OccupancyGrid::from_parts(shape, 0.5, vec![2.0, -1.0, 0.1]).unwrap();
-        // Cells at x 0.5 and 2.5: centre 1.5, variance 1.
-        let body = Inertia::of_map(&map).unwrap();
-        assert!(body.center.distance(DVec3::new(1.5, 0.5, 0.0)) < 1e-12);
-        assert!((body.second_moment.x_axis.x - 1.0).abs() < 1e-12);
-        let empty = OccupancyGrid::from_parts(shape, 0.5, vec![-1.0; 3]).unwrap();
-        assert_eq!(Inertia::of_map(&empty), None);
     }
 
     #[test]

@@ -90,7 +90,8 @@ impl Vocabulary {
 }
 
 /// A descriptor relative to a mean, normalised again.
-pub(crate) fn center(mut descriptor: Vec<f64>, mean: &[f64]) -> Vec<f64> {
+#[must_use]
+pub fn center(mut descriptor: Vec<f64>, mean: &[f64]) -> Vec<f64> {
     descriptor.iter_mut().zip(mean).for_each(|(value, mean)| *value -= mean);
     normalize(&mut descriptor);
     descriptor

@@ -7,14 +7,14 @@
 
 use std::sync::Arc;
 
+use palpate_core::contact::touches;
 use palpate_core::log_prob;
-use palpate_core::model::appearance::{AppearanceModel, AppearanceRule, ObjectShares};
-use palpate_core::patch::touches;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::appearance::{
+use palpate_core::training::TrainingSet;
+use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule, ObjectShares};
+use palpate_dissertation::appearance::train::{
     AppearanceConfig, AppearanceSet, appearance_model, learn_appearance_vocabulary,
     object_histogram,
 };

@@ -7,7 +7,7 @@
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::appearance::{AppearanceConfig, DiscriminantConfig};
+use palpate_dissertation::appearance::train::{AppearanceConfig, DiscriminantConfig};
 use palpate_sim::noise::NoiseLevel;
 use serde_json::json;
 

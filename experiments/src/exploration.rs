@@ -9,10 +9,10 @@
 //! has pressed, on the same objects and seeds.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::appearance::AppearanceRule;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::DEG;
+use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_sim::noise::NoiseLevel;
 
 use crate::appearance_trials::{Evidence, line};

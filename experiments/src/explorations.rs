@@ -7,11 +7,11 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use palpate_core::model::appearance::{AppearanceModel, AppearanceRule};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
+use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
 use palpate_sim::explore::{
     Exploration, ExploreConfig, Perturbation, PressAgain, Touch, covered_share, explore,
 };

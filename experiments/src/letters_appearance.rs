@@ -9,10 +9,10 @@
 //! by mirror images alone, to which Polar-Fourier is blind.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::appearance::AppearanceRule;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
-use palpate_core::train::appearance::AppearanceConfig;
+use palpate_dissertation::appearance::model::AppearanceRule;
+use palpate_dissertation::appearance::train::AppearanceConfig;
 use palpate_sim::letters::SYMBOLS;
 use palpate_sim::rig::{RigNoise, rig_sensor};
 use rayon::prelude::*;

@@ -16,12 +16,12 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use glam::DVec3;
 use palpate_core::metric::{Inertia, Symmetry, SymmetryOrder};
-use palpate_core::model::geometry::GeometricModel;
-use palpate_core::occupancy::{ClassifiedPress, InverseModel, SpreadForm};
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::geometry::{GeometryConfig, map_geometry};
+use palpate_core::training::TrainingSet;
+use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::occupancy::{ClassifiedPress, InverseModel, SpreadForm};
 use palpate_sim::letters::{Font, Letter, RotationOrder, SYMBOLS};
 use palpate_sim::rig::{LetterField, Rig, RigNoise, rig_sensor};
 
@@ -155,7 +155,7 @@ impl Lab {
             train.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
         let model = map_geometry(&sets, &vec![DVec3::ZERO; sets.len()], &config.geometry)?;
         let inertias = model.maps.iter().zip(letters).map(|(map, letter)| {
-            Inertia::of_map(&map.occupancy)
+            palpate_dissertation::occupancy::grid::inertia(&map.occupancy)
                 .with_context(|| format!("the map of {} has no occupied cell", letter.symbol))
         });
         let inertias = inertias.collect::<anyhow::Result<_>>()?;

@@ -14,19 +14,19 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
-use palpate_core::hybrid::{HybridBelief, HybridOptions};
-use palpate_core::model::surface::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::MM;
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::press::PressSimulator;
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::object_sessions::train_hybrid;
+use crate::object_sessions::train_surface;
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -136,7 +136,7 @@ fn train(
         objects.iter().enumerate().map(touch).collect();
     progress("training", 0, 1);
     let symmetries = objects::symmetries(objects);
-    train_hybrid(&readings?, &symmetries, &sensor, &SurfaceConfig::default(), config.seed)
+    train_surface(&readings?, &symmetries, &sensor, &SurfaceConfig::default(), config.seed)
 }
 
 fn true_pose(seed: u64, trial: usize) -> Pose {
@@ -157,7 +157,7 @@ fn play(
     let simulator = &simulators[object];
     let session_from_object = true_pose(config.seed, trial);
     let robot = Robot { simulator, session_from_object, policy, seed: config.seed, trial };
-    let mut belief = HybridBelief::new(Arc::clone(model), HybridOptions::default(), None)?;
+    let mut belief = SurfaceBelief::new(Arc::clone(model), SurfaceOptions::default(), None)?;
     let mut contacts: Vec<Reading> = Vec::new();
     let mut steps = Vec::with_capacity(config.readings);
     for press in 0..config.readings {

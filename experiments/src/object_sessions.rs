@@ -1,4 +1,4 @@
-//! Sessions with objects: what the experiments on the hybrid recogniser share.
+//! Sessions with objects: what the experiments on the surface recogniser share.
 //!
 //! A trial draws a pose (any rotation, ±200 mm along each axis) and presents test readings of
 //! one object, drawn at random; after each one the recogniser answers. Trial n of an object is
@@ -10,19 +10,22 @@ use std::time::Instant;
 
 use glam::DVec3;
 use palpate_core::belief::answer::Answer;
-use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
-use palpate_core::hybrid::{HybridBelief, HybridOptions};
-use palpate_core::model::surface::{EvidenceCalibration, SurfaceModel};
-use palpate_core::model::{Catalogue, ObjectIdx};
+use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
-use palpate_core::train::surface::{SurfaceConfig, learn_space, map_surface};
-use palpate_core::train::{TrainError, TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_core::training::TrainingError;
+use palpate_core::training::TrainingSet;
 use palpate_core::units::MM;
+use palpate_dissertation::sva::model::SvaModel;
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
+use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use rayon::prelude::*;
 
 use crate::disturbance::{Disturbance, Presented};
@@ -40,22 +43,22 @@ pub enum Recogniser {
     /// Spatially varying appearance, section 5.5.1.
     Sva {
         /// What it knows.
-        catalogue: Arc<Catalogue>,
+        catalogue: Arc<SvaModel>,
         /// How it works.
         options: SvaOptions,
     },
     /// Propose, verify, refine.
-    Hybrid {
+    Surface {
         /// What it knows.
         model: Arc<SurfaceModel>,
         /// How it works.
-        options: HybridOptions,
+        options: SurfaceOptions,
     },
 }
 
 enum Belief {
     Sva(Box<SvaBelief>),
-    Hybrid(Box<HybridBelief>),
+    Surface(Box<SurfaceBelief>),
 }
 
 impl Recogniser {
@@ -64,8 +67,8 @@ impl Recogniser {
             Self::Sva { catalogue, options } => {
                 Belief::Sva(Box::new(SvaBelief::new(catalogue.clone(), *options, None)?))
             }
-            Self::Hybrid { model, options } => {
-                Belief::Hybrid(Box::new(HybridBelief::new(model.clone(), *options, None)?))
+            Self::Surface { model, options } => {
+                Belief::Surface(Box::new(SurfaceBelief::new(model.clone(), *options, None)?))
             }
         })
     }
@@ -77,7 +80,7 @@ impl Recogniser {
             Self::Sva { catalogue, .. } => {
                 catalogue.objects.iter().map(|o| o.index().bytes()).sum()
             }
-            Self::Hybrid { model, .. } => model.bytes(),
+            Self::Surface { model, .. } => model.bytes(),
         }
     }
 }
@@ -89,7 +92,7 @@ impl Belief {
                 belief.add(&heard.reading, sensor)?;
                 Ok(belief.answer(N_MODES))
             }
-            Self::Hybrid(belief) => {
+            Self::Surface(belief) => {
                 if let Some(motion) = &heard.moved {
                     belief.loosen(motion);
                 }
@@ -116,23 +119,16 @@ pub fn train_sva(
     let vocabulary = learn_vocabulary(&sets, training, seed)?;
     let map = |set| map_object(set, &vocabulary, training, Some(DVec3::ZERO)).map(Arc::new);
     let objects: Result<Vec<_>, _> = sets.par_iter().map(map).collect();
-    let catalogue = Catalogue {
-        vocabulary,
-        association: training.association,
-        objects: objects?,
-        geometry: None,
-        appearance: None,
-        surface: None,
-    };
+    let catalogue = SvaModel { vocabulary, association: training.association, objects: objects? };
     Ok(Recogniser::Sva { catalogue: Arc::new(catalogue), options })
 }
 
-/// Trains the hybrid recogniser, uncalibrated (which object is named does not depend on it);
+/// Trains the surface recogniser, uncalibrated (which object is named does not depend on it);
 /// the objects' frames and symmetries are those of their meshes.
 ///
 /// # Errors
 /// When the readings cannot be learnt from.
-pub fn train_hybrid(
+pub fn train_surface(
     readings: &[Vec<Reading>],
     symmetries: &[Symmetry],
     sensor: &SensorDescription,
@@ -144,14 +140,14 @@ pub fn train_hybrid(
     let space = learn_space(&sets, seed)?;
     let map = |(set, symmetry): (&TrainingSet<'_>, &Symmetry)| {
         let map = map_surface(set, &space, surface, Some(DVec3::ZERO))?;
-        Ok::<_, TrainError>(Arc::new(map.with_symmetry(symmetry.clone())))
+        Ok::<_, TrainingError>(Arc::new(map.with_symmetry(symmetry.clone())))
     };
     let maps: Result<Vec<_>, _> = sets.par_iter().zip(symmetries).map(map).collect();
     let calibration = EvidenceCalibration::default();
     Ok(Arc::new(SurfaceModel::new(space, calibration, maps?)))
 }
 
-/// Trains the hybrid recogniser as the service does: every tenth reading is held back, and on
+/// Trains the surface recogniser as the service does: every tenth reading is held back, and on
 /// those the calibration is learnt.
 ///
 /// # Errors
@@ -170,11 +166,11 @@ pub fn train_calibrated(
         };
         readings.iter().map(of).collect()
     };
-    let model = train_hybrid(&part(false), symmetries, sensor, surface, seed)?;
+    let model = train_surface(&part(false), symmetries, sensor, surface, seed)?;
     let held_back = part(true);
     let sets: Vec<HeldBack<'_>> =
         held_back.iter().map(|readings| HeldBack { readings, sensor }).collect();
-    let calibration = calibrate(&model, &sets, HybridOptions::default(), seed);
+    let calibration = calibrate(&model, &sets, SurfaceOptions::default(), seed);
     Ok(Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration)))
 }
 

@@ -7,11 +7,11 @@
 use std::path::PathBuf;
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::appearance::{AppearanceModel, AppearanceRule};
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::appearance::AppearanceConfig;
 use palpate_core::units::MM;
+use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
+use palpate_dissertation::appearance::train::AppearanceConfig;
 use palpate_sim::noise::NoiseLevel;
 use serde_json::json;
 

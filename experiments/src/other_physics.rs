@@ -13,20 +13,20 @@ mod differences;
 
 use std::path::PathBuf;
 
-use palpate_core::hybrid::HybridOptions;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::recognise::SvaOptions;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingConfig;
-use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::press::{CoveringConfig, Physics};
 use rayon::prelude::*;
 use serde_json::json;
 
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, Recogniser, Sessions, train_hybrid, train_sva};
+use crate::object_sessions::{Played, Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -104,7 +104,7 @@ pub fn run(
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
-    let model = train_hybrid(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let model = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
     progress("pressing elastic coverings", 1, 2);
     let worlds = worlds(config, &objects, &preset, &model.space, &mut report)?;
     let play = |world: &World, method, recogniser: &Recogniser, n| {
@@ -121,15 +121,15 @@ pub fn run(
         let played = sessions.play(recogniser, objects.len(), n, progress)?;
         anyhow::Ok(Tried { world: world.key, method, played })
     };
-    let hybrid = |options| Recogniser::Hybrid { model: model.clone(), options };
-    let whole = hybrid(HybridOptions::default());
+    let surface = |options| Recogniser::Surface { model: model.clone(), options };
+    let whole = surface(SurfaceOptions::default());
     let n = config.trials * objects.len();
     let mut tried = Vec::new();
     for world in &worlds {
-        tried.push(play(world, "hybrid", &whole, n)?);
+        tried.push(play(world, "surface", &whole, n)?);
     }
     for (method, options) in ablations() {
-        tried.push(play(&worlds[1], method, &hybrid(options), n)?);
+        tried.push(play(&worlds[1], method, &surface(options), n)?);
     }
     if config.literal_sessions > 0 {
         let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
@@ -149,7 +149,7 @@ fn worlds(
     config: &OtherPhysics,
     objects: &[TestObject],
     preset: &Sensing,
-    space: &palpate_core::surface::AppearanceSpace,
+    space: &palpate_recogniser::surface::AppearanceSpace,
     report: &mut Report,
 ) -> anyhow::Result<Vec<World>> {
     let (n, seed) = (config.test_readings, 2 * config.seed + 1);
@@ -201,8 +201,8 @@ fn pressed_at(
 }
 
 /// The recogniser without one aspect of a touch each.
-fn ablations() -> [(&'static str, HybridOptions); 3] {
-    let whole = HybridOptions::default();
+fn ablations() -> [(&'static str, SurfaceOptions); 3] {
+    let whole = SurfaceOptions::default();
     let mut without_looks = whole;
     // Everything looks alike.
     (without_looks.scale.appearance, without_looks.scale.appearance_of_pose) = (1e6, 1e6);
@@ -239,8 +239,8 @@ fn report_one(report: &mut Report, config: &OtherPhysics, one: &Tried, objects: 
     }
     // The bonded layer by the recogniser as it is: what goals are stated for.
     let prefix = match (*world, *method) {
-        ("layer", "hybrid") => String::new(),
-        (world, "hybrid") => format!("{world}_"),
+        ("layer", "surface") => String::new(),
+        (world, "surface") => format!("{world}_"),
         ("layer", method) => format!("{method}_"),
         (world, method) => format!("{method}_{world}_"),
     };
@@ -274,7 +274,7 @@ fn panels(config: &OtherPhysics, tried: &[Tried]) -> Vec<Panel> {
                  of: &dyn Fn(&Tried, usize) -> f64| {
         let line = |one: &Tried| {
             let name = match one.method {
-                "hybrid" => one.world.to_owned(),
+                "surface" => one.world.to_owned(),
                 method => format!("{method}, {}", one.world),
             };
             let points = (1..=config.readings).map(|n| (n as f64, of(one, n))).collect();
@@ -287,14 +287,14 @@ fn panels(config: &OtherPhysics, tried: &[Tried]) -> Vec<Panel> {
     let position = |one: &Tried, n: usize| median(&one.played.errors(n, |e| e.translation / MM));
     let is_world = |one: &&Tried| {
         ["point_spread", "layer", "half_space"].contains(&one.world)
-            && ["hybrid", "literal"].contains(&one.method)
+            && ["surface", "literal"].contains(&one.method)
     };
     let is_aspect = |one: &&Tried| one.world.starts_with("layer") && one.method != "literal";
-    let is_hybrid = |one: &&Tried| one.method == "hybrid";
+    let is_surface = |one: &&Tried| one.method == "surface";
     vec![
         panel("recognised", "share right", &is_world, &accuracy),
         panel("what breaks, layer", "share right", &is_aspect, &accuracy),
-        panel("position", "median error (mm)", &is_hybrid, &position),
+        panel("position", "median error (mm)", &is_surface, &position),
         panel("position, layer", "median error (mm)", &is_aspect, &position),
     ]
 }

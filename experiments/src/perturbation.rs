@@ -8,11 +8,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::{Catalogue, ObjectIdx};
+use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::{SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_core::training::TrainingSet;
+use palpate_dissertation::sva::model::SvaModel;
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_sim::noise::NoiseLevel;
 use rayon::prelude::*;
 use serde_json::json;
@@ -87,7 +89,7 @@ fn sva_catalogue(
     training: &[Vec<Reading>],
     setting: &Setting,
     seed: u64,
-) -> anyhow::Result<Catalogue> {
+) -> anyhow::Result<SvaModel> {
     let config = TrainingConfig::default();
     let sensor = &setting.sensor;
     let sets: Vec<TrainingSet<'_>> =
@@ -98,19 +100,12 @@ fn sva_catalogue(
     let map = |set| map_object(set, &vocabulary, &config, origin).map(Arc::new);
     let objects = sets.par_iter().map(map).collect::<Result<Vec<_>, _>>()?;
     let association = config.association;
-    Ok(Catalogue {
-        vocabulary,
-        association,
-        objects,
-        geometry: None,
-        appearance: None,
-        surface: None,
-    })
+    Ok(SvaModel { vocabulary, association, objects })
 }
 
 /// The share of the explorations that `sva` names rightly after each of the counts.
 fn sva_accuracies(
-    catalogue: &Arc<Catalogue>,
+    catalogue: &Arc<SvaModel>,
     setting: &Setting,
     runs: &[Run],
 ) -> anyhow::Result<Vec<(usize, f64)>> {

@@ -1,11 +1,11 @@
 //! A peer on the same touches: OpenCV contrib's `ppf_match_3d` and its ICP.
 //!
 //! Both know each object by the same training touches (point and normal), and get the same
-//! test touches, of which the hybrid recogniser also has the images; in a further row it goes
+//! test touches, of which the surface recogniser also has the images; in a further row it goes
 //! without appearance. The peer is a script (`tests/peers/ppf_opencv.py`) that reads the
 //! touches from a folder and writes what it named; without its module it says so and its rows
 //! are left out. Time is wall time of one core for naming an object after so many touches: for
-//! the hybrid recogniser the sum over the touches.
+//! the surface recogniser the sum over the touches.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,17 +14,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
-use palpate_core::hybrid::HybridOptions;
-use palpate_core::model::surface::SurfaceModel;
 use palpate_core::pose::Pose;
 use palpate_core::sensor::SensorDescription;
-use palpate_core::surface::touch::observe_touch;
-use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::surface::touch::observe_touch;
+use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, Step, train_hybrid};
+use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, Step, train_surface};
 use crate::objects;
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -99,7 +99,7 @@ pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow:
     let test = preset.touch_all(&objects, config.test_readings, 2 * config.seed + 1)?;
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
-    let model = train_hybrid(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let model = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,
@@ -111,12 +111,12 @@ pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow:
     };
     let n = objects.len();
     let mut found = Vec::new();
-    let mut blind = HybridOptions::default();
+    let mut blind = SurfaceOptions::default();
     // Everything looks alike.
     (blind.scale.appearance, blind.scale.appearance_of_pose) = (1e6, 1e6);
-    for (method, options) in [("hybrid", HybridOptions::default()), ("hybrid_blind", blind)] {
-        let hybrid = Recogniser::Hybrid { model: model.clone(), options };
-        let played = sessions.play(&hybrid, n, config.trials * n, progress)?;
+    for (method, options) in [("surface", SurfaceOptions::default()), ("surface_blind", blind)] {
+        let surface = Recogniser::Surface { model: model.clone(), options };
+        let played = sessions.play(&surface, n, config.trials * n, progress)?;
         found.push((method, of_ours(config, &played)));
     }
     progress("the peer", 0, 1);
@@ -333,8 +333,8 @@ mod tests {
         assert!((summary["ppf_match_3d_ms_at_3"] - 20.0).abs() < 1e-12);
         // Objects are up to 200 mm from the origin along each axis.
         assert!((1.0..350.0).contains(&summary["ppf_match_3d_position_error_mm_median_at_3"]));
-        assert!(summary["hybrid_accuracy_at_6"] >= 0.7, "{summary:?}");
-        assert!(summary["hybrid_ms_at_6"] > summary["hybrid_ms_at_3"]);
+        assert!(summary["surface_accuracy_at_6"] >= 0.7, "{summary:?}");
+        assert!(summary["surface_ms_at_6"] > summary["surface_ms_at_3"]);
     }
 
     #[test]

@@ -9,14 +9,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::appearance::AppearanceRule;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{
     ForceCurve, ImageOrder, SensorDescription, SensorParameters, TaxelGrid,
 };
-use palpate_core::train::appearance::{AppearanceConfig, ClusteringMethod, DiscriminantConfig};
 use palpate_core::units::{KPA, MM};
+use palpate_dissertation::appearance::model::AppearanceRule;
+use palpate_dissertation::appearance::train::{
+    AppearanceConfig, ClusteringMethod, DiscriminantConfig,
+};
 use serde_json::json;
 
 use crate::appearance_trials::{Evidence, Point, accuracy_at, line, mean_of, train};

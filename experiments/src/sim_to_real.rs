@@ -11,12 +11,12 @@ use std::f64::consts::TAU;
 
 use anyhow::Context as _;
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::appearance::AppearanceRule;
 use palpate_core::reading::{Reading, SensorId, TactileImage};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
-use palpate_core::train::appearance::AppearanceConfig;
 use palpate_core::units::{KPA, MM};
+use palpate_dissertation::appearance::model::AppearanceRule;
+use palpate_dissertation::appearance::train::AppearanceConfig;
 use palpate_sim::letters::Letter;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{INDENTATION, PlanarPose, Rig, RigNoise, rig_sensor};

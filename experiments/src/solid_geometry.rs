@@ -8,17 +8,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate_core::geometric::{
-    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
-    PreparedGeometry,
-};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::geometry::{GeometryConfig, map_geometry};
+use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
+};
 use rayon::prelude::*;
 use serde_json::json;
 

@@ -20,14 +20,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use palpate_core::metric::Inertia;
-use palpate_core::model::{Catalogue, ObjectIdx};
+use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::{SvaBelief, SvaOptions};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::model::SvaModel;
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -81,7 +83,7 @@ impl Default for SvaObjects {
 /// A trained method.
 struct Method {
     name: &'static str,
-    catalogue: Arc<Catalogue>,
+    catalogue: Arc<SvaModel>,
     options: SvaOptions,
     train_seconds: f64,
     /// Features and patches as printed instead of the service's.
@@ -190,14 +192,7 @@ fn train_method(
         .par_iter()
         .map(|set| map_object(set, &vocabulary, &training, origin).map(Arc::new))
         .collect();
-    let catalogue = Catalogue {
-        vocabulary,
-        association: training.association,
-        objects: maps?,
-        geometry: None,
-        appearance: None,
-        surface: None,
-    };
+    let catalogue = SvaModel { vocabulary, association: training.association, objects: maps? };
     let train_seconds = started.elapsed().as_secs_f64();
     Ok(Method { name, catalogue: Arc::new(catalogue), options, train_seconds, printed: None })
 }

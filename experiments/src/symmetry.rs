@@ -15,9 +15,9 @@ use glam::DVec3;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::{AxisOrder, Finding, Symmetry, SymmetryAxis};
-use palpate_core::train::TrainingSet;
-use palpate_core::train::surface::find_symmetry;
+use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
+use palpate_recogniser::train::find_symmetry;
 use palpate_sim::symmetry::of_mesh;
 use serde_json::json;
 

@@ -8,20 +8,20 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use palpate_core::hybrid::HybridOptions;
-use palpate_core::model::surface::SurfaceModel;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::SvaOptions;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::surface::SurfaceMap;
-use palpate_core::train::TrainingConfig;
-use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::surface::SurfaceMap;
+use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, Recogniser, Sessions, train_hybrid, train_sva};
+use crate::object_sessions::{Played, Recogniser, Sessions, train_surface, train_sva};
 use crate::objects;
 use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
@@ -109,7 +109,7 @@ pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow
     progress("training", 0, 1);
     let symmetries = objects::symmetries(&objects);
     let surface = SurfaceConfig::default();
-    let whole = train_hybrid(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let whole = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
     let sessions = Sessions {
         sensor: &config.sensor,
         test: &test,
@@ -123,10 +123,10 @@ pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow
     for (name, order) in [("farthest", Order::FarthestFirst), ("random", Order::Random)] {
         for kept in &config.kept {
             let model = thinned(&whole, *kept, order, config.seed);
-            let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
+            let surface = Recogniser::Surface { model, options: SurfaceOptions::default() };
             let n = config.trials * objects.len();
-            let played = sessions.play(&hybrid, objects.len(), n, progress)?;
-            tested.push(Tested { name, kept: *kept, bytes: hybrid.bytes(), played });
+            let played = sessions.play(&surface, objects.len(), n, progress)?;
+            tested.push(Tested { name, kept: *kept, bytes: surface.bytes(), played });
         }
     }
     for kept in config.literal_kept.iter().filter(|_| config.literal_sessions > 0) {

@@ -18,14 +18,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use palpate_core::hybrid::HybridOptions;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::SvaOptions;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
-use palpate_core::train::TrainingConfig;
-use palpate_core::train::surface::SurfaceConfig;
 use palpate_core::units::MM;
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::shapes::assembled;
 use rayon::prelude::*;
 
@@ -160,13 +160,13 @@ pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow:
         let model = train_calibrated(&train, &of_known, sensor, &surface, config.seed)?;
         tables::report_calibration(&mut report, fold, &model);
         let share = |all: usize| all * (fold + 1) / config.folds - all * fold / config.folds;
-        let options = HybridOptions { unknown: config.prior, ..HybridOptions::default() };
-        let hybrid = Recogniser::Hybrid { model: model.clone(), options };
+        let options = SurfaceOptions { unknown: config.prior, ..SurfaceOptions::default() };
+        let surface = Recogniser::Surface { model: model.clone(), options };
         let n_sessions = share(config.sessions);
-        verdicts.extend(play(config, &touched, &known, &hybrid, fold, n_sessions)?);
-        let hybrid = Recogniser::Hybrid { model, options: HybridOptions::default() };
-        let default_prior = play(config, &touched, &known, &hybrid, fold, n_sessions)?;
-        let untold_prior = Some(HybridOptions::default().unknown);
+        verdicts.extend(play(config, &touched, &known, &surface, fold, n_sessions)?);
+        let surface = Recogniser::Surface { model, options: SurfaceOptions::default() };
+        let default_prior = play(config, &touched, &known, &surface, fold, n_sessions)?;
+        let untold_prior = Some(SurfaceOptions::default().unknown);
         untold.extend(default_prior.into_iter().map(|v| Verdict { untold_prior, ..v }));
         if fold == 0 && config.literal_sessions > 0 {
             progress("the printed method", fold, config.folds);
@@ -176,8 +176,8 @@ pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow:
         }
     }
     let played = [
-        (Kind { method: "hybrid", prefix: "", infix: "" }, &verdicts),
-        (Kind { method: "hybrid, default prior", prefix: "", infix: "default_prior_" }, &untold),
+        (Kind { method: "surface", prefix: "", infix: "" }, &verdicts),
+        (Kind { method: "surface, default prior", prefix: "", infix: "default_prior_" }, &untold),
         (Kind { method: "literal", prefix: "literal_", infix: "" }, &literal),
     ];
     for (kind, verdicts) in played.iter().filter(|(_, verdicts)| !verdicts.is_empty()) {
@@ -288,7 +288,7 @@ mod tests {
         ] {
             assert!(summary.contains_key(key), "{key}");
         }
-        // The diagonal and 2, 4, 6 touches; hybrid and literal; three and one of the stop rule.
+        // The diagonal and 2, 4, 6 touches; surface and literal; three and one of the stop rule.
         assert_eq!(outcome.plot.matches("polyline").count(), 4 + 2 + 3 + 1);
     }
 

@@ -38,7 +38,7 @@ pub struct Belief {
     /// listed.
     pub objects: Vec<ObjectProbability>,
     /// How probable it is that the object is none of the catalogue's, 0 to 1; 0 with methods
-    /// other than `hybrid`, which take it for one of them.
+    /// other than `surface`, which take it for one of them.
     #[serde(default)]
     #[schema(minimum = 0.0, maximum = 1.0)]
     pub unknown: f64,
@@ -55,7 +55,7 @@ pub struct Belief {
     /// Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
     /// knows nothing of n objects.
     pub entropy_bits: f64,
-    /// Pose hypotheses, likeliest first; do not average them. With the methods `hybrid` and
+    /// Pose hypotheses, likeliest first; do not average them. With the methods `surface` and
     /// `sva`, poses that look the same by the object's `symmetry` are one. Empty with the methods `appearance…`, which know nothing of poses.
     pub poses: Vec<PoseHypothesis>,
 }

@@ -229,10 +229,10 @@ pub struct ReadingContribution {
     /// all readings, less that without this one. Odds beyond 1024 to 1 count as that.
     pub support_bits: Option<f64>,
     /// By how many bits the others, where they have the object, expect this reading more than a
-    /// touch anywhere; negative when it fits nowhere. With `hybrid`, once three others touched it
+    /// touch anywhere; negative when it fits nowhere. With `surface`, once three others touched it
     /// and for readings since it last moved; null otherwise.
     pub fit_bits: Option<f64>,
-    /// Whether it disagrees with the rest, of three readings or more. With `hybrid`:
+    /// Whether it disagrees with the rest, of three readings or more. With `surface`:
     /// `fit_bits` is −8 or less. With the other methods: `support_bits` is −4 or less.
     pub disagrees: bool,
 }

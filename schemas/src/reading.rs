@@ -51,12 +51,12 @@ pub struct Reading {
     #[schema(min_items = 1, max_items = 4096)]
     pub feature: Option<Vec<f64>>,
     /// How far the sensor came along its own +z to the pose with nothing in touch, metres, 0 to
-    /// 10. With a press that met nothing, `hybrid` knows that the whole way is free.
+    /// 10. With a press that met nothing, `surface` knows that the whole way is free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.0, maximum = 10.0, example = 0.12)]
     pub approach_m: Option<f64>,
     /// How far the object may have moved since the session's reading before, in the order of
-    /// stamps, robots and `seq`. For `hybrid`: what the object is stays as probable as it was,
+    /// stamps, robots and `seq`. For `surface`: what the object is stays as probable as it was,
     /// where it is becomes loose by so much. Withdrawn with the reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_moved: Option<Looseness>,

@@ -23,7 +23,7 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
     pub version: Option<u32>,
-    /// How to recognise; `hybrid` when not given, `sva` if the version has no surfaces.
+    /// How to recognise; `surface` when not given, `sva` if the version has no surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<Method>,
     /// The frame in which all sensor poses of the session are given, such as `base_link`. A
@@ -37,7 +37,7 @@ pub struct CreateSession {
     #[schema(max_items = 10_000)]
     pub prior: Option<Vec<PriorEntry>>,
     /// How probable it is before the first touch that the object is none of the catalogue's,
-    /// above 0 and below 1, for `hybrid`; 0.05 when not given.
+    /// above 0 and below 1, for `surface`; 0.05 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(exclusive_minimum = 0.0, exclusive_maximum = 1.0, example = 0.05)]
     pub unknown_prior: Option<f64>,
@@ -61,19 +61,19 @@ pub struct CreateSession {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
     pub seed: Option<u64>,
-    /// Robots whose bases are not exactly where their poses say, for `hybrid`: all readings of
+    /// Robots whose bases are not exactly where their poses say, for `surface`: all readings of
     /// such a robot (its `robot`) are shifted alike, by an unknown motion of this looseness.
     /// Readings of all others are taken to be exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(max_items = 100)]
     pub robots: Option<Vec<RobotBase>>,
-    /// How far the object moves between any two touches, for `hybrid`: being pressed shifts it a
+    /// How far the object moves between any two touches, for `surface`: being pressed shifts it a
     /// little, or a hand holds it. Earlier touches say the less of where it is. For one known
     /// motion see `object_moved` of a reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_moves: Option<Looseness>,
     /// The risk of a wrong answer at which you want to stop touching, 0.0001 to 0.5, for
-    /// `hybrid`: the belief's `stop` says when it is reached.
+    /// `surface`: the belief's `stop` says when it is reached.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.000_1, maximum = 0.5, example = 0.05)]
     pub risk: Option<f64>,
@@ -170,7 +170,7 @@ pub enum Method {
     /// refined; also says when the object is none of the catalogue's. Needs a version that was
     /// trained with surfaces, as all are unless asked not to, and takes readings of any sensor.
     #[default]
-    Hybrid,
+    Surface,
     /// Spatially varying appearance with the corrections of `docs/equations.md`.
     Sva,
     /// Spatially varying appearance as the dissertation prints it, for its figures.
@@ -215,7 +215,7 @@ pub struct Session {
     /// How far the object moves between any two touches; null when it rests.
     pub object_moves: Option<Looseness>,
     /// How probable it was before the first touch that the object is none of the catalogue's;
-    /// null with methods other than `hybrid`.
+    /// null with methods other than `surface`.
     pub unknown_prior: Option<f64>,
     /// The risk of a wrong answer at which its client wants to stop; null when not named.
     pub risk: Option<f64>,

@@ -114,7 +114,7 @@ pub struct TrainingReport {
     /// `warnings`.
     #[serde(default)]
     pub warnings: Vec<Warning>,
-    /// Whether the probabilities of `hybrid` were calibrated on readings that were held back;
+    /// Whether the probabilities of `surface` were calibrated on readings that were held back;
     /// null without surfaces, and of versions that were trained before this was reported.
     #[serde(default)]
     pub calibrated: Option<bool>,
@@ -179,7 +179,7 @@ pub struct ObjectReport {
     pub warnings: Vec<Warning>,
 }
 
-/// The surface of an object, as the method `hybrid` knows it.
+/// The surface of an object, as the method `surface` knows it.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SurfaceReport {
     /// How many touches it keeps.
@@ -281,12 +281,12 @@ pub struct StartTraining {
     /// What to learn for the methods `appearance…`; nothing when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub appearance: Option<AppearanceTraining>,
-    /// Whether to learn the surfaces that `hybrid` needs; when not given, as `pair_maps`.
+    /// Whether to learn the surfaces that `surface` needs; when not given, as `pair_maps`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surfaces: Option<bool>,
     /// Whether to learn the maps of pairs of touches that `sva` needs; true when not given.
     /// False suits readings without poses, of which only `appearance` is learnt, and large
-    /// catalogues for `hybrid` alone, with `surfaces`.
+    /// catalogues for `surface` alone, with `surfaces`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pair_maps: Option<bool>,
     /// A version of the same catalogue to add to: its vocabularies and what it knows of its

@@ -5,24 +5,25 @@
 
 use std::sync::Arc;
 
-use palpate_core::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions};
+use palpate_core::belief::MismatchError;
 use palpate_core::belief::answer::Answer;
 use palpate_core::belief::orbits::{OrbitScale, merge_orbits};
-use palpate_core::filter::particle::ParticleOptions;
-use palpate_core::geometric::{
-    AdaptiveOptions, BeliefMemory, GeometricBelief, GeometricError, GeometricFilter,
-    GeometricOptions, Marginals, PrintedFilter,
-};
-use palpate_core::hybrid::HybridBelief;
-use palpate_core::model::ObjectIdx;
-use palpate_core::model::appearance::AppearanceSource;
-use palpate_core::next_touch::{Ranking, rank};
+use palpate_core::object::ObjectIdx;
 use palpate_core::reading::Reading;
-use palpate_core::recognise::{RecogniseError, SvaBelief, SvaOptions};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::appearance::model::AppearanceSource;
+use palpate_dissertation::appearance::{AppearanceBelief, AppearanceError, AppearanceOptions};
+use palpate_dissertation::filter::particle::ParticleOptions;
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, BeliefMemory, GeometricBelief, GeometricError, GeometricFilter,
+    GeometricOptions, Marginals, PrintedFilter,
+};
+use palpate_dissertation::sva::{SvaBelief, SvaOptions};
+use palpate_recogniser::belief::SurfaceBelief;
+use palpate_recogniser::next_touch::{Ranking, rank};
 use palpate_schemas::{FieldError, Method};
 use palpate_store::entity::{Session, StoredReading};
 use thiserror::Error;
@@ -32,7 +33,7 @@ use crate::refusal::Refusal;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
-use crate::wire::session::{Options, hybrid_options, is_appearance, is_geometric, name, options};
+use crate::wire::session::{Options, is_appearance, is_geometric, name, options, surface_options};
 
 /// Poses of pair maps are one within half a bin and a few degrees: they are refined.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
@@ -42,7 +43,7 @@ const MODES_OF_AN_ORBIT: usize = 4;
 /// A belief, by method. A copy takes in readings as what it was copied from, bit for bit.
 #[derive(Clone)]
 pub(crate) enum SessionBelief {
-    Hybrid(Box<HybridBelief>),
+    Surface(Box<SurfaceBelief>),
     /// With the symmetries of the objects; none as printed.
     Sva(SvaBelief, Arc<[Symmetry]>),
     Geometric(GeometricBelief),
@@ -60,7 +61,7 @@ pub(crate) struct ObjectMarginals {
 #[derive(Debug, Error)]
 pub(crate) enum BeliefError {
     #[error(transparent)]
-    Recognise(#[from] RecogniseError),
+    Recognise(#[from] MismatchError),
     #[error(transparent)]
     Geometric(#[from] GeometricError),
     #[error(transparent)]
@@ -78,29 +79,37 @@ impl SessionBelief {
     pub(crate) fn new(session: &Session, model: &Model) -> Result<Self, BeliefError> {
         let weights: Vec<f64> = session.prior.iter().map(|(_, weight)| *weight).collect();
         let prior = (!weights.is_empty()).then_some(weights.as_slice());
-        let catalogue = Arc::clone(&model.core);
+        let sva = || Arc::clone(&model.core.sva);
         let options = options(session);
         match options.method {
-            Method::Hybrid => {
+            Method::Surface => {
                 let surfaces = Arc::clone(model.surfaces()?);
-                let options = hybrid_options(&options);
-                Ok(Self::Hybrid(Box::new(HybridBelief::new(surfaces, options, prior)?)))
+                let options = surface_options(&options);
+                Ok(Self::Surface(Box::new(SurfaceBelief::new(surfaces, options, prior)?)))
             }
             Method::Sva => {
-                let belief = SvaBelief::new(catalogue, SvaOptions::default(), prior)?;
+                let belief = SvaBelief::new(sva(), SvaOptions::default(), prior)?;
                 Ok(Self::Sva(belief, Arc::clone(&model.symmetries)))
             }
             Method::SvaLiteral => {
-                let belief = SvaBelief::new(catalogue, SvaOptions::literal(), prior)?;
+                let belief = SvaBelief::new(sva(), SvaOptions::literal(), prior)?;
                 Ok(Self::Sva(belief, Arc::default()))
             }
             Method::Appearance => {
                 let options = AppearanceOptions::default();
-                Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?))
+                Ok(Self::Appearance(AppearanceBelief::new(
+                    Arc::clone(model.appearance()?),
+                    options,
+                    prior,
+                )?))
             }
             Method::AppearanceLiteral => {
                 let options = AppearanceOptions::literal();
-                Ok(Self::Appearance(AppearanceBelief::new(&catalogue, options, prior)?))
+                Ok(Self::Appearance(AppearanceBelief::new(
+                    Arc::clone(model.appearance()?),
+                    options,
+                    prior,
+                )?))
             }
             Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
                 let options = geometric_options(&options, session.seed)?;
@@ -127,7 +136,7 @@ impl SessionBelief {
     /// Bytes of memory that it has for itself.
     pub(crate) fn bytes(&self) -> usize {
         match self {
-            Self::Hybrid(belief) => belief.bytes(),
+            Self::Surface(belief) => belief.bytes(),
             Self::Sva(belief, _) => belief.bytes(),
             Self::Geometric(belief) => belief.bytes(),
             Self::Appearance(belief) => belief.bytes(),
@@ -137,7 +146,7 @@ impl SessionBelief {
     /// Ends what takes long from now on when `stop` is asked for.
     pub(crate) fn heed(&mut self, stop: &Stop) {
         match self {
-            Self::Hybrid(belief) => belief.heed(stop),
+            Self::Surface(belief) => belief.heed(stop),
             Self::Sva(belief, _) => belief.heed(stop),
             Self::Geometric(belief) => belief.heed(stop),
             // A reading takes a millisecond.
@@ -157,12 +166,12 @@ impl SessionBelief {
                 Some(feature) => Ok(belief.add_feature(feature)?),
                 None => Ok(belief.add(reading, sensor)?),
             },
-            Self::Hybrid(_) | Self::Sva(..) | Self::Geometric(_)
+            Self::Surface(_) | Self::Sva(..) | Self::Geometric(_)
                 if stored.session_from_sensor.is_none() =>
             {
                 Err(BeliefError::PoseMissing)
             }
-            Self::Hybrid(belief) => {
+            Self::Surface(belief) => {
                 if let Some(motion) = &stored.object_moved {
                     belief.loosen(motion);
                 }
@@ -177,7 +186,7 @@ impl SessionBelief {
     /// What it has concluded, for methods whose search is worth to keep.
     pub(crate) fn conclusions(&self) -> Option<Vec<u8>> {
         match self {
-            Self::Hybrid(belief) => Some(belief.conclusions()),
+            Self::Surface(belief) => Some(belief.conclusions()),
             Self::Sva(..) | Self::Geometric(_) | Self::Appearance(_) => None,
         }
     }
@@ -190,7 +199,7 @@ impl SessionBelief {
         reading: &Reading,
         sensor: &SensorDescription,
     ) -> bool {
-        let Self::Hybrid(belief) = self else { return false };
+        let Self::Surface(belief) = self else { return false };
         if stored.object_moved.is_some() {
             belief.retrace_motion();
         }
@@ -200,21 +209,21 @@ impl SessionBelief {
 
     /// Takes over conclusions from readings that were all retraced; whether they fit.
     pub(crate) fn resume(&mut self, conclusions: &[u8]) -> bool {
-        let Self::Hybrid(belief) = self else { return false };
+        let Self::Surface(belief) = self else { return false };
         belief.resume(conclusions).is_ok()
     }
 
     /// By how many bits the belief expects a reading more than a touch anywhere; `None` when the
     /// method does not say.
     pub(crate) fn fit_bits(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
-        let Self::Hybrid(belief) = self else { return None };
+        let Self::Surface(belief) = self else { return None };
         Some(belief.log_fit(reading, sensor)? / std::f64::consts::LN_2)
     }
 
     /// The belief as an answer with at most `n_modes` poses.
     pub(crate) fn answer(&self, n_modes: usize) -> Answer {
         match self {
-            Self::Hybrid(belief) => belief.answer(n_modes),
+            Self::Surface(belief) => belief.answer(n_modes),
             Self::Sva(belief, symmetries) => sva_answer(belief, symmetries, n_modes),
             Self::Geometric(belief) => belief.answer(n_modes),
             Self::Appearance(belief) => belief.answer(),
@@ -225,7 +234,7 @@ impl SessionBelief {
     /// keeps none or the object is impossible.
     pub(crate) fn marginals(&self, object: Option<ObjectIdx>) -> Option<ObjectMarginals> {
         let belief = match self {
-            Self::Hybrid(_) | Self::Sva(..) | Self::Appearance(_) => return None,
+            Self::Surface(_) | Self::Sva(..) | Self::Appearance(_) => return None,
             Self::Geometric(belief) => belief,
         };
         let answer = belief.answer(0);
@@ -241,7 +250,7 @@ impl SessionBelief {
         question: &Question,
         should_stop: &mut dyn FnMut() -> bool,
     ) -> Option<Ranking> {
-        let Self::Hybrid(belief) = self else { return None };
+        let Self::Surface(belief) = self else { return None };
         rank(belief, question.approaches.as_deref(), &question.options, should_stop).ok()
     }
 }
@@ -313,9 +322,9 @@ fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'sta
         return Some(("pose", detail));
     }
     match options.method {
-        Method::Hybrid | Method::Appearance | Method::AppearanceLiteral => None,
+        Method::Surface | Method::Appearance | Method::AppearanceLiteral => None,
         Method::Sva | Method::SvaLiteral => {
-            let (vocabulary, image) = (&model.core.vocabulary, reading.image());
+            let (vocabulary, image) = (&model.core.sva.vocabulary, reading.image());
             let error = shape_error([vocabulary.rows, vocabulary.cols], reading);
             (!vocabulary.fits(image)).then(|| ("sensor", error.to_string()))
         }
@@ -352,7 +361,7 @@ fn unfit_for_appearance(model: &Model, incoming: &Incoming) -> Option<(&'static 
     }
 }
 
-fn shape_error([rows, cols]: [usize; 2], reading: &Reading) -> RecogniseError {
+fn shape_error([rows, cols]: [usize; 2], reading: &Reading) -> MismatchError {
     let (found_rows, found_cols) = (reading.image().rows, reading.image().cols);
-    RecogniseError::Shape { rows, cols, found_rows, found_cols }
+    MismatchError::Shape { rows, cols, found_rows, found_cols }
 }

@@ -13,16 +13,17 @@ use std::sync::Arc;
 
 use dashmap::DashMap;
 use glam::DVec3;
-use palpate_core::geometric::{PreparedGeometry, TableBudget};
-use palpate_core::model::appearance::AppearanceModel;
-use palpate_core::model::geometry::GeometricModel;
-use palpate_core::model::surface::SurfaceModel;
-use palpate_core::model::{Catalogue as CoreCatalogue, ObjectMap};
 use palpate_core::symmetry::Symmetry;
+use palpate_dissertation::appearance::model::AppearanceModel;
+use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
+use palpate_dissertation::sva::model::ObjectMap;
+use palpate_recogniser::model::SurfaceModel;
 use palpate_schemas as wire;
 use palpate_store::catalogue::{Catalogue, Catalogues as Table, Draft, Manifest, VersionObject};
 use palpate_store::database::Database;
 use palpate_store::error::StoreError;
+use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::ModelPart;
 use uuid::Uuid;
 
@@ -42,7 +43,7 @@ pub(crate) struct Model {
     pub(crate) catalogue: Uuid,
     pub(crate) name: String,
     pub(crate) version: u32,
-    pub(crate) core: Arc<CoreCatalogue>,
+    pub(crate) core: Arc<TrainedModel>,
     pub(crate) objects: Vec<VersionObject>,
     /// Where each object's frame has its origin in the frame that it was taught in, metres.
     pub(crate) origins_in_model: Arc<[DVec3]>,
@@ -60,12 +61,12 @@ impl Model {
     }
 
     fn no_geometry(&self) -> Refusal {
-        Refusal::NoGeometry { catalogue: self.name.clone(), version: self.version }
+        Refusal::NoGeometric { catalogue: self.name.clone(), version: self.version }
     }
 
     /// What the version knows of its objects' geometry.
     pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
-        self.core.geometry.as_ref().ok_or_else(|| self.no_geometry())
+        self.core.geometric.as_ref().ok_or_else(|| self.no_geometry())
     }
 
     /// What the version knows of its objects' appearance.
@@ -78,7 +79,7 @@ impl Model {
 
     /// The surfaces of its objects.
     pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, Refusal> {
-        self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurfaces {
+        self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurface {
             catalogue: self.name.clone(),
             version: self.version,
         })
@@ -86,11 +87,11 @@ impl Model {
 
     /// The maps of pairs of touches, one an object.
     pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
-        let maps = self.core.objects.as_slice();
+        let maps = self.core.sva.objects.as_slice();
         if maps.len() == self.objects.len() {
             return Ok(maps);
         }
-        Err(Refusal::NoPairMaps { catalogue: self.name.clone(), version: self.version })
+        Err(Refusal::NoSva { catalogue: self.name.clone(), version: self.version })
     }
 
     /// The place of an object among the model's, by its id or its name when it was trained.

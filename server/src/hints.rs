@@ -10,7 +10,7 @@ mod units;
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use palpate_core::patch::contact_floor;
+use palpate_core::contact::contact_floor;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;

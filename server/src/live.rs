@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use palpate_core::belief::answer::Answer;
-use palpate_core::model::ObjectIdx;
+use palpate_core::object::ObjectIdx;
 use palpate_core::stop::Stop;
 use palpate_schemas as wire;
 use palpate_schemas::{BeliefDetail, SessionEvent};

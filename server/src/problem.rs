@@ -208,10 +208,10 @@ fn kind(refusal: &Refusal) -> ProblemType {
         | Refusal::SessionBusy { .. } => ProblemType::TooManyRequests,
         Refusal::TooManyToExplain { .. }
         | Refusal::Untrained { .. }
-        | Refusal::NoGeometry { .. }
+        | Refusal::NoGeometric { .. }
         | Refusal::NoAppearance { .. }
-        | Refusal::NoPairMaps { .. }
-        | Refusal::NoSurfaces { .. }
+        | Refusal::NoSva { .. }
+        | Refusal::NoSurface { .. }
         | Refusal::NoMarginals { .. }
         | Refusal::NoNextTouches { .. }
         | Refusal::NoTouch { .. }

@@ -60,7 +60,7 @@ pub(crate) enum Refusal {
         "version {version} of catalogue {catalogue:?} has no geometry: train one with \
          `\"geometry\": {{\"kind\": \"planar\"}}` or `solid`"
     )]
-    NoGeometry { catalogue: String, version: u32 },
+    NoGeometric { catalogue: String, version: u32 },
     #[error(
         "version {version} of catalogue {catalogue:?} has no appearance: train one with \
          `\"appearance\": {{}}`"
@@ -70,7 +70,7 @@ pub(crate) enum Refusal {
         "version {version} of catalogue {catalogue:?} has no pair maps: it was trained with \
          `\"pair_maps\": false`, use the methods `appearance…`"
     )]
-    NoPairMaps { catalogue: String, version: u32 },
+    NoSva { catalogue: String, version: u32 },
     #[error(
         "session {session} has no marginals: its method keeps no probabilities of poses, or its \
          readings rule the object out"
@@ -78,7 +78,7 @@ pub(crate) enum Refusal {
     NoMarginals { session: Uuid },
     #[error(
         "session {session} has the method {method}, which does not say where to touch next: \
-         expected `hybrid`"
+         expected `surface`"
     )]
     NoNextTouches { session: Uuid, method: &'static str },
     #[error(
@@ -106,7 +106,7 @@ pub(crate) enum Refusal {
         "version {version} of catalogue {catalogue:?} was trained without surfaces: train it \
          again, or use the method `sva`"
     )]
-    NoSurfaces { catalogue: String, version: u32 },
+    NoSurface { catalogue: String, version: u32 },
     #[error(
         "the {part} of version {version} of catalogue {catalogue:?} need {} of memory, and models \
          may have {}: raise `--model-memory-mb`",

@@ -18,15 +18,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use palpate_core::model::{Catalogue, ObjectMap};
 use palpate_core::pose::Pose;
-use palpate_core::train::geometry::GeometryConfig;
-use palpate_core::train::{TrainingConfig, TrainingSet, learn_vocabulary, map_object};
+use palpate_core::training::TrainingSet;
 use palpate_core::vocabulary::Vocabulary;
+use palpate_dissertation::geometric::train::GeometryConfig;
+use palpate_dissertation::sva::model::{ObjectMap, SvaModel};
+use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_schemas::{JobStage, ObjectReport, SkippedObject, SymmetryBy, Warning};
 use palpate_store::catalogue::VersionObject;
 use palpate_store::database::Database;
 use palpate_store::entity::Sensor;
+use palpate_store::model::TrainedModel;
 use rayon::prelude::*;
 
 use crate::hints::{of_catalogue, of_object};
@@ -65,7 +67,7 @@ pub(crate) struct Plan {
 /// What came out: objects of the extended version in their places, then new ones in the
 /// plan's order.
 pub(crate) struct Trained {
-    pub(crate) model: Catalogue,
+    pub(crate) model: TrainedModel,
     pub(crate) objects: Vec<ObjectReport>,
     pub(crate) skipped: Vec<SkippedObject>,
     pub(crate) warnings: Vec<Warning>,
@@ -112,7 +114,7 @@ fn learn(
     materials: &[Material],
     sources: &Sources<'_>,
     progress: &Progress<'_>,
-) -> Result<(Catalogue, Vec<ObjectReport>), TrainingFailure> {
+) -> Result<(TrainedModel, Vec<ObjectReport>), TrainingFailure> {
     let vocabulary = vocabulary(plan, materials, progress)?;
     let maps =
         if plan.pair_maps { map_all(plan, materials, &vocabulary, progress)? } else { Vec::new() };
@@ -150,15 +152,14 @@ fn learn(
     let maps: Vec<Arc<ObjectMap>> = maps.into_iter().map(Arc::new).collect();
     let maps = match &plan.base {
         Some(base) if plan.pair_maps => {
-            base::extended(&base.model.core.objects, &base.places(materials), maps)
+            base::extended(&base.model.core.sva.objects, &base.places(materials), maps)
         }
         _ => maps,
     };
-    let model = Catalogue {
-        vocabulary,
-        association: plan.config.association,
-        objects: maps,
-        geometry: geometry.map(Arc::new),
+    let sva = SvaModel { vocabulary, association: plan.config.association, objects: maps };
+    let model = TrainedModel {
+        sva: Arc::new(sva),
+        geometric: geometry.map(Arc::new),
         appearance: appearance.map(Arc::new),
         surface: surface.map(|learnt| learnt.model),
     };
@@ -181,7 +182,7 @@ fn vocabulary(
     progress: &Progress<'_>,
 ) -> Result<Vocabulary, TrainingFailure> {
     if let Some(base) = &plan.base {
-        return Ok(base.model.core.vocabulary.clone());
+        return Ok(base.model.core.sva.vocabulary.clone());
     }
     if !plan.pair_maps {
         let grid = materials.first().map_or(plan.sensor.description.grid(), Material::grid);

@@ -7,17 +7,17 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate_core::geometric::{
-    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
-    PreparedGeometry,
-};
 use palpate_core::pose::Pose;
 use palpate_core::reading::SensorId;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::geometry::{GeometryConfig, map_geometry};
+use palpate_core::training::TrainingSet;
 use palpate_core::units::MM;
+use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
+};
 use palpate_sim::letters::Font;
 use palpate_sim::rig::{PlanarPose, Rig, RigNoise, rig_sensor};
 

@@ -6,17 +6,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use palpate_core::geometric::{
-    AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
-    PreparedGeometry,
-};
-use palpate_core::model::ObjectIdx;
+use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::train::TrainingSet;
-use palpate_core::train::geometry::{GeometryConfig, map_geometry};
+use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
+use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
+};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SamplerConfig, sample};
 use palpate_sim::shapes::example;

@@ -12,7 +12,6 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use palpate_core::model::Catalogue as Model;
 use palpate_core::symmetry::Symmetry;
 use uuid::Uuid;
 
@@ -21,6 +20,7 @@ use crate::envelope::{self, Kind};
 use crate::error::{RecordError, StoreError};
 use crate::key::{self, Space};
 use crate::mesh::open_raw;
+use crate::model::TrainedModel;
 use crate::model_codec::{self, CodecError, ModelPart};
 use crate::pieces::{self, Limit};
 use crate::record::{self, SCHEMA};
@@ -330,9 +330,9 @@ impl Catalogues {
     /// The trained model of a version.
     ///
     /// # Errors
-    /// [`StoreError::Model`] when its blocks do not fit together; else as
+    /// [`StoreError::TrainedModel`] when its blocks do not fit together; else as
     /// [`Catalogues::block`].
-    pub fn model(&self, manifest: &Manifest) -> Result<Model, StoreError> {
+    pub fn model(&self, manifest: &Manifest) -> Result<TrainedModel, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
         model_codec::model_from_blocks(&self.blocks(manifest)?, &objects).map_err(unfit(manifest))
     }
@@ -342,7 +342,11 @@ impl Catalogues {
     ///
     /// # Errors
     /// As [`Catalogues::model`].
-    pub fn model_part(&self, manifest: &Manifest, part: ModelPart) -> Result<Model, StoreError> {
+    pub fn model_part(
+        &self,
+        manifest: &Manifest,
+        part: ModelPart,
+    ) -> Result<TrainedModel, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
         let needed = manifest.blocks.iter().filter(|block| part.needs(&block.name));
         let blocks: Result<Vec<(String, Vec<u8>)>, StoreError> =

@@ -100,7 +100,7 @@ pub struct Job {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// The default: proposals verified and refined.
-    Hybrid,
+    Surface,
     /// The sparse voting of section 5.4.
     Sva,
     /// Bags of features, without poses.

@@ -47,6 +47,8 @@ pub mod audit;
 
 mod descriptor_code;
 
+pub mod model;
+
 pub mod model_codec;
 
 pub mod catalogue;

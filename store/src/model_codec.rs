@@ -17,19 +17,21 @@ mod writer;
 
 use std::sync::Arc;
 
-use palpate_core::model::geometry::ClassTableError;
-use palpate_core::model::{Catalogue, MapPatch, ObjectMap};
-use palpate_core::occupancy::GridError;
-use palpate_core::patch_pair::distance::DistanceBinsError;
-use palpate_core::patch_pair::index::Posting;
-use palpate_core::patch_pair::{DistanceBins, PairIndex};
+use palpate_core::object::MapPatch;
 use palpate_core::vocabulary::gmm::MixtureError;
 use palpate_core::vocabulary::{AssociationRule, MAX_CLASSES, Vocabulary};
+use palpate_dissertation::geometric::model::ClassTableError;
+use palpate_dissertation::occupancy::GridError;
+use palpate_dissertation::patch_pair::distance::DistanceBinsError;
+use palpate_dissertation::patch_pair::index::Posting;
+use palpate_dissertation::patch_pair::{DistanceBins, PairIndex};
+use palpate_dissertation::sva::model::{ObjectMap, SvaModel};
 use reader::Reader;
 use thiserror::Error;
 use uuid::Uuid;
 
 use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
+use crate::model::TrainedModel;
 pub use appearance::{APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, appearance_block_name};
 pub use geometry::{GEOMETRY_BLOCK, geometry_block_name};
 pub use part::ModelPart;
@@ -143,13 +145,13 @@ pub enum CodecError {
 /// The blocks of a model: names and contents. `objects` are the ids of the model's objects,
 /// in its order.
 #[must_use]
-pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<u8>)> {
-    let vocabulary = (VOCABULARY_BLOCK.to_owned(), vocabulary_to_block(model));
+pub fn model_to_blocks(model: &TrainedModel, objects: &[Uuid]) -> Vec<(String, Vec<u8>)> {
+    let vocabulary = (VOCABULARY_BLOCK.to_owned(), vocabulary_to_block(&model.sva));
     let maps = objects
         .iter()
-        .zip(&model.objects)
+        .zip(&model.sva.objects)
         .map(|(object, map)| (map_block_name(*object), map_to_block(map)));
-    let geometry = model.geometry.iter().flat_map(|model| geometry::to_blocks(model, objects));
+    let geometry = model.geometric.iter().flat_map(|model| geometry::to_blocks(model, objects));
     let appearance =
         model.appearance.iter().flat_map(|model| appearance::to_blocks(model, objects));
     let surface = model.surface.iter().flat_map(|model| surface::to_blocks(model, objects));
@@ -168,7 +170,7 @@ pub fn model_to_blocks(model: &Catalogue, objects: &[Uuid]) -> Vec<(String, Vec<
 pub fn model_from_blocks(
     blocks: &[(String, Vec<u8>)],
     objects: &[Uuid],
-) -> Result<Catalogue, CodecError> {
+) -> Result<TrainedModel, CodecError> {
     let find = |name: &str| {
         let found = blocks.iter().find(|(candidate, _)| *candidate == name);
         found.map(|(_, content)| content.as_slice())
@@ -208,12 +210,13 @@ pub fn model_from_blocks(
         surface::from_blocks(shared, objects.iter().map(surface))
     });
     let surface = surface.transpose()?.map(Arc::new);
-    Ok(Catalogue { vocabulary, association, objects: maps, geometry, appearance, surface })
+    let sva = Arc::new(SvaModel { vocabulary, association, objects: maps });
+    Ok(TrainedModel { sva, geometric: geometry, appearance, surface })
 }
 
 /// The block of a model's vocabulary and association rule.
 #[must_use]
-pub fn vocabulary_to_block(model: &Catalogue) -> Vec<u8> {
+pub fn vocabulary_to_block(model: &SvaModel) -> Vec<u8> {
     let vocabulary = &model.vocabulary;
     let mut block = Vec::new();
     for number in [

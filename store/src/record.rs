@@ -287,7 +287,7 @@ struct SessionRecordV1 {
     closed_at_ms: Option<u64>,
 }
 
-const METHODS: [Method; 4] = [Method::Hybrid, Method::Sva, Method::Appearance, Method::Geometric];
+const METHODS: [Method; 4] = [Method::Surface, Method::Sva, Method::Appearance, Method::Geometric];
 
 impl Record for Session {
     const KIND: Kind = Kind::Session;

@@ -42,7 +42,7 @@ struct StandIn {
 
 fn session(number: u64) -> String {
     format!(
-        r#"{{"id":"{}","catalogue":"default","version":1,"method":"hybrid","frame_id":null,
+        r#"{{"id":"{}","catalogue":"default","version":1,"method":"surface","frame_id":null,
         "state":"open","n_readings":0,"ttl_s":null,"created_at":"","closed_at":null}}"#,
         uuid::Uuid::from_u128(u128::from(number))
     )

@@ -5,8 +5,8 @@
 
 mod appearance;
 mod exploration;
-mod hybrid;
 mod robustness;
+mod surface;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,8 +31,8 @@ use crate::output::{Output, table};
 use crate::progress::StepProgress;
 use appearance::AppearanceExperiment;
 use exploration::ExplorationExperiment;
-use hybrid::HybridExperiment;
 use robustness::RobustnessExperiment;
+use surface::SurfaceExperiment;
 
 /// The page that states every figure.
 const RESULTS: &str = "docs/results.md";
@@ -117,7 +117,7 @@ enum Experiment {
     #[command(flatten)]
     Appearance(AppearanceExperiment),
     #[command(flatten)]
-    Hybrid(HybridExperiment),
+    Surface(SurfaceExperiment),
     #[command(flatten)]
     Robustness(RobustnessExperiment),
     #[command(flatten)]
@@ -262,7 +262,7 @@ pub(crate) async fn run(args: ExperimentArgs, output: Output) -> anyhow::Result<
         Experiment::Appearance(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
-        Experiment::Hybrid(experiment) => {
+        Experiment::Surface(experiment) => {
             on_a_thread(move || experiment.run(seed, command, &show)).await?
         }
         Experiment::Robustness(experiment) => {
@@ -318,7 +318,7 @@ fn command_line(experiment: &Experiment, seed: u64) -> String {
         Experiment::Covering => "covering".to_owned(),
         Experiment::Symmetry { meshes } => format!("symmetry{}", meshes_of(meshes)),
         Experiment::Appearance(experiment) => experiment.line(),
-        Experiment::Hybrid(experiment) => experiment.line(),
+        Experiment::Surface(experiment) => experiment.line(),
         Experiment::Robustness(experiment) => experiment.line(),
         Experiment::Exploration(experiment) => experiment.line(),
         Experiment::ServerThroughput { readings } => {

@@ -40,7 +40,7 @@ use crate::verdict::Verdict;
 )]
 pub(crate) struct ExploreArgs {
     /// What is touched: a built-in example, or with --mesh its name in the catalogue, or `none`
-    /// for an object outside the catalogue: "none of these" is right then (method `hybrid`).
+    /// for an object outside the catalogue: "none of these" is right then (method `surface`).
     #[arg(long, required_unless_present_any = ["mesh", "replay"])]
     object: Option<String>,
     /// The mesh to explore: .stl, .obj, .ply or .off.
@@ -82,12 +82,12 @@ pub(crate) struct ExploreArgs {
     /// The catalogue of a new session.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// How a new session recognises [default: hybrid]. An object that moves (--perturb) needs a
+    /// How a new session recognises [default: surface]. An object that moves (--perturb) needs a
     /// method that ignores poses: appearance, of a version trained with `--appearance`.
     #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
     method: Option<ExploreMethod>,
     /// How probable it is before the first touch that the object of a new session is none of
-    /// the catalogue's: above 0 and below 1, for `hybrid` [default: 0.05].
+    /// the catalogue's: above 0 and below 1, for `surface` [default: 0.05].
     #[arg(long, value_name = "PROBABILITY", conflicts_with_all = ["session", "offline"])]
     unknown_prior: Option<f64>,
     /// Do not talk to a server.

@@ -116,7 +116,7 @@ pub(crate) struct LoadArgs {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum LoadMethod {
     /// Proposed, verified and refined hypotheses.
-    Hybrid,
+    Surface,
     /// Spatially varying appearance.
     Sva,
 }
@@ -215,7 +215,7 @@ fn config(args: &LoadArgs) -> LoadConfig {
         seed: args.seed,
         catalogue: args.catalogue.clone(),
         method: args.method.map(|method| match method {
-            LoadMethod::Hybrid => Method::Hybrid,
+            LoadMethod::Surface => Method::Surface,
             LoadMethod::Sva => Method::Sva,
         }),
         belief: match args.belief {

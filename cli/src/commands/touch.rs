@@ -34,7 +34,7 @@ use crate::verdict::{NONE, can_answer_none};
 )]
 pub(crate) struct TouchArgs {
     /// Which object the mesh is: its name when it was trained, or `none` for an object outside
-    /// the catalogue: "none of these" is right then (method `hybrid`).
+    /// the catalogue: "none of these" is right then (method `surface`).
     #[arg(long)]
     object: String,
     /// The mesh to touch: .stl, .obj, .ply or .off.
@@ -56,7 +56,7 @@ pub(crate) struct TouchArgs {
     /// The catalogue to recognise with.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// How to recognise [default: hybrid]. The methods `geometric…` need a version trained with
+    /// How to recognise [default: surface]. The methods `geometric…` need a version trained with
     /// `--geometry`: planar, and the robot presses straight down within 8 mm of where a camera
     /// saw the object; or solid, and it touches from all sides, and the camera is right to
     /// within 8 mm and 0.2 rad. The methods `appearance…` need one trained with
@@ -64,7 +64,7 @@ pub(crate) struct TouchArgs {
     #[arg(long, value_enum)]
     method: Option<TouchMethod>,
     /// How probable it is before the first touch that the object is none of the catalogue's:
-    /// above 0 and below 1, for the method `hybrid` [default: 0.05].
+    /// above 0 and below 1, for the method `surface` [default: 0.05].
     #[arg(long, value_name = "PROBABILITY")]
     unknown_prior: Option<f64>,
     /// The robot's sensor.
@@ -76,7 +76,7 @@ pub(crate) struct TouchArgs {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum TouchMethod {
     /// Proposed, verified and refined hypotheses.
-    Hybrid,
+    Surface,
     /// Spatially varying appearance.
     Sva,
     /// Spatially varying appearance as printed.
@@ -96,7 +96,7 @@ enum TouchMethod {
 impl TouchMethod {
     fn wire(self) -> Method {
         match self {
-            Self::Hybrid => Method::Hybrid,
+            Self::Surface => Method::Surface,
             Self::Sva => Method::Sva,
             Self::SvaLiteral => Method::SvaLiteral,
             Self::Geometric => Method::Geometric,
@@ -139,7 +139,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     let mut robot = Robot::approaching(simulator, approach, args.seed, 0);
     let truth = match args.object.as_str() {
         NONE => {
-            can_answer_none(method.unwrap_or(Method::Hybrid))?;
+            can_answer_none(method.unwrap_or(Method::Surface))?;
             Truth::none_of_these(&robot)
         }
         object => Truth::new(&robot, &symmetry, object, &version.report)?,

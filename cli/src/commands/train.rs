@@ -57,7 +57,7 @@ pub(crate) struct TrainArgs {
     /// The side of a cell of these maps, 0.1 to 50 mm [default: what suits the kind].
     #[arg(long, requires = "geometry", value_parser = parse_cell_mm)]
     cell_mm: Option<f64>,
-    /// Learn only what the method `hybrid` needs: a tenth of the memory, for large catalogues.
+    /// Learn only what the method `surface` needs: a tenth of the memory, for large catalogues.
     #[arg(long, conflicts_with_all = ["geometry", "classes", "descriptor", "no_pair_maps"])]
     only_surfaces: bool,
     #[command(flatten)]

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use nalgebra::{Matrix6, Vector6};
 
 use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
-use crate::model::ObjectIdx;
+use crate::object::ObjectIdx;
 use crate::pose::Pose;
 
 /// A belief in the form that users ask for.

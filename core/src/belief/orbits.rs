@@ -9,7 +9,7 @@ use glam::DVec3;
 use nalgebra::Vector6;
 
 use super::answer::PoseMode;
-use crate::model::ObjectIdx;
+use crate::object::ObjectIdx;
 use crate::symmetry::{AxisOrder, Symmetry, SymmetryAxis};
 
 /// The variance of an angle of which nothing is known, rad²: even over a full turn.

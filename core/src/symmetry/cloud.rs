@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::cells::Cells;
-use crate::patch::MapPatch;
+use crate::object::MapPatch;
 use crate::pose::Pose;
 use crate::units::{DEG, MM};
 

@@ -13,7 +13,7 @@ use super::presses::{Press, Presses};
 use super::seeds::{Spread, half_turns_across};
 use super::verify::{Baseline, Judged, UNCLEAR};
 use super::{AxisOrder, Finding, PATCHES_MIN, Symmetry, SymmetryAxis};
-use crate::patch::MapPatch;
+use crate::object::MapPatch;
 use crate::pose::{Pose, rotation_angle};
 use crate::units::DEG;
 

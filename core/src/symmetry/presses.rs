@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 
 use super::cells::Cells;
-use crate::patch::MapPatch;
+use crate::object::MapPatch;
 use crate::pose::Pose;
 use crate::units::MM;
 

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DQuat, DVec2, DVec3};
 
 use super::*;
-use crate::patch::MapPatch;
+use crate::object::MapPatch;
 use crate::pose::Pose;
 use crate::rng::{Purpose, Stream};
 use crate::units::{DEG, MM};

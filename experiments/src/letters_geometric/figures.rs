@@ -20,7 +20,7 @@ const STATED_AT: [usize; 8] = [1, 3, 5, 9, 12, 15, 20, 46];
 /// The maps of the first seed as pictures.
 pub(super) fn maps(letters: &[TestLetter], lab: &Lab) -> Vec<(String, Vec<u8>)> {
     let picture = |(letter, map): (&TestLetter, &std::sync::Arc<_>)| {
-        let map: &palpate_core::model::geometry::GeometricMap = map;
+        let map: &palpate_dissertation::geometric::model::GeometricMap = map;
         let case = if letter.symbol.is_ascii_uppercase() { "capital" } else { "small" };
         let name = format!("letters-geometric-{case}-{}.png", letter.symbol.to_ascii_lowercase());
         Some((name, layer_png(&map.occupancy, 0, CELL_PIXELS)?))

@@ -4,24 +4,24 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use palpate_core::filter::class_field::ClassField;
-use palpate_core::filter::histogram::{
-    Extent, HistogramModel, PlanarBins, PlanarHistogram, Reseed,
-};
-use palpate_core::filter::particle::{
-    Injection, ParticleFilter, ParticleOptions, PoseRegion, Resampling,
-};
-use palpate_core::filter::planes::BinShare;
-use palpate_core::geometric::{
-    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
-    PreparedGeometry,
-};
 use palpate_core::log_prob::normalize;
-use palpate_core::occupancy::{ClassTable, OccupancyGrid};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
+use palpate_dissertation::filter::class_field::ClassField;
+use palpate_dissertation::filter::histogram::{
+    Extent, HistogramModel, PlanarBins, PlanarHistogram, Reseed,
+};
+use palpate_dissertation::filter::particle::{
+    Injection, ParticleFilter, ParticleOptions, PoseRegion, Resampling,
+};
+use palpate_dissertation::filter::planes::BinShare;
+use palpate_dissertation::geometric::{
+    AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
+    PreparedGeometry,
+};
+use palpate_dissertation::occupancy::{ClassTable, OccupancyGrid};
 
 use super::Lab;
 

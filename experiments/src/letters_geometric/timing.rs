@@ -5,9 +5,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use palpate_core::filter::histogram::{Extent, HistogramModel, PlanarHistogram};
-use palpate_core::filter::planes::BinShare;
-use palpate_core::occupancy::{ClassTable, OccupancyGrid};
+use palpate_dissertation::filter::histogram::{Extent, HistogramModel, PlanarHistogram};
+use palpate_dissertation::filter::planes::BinShare;
+use palpate_dissertation::occupancy::{ClassTable, OccupancyGrid};
 
 use super::methods::{SPARSE, adaptive_belief, planar_bins};
 use super::{Lab, LettersGeometric, trials};

@@ -7,12 +7,12 @@
 use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
-use palpate_core::hybrid::HybridBelief;
-use palpate_core::next_touch::{Approach, NextTouchOptions, Ranked, rank};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::{DEG, MM};
+use palpate_recogniser::belief::SurfaceBelief;
+use palpate_recogniser::next_touch::{Approach, NextTouchOptions, Ranked, rank};
 use palpate_sim::controller::{Landing, RecenterConfig, touch_recentered};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::rays::{RayConfig, draw_ray};
@@ -108,7 +108,7 @@ impl Robot<'_> {
     pub fn choose(
         &self,
         press: usize,
-        belief: &HybridBelief,
+        belief: &SurfaceBelief,
         contacts: &[Reading],
     ) -> (Approach, Option<Ranked>) {
         let Some(_) = contacts.first() else { return (self.random_ray(press), None) };

@@ -7,13 +7,11 @@
 
 use anyhow::Context as _;
 use glam::DVec3;
+use palpate_core::contact::touches;
 use palpate_core::contact::{contact_points, normal_constraint};
 use palpate_core::descriptor::mnti::Mnti;
 use palpate_core::descriptor::moment_normalized::MaskOrder;
 use palpate_core::descriptor::{Descriptor as _, DescriptorKind, affinity};
-use palpate_core::model::{Catalogue, ObjectMap};
-use palpate_core::patch::{Patch, touches};
-use palpate_core::patch_pair::DistanceBins;
 use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
@@ -21,6 +19,9 @@ use palpate_core::units::MM;
 use palpate_core::vocabulary::association::{associate, spreads_above};
 use palpate_core::vocabulary::medoids::choose_medoids;
 use palpate_core::vocabulary::{AssociationRule, MAX_CLASSES, Vocabulary};
+use palpate_dissertation::patch::Patch;
+use palpate_dissertation::patch_pair::DistanceBins;
+use palpate_dissertation::sva::model::{ObjectMap, SvaModel};
 use rayon::prelude::*;
 
 /// Medoids are chosen among at most this many features (the cost is quadratic).
@@ -87,7 +88,7 @@ impl Printed {
         &self,
         readings: &[Vec<Reading>],
         sensor: &SensorDescription,
-    ) -> anyhow::Result<(Catalogue, f64)> {
+    ) -> anyhow::Result<(SvaModel, f64)> {
         let distances = DistanceBins::new(30.0 * MM, 160.0 * MM, 40)?;
         let patches_of = |readings: &Vec<Reading>| -> Vec<Patch> {
             readings.iter().filter_map(|reading| self.patch(reading, sensor)).collect()
@@ -110,14 +111,7 @@ impl Printed {
             medoids: self.medoids.clone(),
             spreads: self.spreads.clone(),
         };
-        let catalogue = Catalogue {
-            vocabulary,
-            association: RULE,
-            objects,
-            geometry: None,
-            appearance: None,
-            surface: None,
-        };
+        let catalogue = SvaModel { vocabulary, association: RULE, objects };
         Ok((catalogue, n_kept as f64 / n_patches.max(1) as f64))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use palpate_core::model::surface::SurfaceModel;
+use palpate_recogniser::model::SurfaceModel;
 use serde_json::json;
 
 use super::{Kind, Unknown, Verdict};
@@ -228,7 +228,7 @@ pub(super) fn panels(
         let at = |n: usize| (n as f64, area_after(n, verdicts));
         Line { name: name.into(), points: (1..=config.readings).map(at).collect() }
     };
-    let mut lines = vec![area("hybrid", verdicts)];
+    let mut lines = vec![area("surface", verdicts)];
     if !literal.is_empty() {
         lines.push(area("literal", literal));
     }

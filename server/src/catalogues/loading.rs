@@ -7,12 +7,12 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use palpate_core::geometric::{PreparedGeometry, TableBudget};
-use palpate_core::hybrid::{HybridOptions, prepare};
-use palpate_core::model::Catalogue as CoreCatalogue;
 use palpate_core::symmetry::Symmetry;
+use palpate_dissertation::geometric::{PreparedGeometry, TableBudget};
+use palpate_recogniser::belief::{SurfaceOptions, prepare};
 use palpate_store::catalogue::{Catalogues as Table, Manifest, VersionObject};
 use palpate_store::error::StoreError;
+use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{CodecError, ModelPart};
 use uuid::Uuid;
 
@@ -131,10 +131,10 @@ pub(crate) fn part_name(part: ModelPart) -> &'static str {
 /// A version that was trained without a part.
 fn untrained(part: ModelPart, catalogue: String, version: u32) -> Refusal {
     match part {
-        ModelPart::PairMaps => Refusal::NoPairMaps { catalogue, version },
-        ModelPart::Geometry => Refusal::NoGeometry { catalogue, version },
+        ModelPart::PairMaps => Refusal::NoSva { catalogue, version },
+        ModelPart::Geometry => Refusal::NoGeometric { catalogue, version },
         ModelPart::Appearance => Refusal::NoAppearance { catalogue, version },
-        ModelPart::Surfaces => Refusal::NoSurfaces { catalogue, version },
+        ModelPart::Surfaces => Refusal::NoSurface { catalogue, version },
     }
 }
 
@@ -153,7 +153,7 @@ fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
 }
 
 /// How much memory the surfaces take that were read; other parts take what was expected.
-fn bytes_found(core: &CoreCatalogue) -> Option<u64> {
+fn bytes_found(core: &TrainedModel) -> Option<u64> {
     core.surface.as_ref().map(|surface| surface.bytes() as u64)
 }
 
@@ -170,14 +170,14 @@ fn read_part(
     let what = part_name(part);
     tracing::info!("Read {what} of {n_objects} objects, version {version} of catalogue {name:?}");
     if let Some(surface) = &core.surface {
-        prepare(surface, &HybridOptions::default());
+        prepare(surface, &SurfaceOptions::default());
     }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
         (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),
         (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };
-    let geometry = core.geometry.clone();
+    let geometry = core.geometric.clone();
     let prepared = geometry.map(|model| PreparedGeometry::within(model, Arc::clone(tables)));
     let origins_in_model = origins_in_model(&manifest)?;
     let (core, objects) = (Arc::new(core), manifest.objects);

@@ -5,12 +5,12 @@
 
 use std::sync::Arc;
 
-use palpate_core::model::Catalogue as CoreCatalogue;
-use palpate_core::model::geometry::{GeometricMap, GeometricModel};
+use palpate_dissertation::geometric::model::{GeometricMap, GeometricModel};
 use palpate_schemas as wire;
 use palpate_schemas::PlyForm;
 use palpate_sim::render::occupancy::{cloud_ply, layer_png, surface_ply};
 use palpate_store::catalogue::Draft;
+use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::{ModelPart, model_to_blocks};
 use uuid::Uuid;
 
@@ -109,12 +109,12 @@ impl Catalogues {
         parameters.merged_from = vec![reference(&ours), reference(&theirs)];
         let merging = move || {
             let geometry = merge(&ours, &theirs)?;
-            let core = CoreCatalogue { geometry: Some(Arc::new(geometry)), ..(*ours.core).clone() };
+            let core = TrainedModel { geometric: Some(Arc::new(geometry)), ..(*ours.core).clone() };
             let ids: Vec<Uuid> = ours.objects.iter().map(|object| object.id).collect();
             Ok::<_, Refusal>((model_to_blocks(&core, &ids), core))
         };
         let (blocks, core) = self.pool.place()?.run_long(merging).await??;
-        let maps = core.geometry.iter().flat_map(|geometry| &geometry.maps);
+        let maps = core.geometric.iter().flat_map(|geometry| &geometry.maps);
         for (object, map) in parameters.report.objects.iter_mut().zip(maps) {
             object.geometry = Some(geometry::report(map));
         }
@@ -150,7 +150,8 @@ fn merge(ours: &Model, theirs: &Model) -> Result<GeometricModel, Refusal> {
             continue;
         };
         n_shared += 1;
-        let origin = |model: &Model, place: usize| model.core.objects[place].origin_in_training();
+        let origin =
+            |model: &Model, place: usize| model.core.sva.objects[place].origin_in_training();
         let theirs_from_ours = origin(ours, place) - origin(theirs, other);
         let occupancy = map
             .occupancy

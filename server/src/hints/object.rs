@@ -1,6 +1,6 @@
 //! Objects that are trained and probably have the wrong unit, or too few touches.
 
-use palpate_core::patch::touches;
+use palpate_core::contact::touches;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;

@@ -1,6 +1,6 @@
 //! In which unit pressures probably are.
 
-use palpate_core::patch::contact_floor;
+use palpate_core::contact::contact_floor;
 use palpate_core::reading::TactileImage;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::Shown;

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use palpate_core::model::Catalogue;
 use palpate_schemas as wire;
 use palpate_schemas::StartTraining;
 use palpate_store::catalogue::{Draft, VersionObject, block_hash};
+use palpate_store::model::TrainedModel;
 use palpate_store::model_codec::APPEARANCE_BLOCK;
 use uuid::Uuid;
 
@@ -29,7 +29,7 @@ pub(super) fn draft(
     let uncalibrated_reason = basis.and_then(convert::evidence::reason);
     let calibrated_on = basis.map_or(0, convert::evidence::n_objects);
     let report = wire::TrainingReport {
-        n_classes: convert::count(trained.model.vocabulary.n_classes()),
+        n_classes: convert::count(trained.model.sva.vocabulary.n_classes()),
         index_bytes: trained.objects.iter().map(|object| object.index_bytes).sum(),
         surface_bytes: trained.model.surface.as_ref().map_or(0, |model| model.bytes() as u64),
         seconds: elapsed.as_secs_f64(),
@@ -55,7 +55,7 @@ pub(super) fn draft(
 
 /// What was learnt of appearance, in short.
 fn appearance_summary(
-    model: &Catalogue,
+    model: &TrainedModel,
     objects: &[VersionObject],
     blocks: &[(String, Vec<u8>)],
 ) -> Option<wire::AppearanceSummary> {

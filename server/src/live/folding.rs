@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use palpate_core::geometric::GeometricError;
 use palpate_core::reading::Reading;
+use palpate_dissertation::geometric::GeometricError;
 use palpate_store::entity::{ReadingId, Sensor, Session, StoredReading};
 use palpate_store::journal::{Entry, Event, Journal};
 

@@ -113,7 +113,7 @@ impl Memory {
 /// Whether a copy is cheap. The dissertation's filters hold tables of many megabytes.
 fn is_light(method: Method) -> bool {
     match method {
-        Method::Hybrid
+        Method::Surface
         | Method::Sva
         | Method::Geometric
         | Method::Appearance

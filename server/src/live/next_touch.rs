@@ -23,7 +23,7 @@ impl Live {
         begun: Instant,
     ) -> Result<wire::NextTouches, Refusal> {
         let (session, method) = (self.session.id, options(&self.session).method);
-        if method != Method::Hybrid {
+        if method != Method::Surface {
             return Err(Refusal::NoNextTouches { session, method: name(method) });
         }
         let mut state = self.turns.take().await?;

@@ -88,7 +88,7 @@ pub(crate) async fn replay_session(
 /// Explain a session's belief
 ///
 /// Compares the belief with what it would be without each of its readings: what each contributes
-/// in bits, and which disagree with the rest. With `hybrid` a reading disagrees when the others
+/// in bits, and which disagree with the rest. With `surface` a reading disagrees when the others
 /// expect it, on the object where they have it, 256 times less than a touch anywhere or worse;
 /// with the other methods when the odds of what all others say are at least 16 times as large
 /// without it. 409 when the belief rests on more than 200 readings.

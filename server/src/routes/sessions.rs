@@ -179,7 +179,7 @@ pub(crate) async fn get_marginals(
 
 /// Ask where to touch next
 ///
-/// In sessions with the method `hybrid`: ranks the `candidates`, or approaches of the service's
+/// In sessions with the method `surface`: ranks the `candidates`, or approaches of the service's
 /// own, by what their outcomes are expected to say about which object it is, times the
 /// probability of a contact, and per `cost` when there is one. What was evaluated by
 /// `deadline_ms` is ranked; equal questions that are evaluated completely get equal answers.

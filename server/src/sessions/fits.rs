@@ -3,7 +3,7 @@
 //! The size of its tables and bins follows from what the client chose, so a choice that would
 //! take too much memory is refused at its field.
 
-use palpate_core::geometric::{BeliefMemory, GeometricError};
+use palpate_dissertation::geometric::{BeliefMemory, GeometricError};
 use palpate_schemas::{Method, PosePrior};
 use palpate_store::entity::Session;
 

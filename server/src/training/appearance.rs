@@ -6,8 +6,10 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use palpate_core::model::appearance::{AppearanceModel, AppearanceVocabulary, ObjectAppearance};
-use palpate_core::train::appearance::{
+use palpate_dissertation::appearance::model::{
+    AppearanceModel, AppearanceVocabulary, ObjectAppearance,
+};
+use palpate_dissertation::appearance::train::{
     AppearanceConfig, AppearanceSet, AppearanceTrainError, appearance_model,
     learn_appearance_vocabulary_heard, object_histogram,
 };

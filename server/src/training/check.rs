@@ -48,7 +48,7 @@ fn expected_shape(
     materials: &[Result<Material, TrainingFailure>],
 ) -> Option<[usize; 2]> {
     if let Some(base) = &plan.base {
-        let vocabulary = &base.model.core.vocabulary;
+        let vocabulary = &base.model.core.sva.vocabulary;
         return Some([vocabulary.rows, vocabulary.cols]);
     }
     let shapes: Vec<[usize; 2]> = materials.iter().flatten().map(shape).collect();

@@ -1,11 +1,13 @@
 //! Why a training came to nothing, in words for the one who asked for it.
 
-use palpate_core::occupancy::GridError;
-use palpate_core::occupancy::grid::CELLS_MAX;
 use palpate_core::reading::ReadingError;
-use palpate_core::train::TrainError;
-use palpate_core::train::appearance::AppearanceTrainError;
+use palpate_core::training::TrainingError;
 use palpate_core::units::Shown;
+use palpate_dissertation::appearance::train::AppearanceTrainError;
+use palpate_dissertation::geometric::train::GeometricTrainError;
+use palpate_dissertation::occupancy::GridError;
+use palpate_dissertation::occupancy::grid::CELLS_MAX;
+use palpate_dissertation::sva::train::SvaTrainError;
 use palpate_sim::mesh::MeshError;
 use palpate_sim::rig::PlanarError;
 use palpate_sim::sampler::SampleError;
@@ -42,7 +44,11 @@ pub(crate) enum TrainingFailure {
     #[error("nothing could be learnt of any of {n_objects} objects; the first: {first}")]
     NothingLeft { n_objects: usize, first: String },
     #[error("object {object:?}: {source}")]
-    Mapping { object: String, source: TrainError },
+    Mapping { object: String, source: SvaTrainError },
+    #[error("object {object:?}: {source}")]
+    Surface { object: String, source: TrainingError },
+    #[error("object {object:?}: {source}")]
+    Geometric { object: String, source: GeometricTrainError },
     #[error("object {object:?}: {source}")]
     Planar { object: String, source: PlanarError },
     #[error("object {object:?}: {source} with cells of {} mm", cell * 1e3)]
@@ -68,7 +74,11 @@ pub(crate) enum TrainingFailure {
     #[error(transparent)]
     AppearanceVocabulary(#[from] AppearanceTrainError),
     #[error(transparent)]
-    Vocabulary(#[from] TrainError),
+    Vocabulary(#[from] SvaTrainError),
+    #[error(transparent)]
+    Space(#[from] TrainingError),
+    #[error(transparent)]
+    Maps(#[from] GeometricTrainError),
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
@@ -87,6 +97,8 @@ impl TrainingFailure {
             | Self::NothingTouched { object, .. }
             | Self::Shape { object, .. }
             | Self::Mapping { object, .. }
+            | Self::Surface { object, .. }
+            | Self::Geometric { object, .. }
             | Self::Planar { object, .. }
             | Self::Grid { object, .. }
             | Self::Cells { object, .. }
@@ -98,6 +110,8 @@ impl TrainingFailure {
             | Self::NothingLeft { .. }
             | Self::AppearanceVocabulary(_)
             | Self::Vocabulary(_)
+            | Self::Space(_)
+            | Self::Maps(_)
             | Self::Store(_)
             | Self::Refused(_) => None,
         }

@@ -4,13 +4,14 @@
 //! is known before its cells are.
 
 use glam::DVec3;
-use palpate_core::model::ObjectMap;
-use palpate_core::model::geometry::GeometricModel;
-use palpate_core::occupancy::grid::CELLS_MAX;
-use palpate_core::occupancy::mapping::shape_around;
 use palpate_core::reading::{Reading, SensorId};
-use palpate_core::train::geometry::{Dimensions, GeometryConfig, map_geometry};
-use palpate_core::train::{TrainError, TrainingSet};
+use palpate_core::training::TrainingSet;
+use palpate_dissertation::geometric::model::GeometricModel;
+use palpate_dissertation::geometric::train::GeometricTrainError;
+use palpate_dissertation::geometric::train::{Dimensions, GeometryConfig, map_geometry};
+use palpate_dissertation::occupancy::grid::CELLS_MAX;
+use palpate_dissertation::occupancy::mapping::shape_around;
+use palpate_dissertation::sva::model::ObjectMap;
 use palpate_schemas::JobStage;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{self, PlanarPlan};
@@ -78,12 +79,12 @@ fn check_size(config: &GeometryConfig, materials: &[Material]) -> Result<(), Tra
 }
 
 /// The failure of a training whose object core knows by its position.
-fn named(error: TrainError, materials: &[Material]) -> TrainingFailure {
+fn named(error: GeometricTrainError, materials: &[Material]) -> TrainingFailure {
     match error {
-        TrainError::NotPlanar { object, .. } => {
+        GeometricTrainError::NotPlanar { object, .. } => {
             let object = materials[object].object.name.clone();
-            TrainingFailure::Mapping { object, source: error }
+            TrainingFailure::Geometric { object, source: error }
         }
-        other => TrainingFailure::Vocabulary(other),
+        other => TrainingFailure::Maps(other),
     }
 }

@@ -8,7 +8,7 @@ use glam::DVec3;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::{SensorDescription, TaxelGrid};
 use palpate_core::symmetry::Symmetry;
-use palpate_core::train::TrainingSet;
+use palpate_core::training::TrainingSet;
 use palpate_schemas::JobStage;
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::PressSimulator;

@@ -8,15 +8,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use palpate_core::hybrid::HybridOptions;
-use palpate_core::hybrid::calibrate::{HeldBack, calibrate};
-use palpate_core::model::ObjectMap;
-use palpate_core::model::surface::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
 use palpate_core::reading::Reading;
-use palpate_core::surface::{AppearanceSpace, SurfaceMap};
 use palpate_core::symmetry::{Finding, Symmetry};
-use palpate_core::train::TrainingSet;
-use palpate_core::train::surface::{SurfaceConfig, find_symmetry, learn_space, map_surface};
+use palpate_core::training::TrainingSet;
+use palpate_dissertation::sva::model::ObjectMap;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
+use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::surface::{AppearanceSpace, SurfaceMap};
+use palpate_recogniser::train::{SurfaceConfig, find_symmetry, learn_space, map_surface};
 use palpate_schemas::{JobStage, SurfaceReport};
 use rayon::prelude::*;
 
@@ -129,7 +129,7 @@ fn map_all(
         // All that is known of an object is in one frame.
         let origin = maps.get(index).map(ObjectMap::origin_in_training).or(material.origin);
         let map = map_surface(set, space, config, origin).map_err(|source| {
-            TrainingFailure::Mapping { object: material.object.name.clone(), source }
+            TrainingFailure::Surface { object: material.object.name.clone(), source }
         })?;
         let (symmetry, decided) = symmetry(material, map.origin_in_training());
         let now = done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -167,7 +167,7 @@ fn by_object(unseen: &[Unseen]) -> Vec<HeldBack<'_>> {
 
 /// The model with a calibration that is learnt on readings that its maps have not seen.
 fn calibrated(model: Arc<SurfaceModel>, unseen: &[HeldBack<'_>], seed: u64) -> Arc<SurfaceModel> {
-    let calibration = calibrate(&model, unseen, HybridOptions::default(), seed);
+    let calibration = calibrate(&model, unseen, SurfaceOptions::default(), seed);
     Arc::new(Arc::unwrap_or_clone(model).with_calibration(calibration))
 }
 

@@ -6,10 +6,10 @@
 
 use std::ops::ControlFlow;
 
-use palpate_core::hybrid::calibrate::HELD_BACK_MIN;
-use palpate_core::model::surface::SurfaceModel;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
+use palpate_recogniser::belief::calibrate::HELD_BACK_MIN;
+use palpate_recogniser::model::SurfaceModel;
 use palpate_schemas::ObjectReport;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SampleError, SamplerConfig, sample};

@@ -3,9 +3,13 @@
 use std::sync::Arc;
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::ObjectIdx;
-use palpate_core::model::appearance::{AppearanceModel, AppearanceSource, ObjectAppearance};
-use palpate_core::train::appearance::{AppearanceConfig, ClusteringMethod, DiscriminantConfig};
+use palpate_core::object::ObjectIdx;
+use palpate_dissertation::appearance::model::{
+    AppearanceModel, AppearanceSource, ObjectAppearance,
+};
+use palpate_dissertation::appearance::train::{
+    AppearanceConfig, ClusteringMethod, DiscriminantConfig,
+};
 use palpate_schemas as wire;
 use palpate_schemas::{AppearanceTraining, ClusteringKind, Descriptor, FeatureSource};
 use palpate_store::catalogue::VersionObject;

@@ -58,7 +58,7 @@ fn stop(session: &Session, answer: &Answer) -> Option<wire::StopAdvice> {
 /// Whether a method answers poses modulo the objects' symmetries.
 pub(crate) fn knows_symmetry(method: Method) -> bool {
     match method {
-        Method::Hybrid | Method::Sva => true,
+        Method::Surface | Method::Sva => true,
         Method::SvaLiteral
         | Method::Geometric
         | Method::GeometricHistogram

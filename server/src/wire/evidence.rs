@@ -1,6 +1,6 @@
 //! What stated probabilities rest on, for the wire.
 
-use palpate_core::model::surface::CalibrationBasis;
+use palpate_recogniser::model::CalibrationBasis;
 use palpate_schemas::{Method, UncalibratedReason};
 
 /// Why a calibration is none; nothing when it was learnt.
@@ -19,7 +19,7 @@ pub(crate) fn reason_of(
     basis: Option<CalibrationBasis>,
 ) -> Option<UncalibratedReason> {
     match method {
-        Method::Hybrid => basis.and_then(reason),
+        Method::Surface => basis.and_then(reason),
         // Training fits its exponent on readings that it holds back.
         Method::Appearance => None,
         Method::Sva
@@ -47,8 +47,8 @@ mod tests {
     fn a_belief_is_calibrated_by_its_method_and_what_its_version_rests_on() {
         let learnt = Some(CalibrationBasis::HeldBack { objects: 3 });
         let alone = Some(CalibrationBasis::OneObject);
-        assert_eq!(reason_of(Method::Hybrid, learnt), None);
-        assert_eq!(reason_of(Method::Hybrid, alone), Some(UncalibratedReason::OneObject));
+        assert_eq!(reason_of(Method::Surface, learnt), None);
+        assert_eq!(reason_of(Method::Surface, alone), Some(UncalibratedReason::OneObject));
         assert_eq!(reason_of(Method::Sva, learnt), Some(UncalibratedReason::Method));
         assert_eq!(reason_of(Method::Appearance, None), None);
     }

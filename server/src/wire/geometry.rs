@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
-use palpate_core::geometric::{AxisMarginal, PosePrior as CorePrior};
-use palpate_core::model::geometry::{GeometricMap, GeometricModel};
-use palpate_core::occupancy::OccupancyGrid;
-use palpate_core::train::geometry::GeometryConfig;
+use palpate_dissertation::geometric::model::{GeometricMap, GeometricModel};
+use palpate_dissertation::geometric::train::GeometryConfig;
+use palpate_dissertation::geometric::{AxisMarginal, PosePrior as CorePrior};
+use palpate_dissertation::occupancy::OccupancyGrid;
 use palpate_schemas as wire;
 use palpate_schemas::{AxisUnit, GeometryKind, PosePrior};
 use palpate_store::catalogue::VersionObject;

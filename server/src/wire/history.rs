@@ -115,7 +115,7 @@ pub(crate) fn explanation(
 /// Whether a reading disagrees with the rest: by how it fits, with the method that knows.
 fn disagrees(method: Method, fit_bits: Option<f64>, support_bits: Option<f64>) -> bool {
     match method {
-        Method::Hybrid => fit_bits.is_some_and(|bits| bits <= -UNFIT_BITS),
+        Method::Surface => fit_bits.is_some_and(|bits| bits <= -UNFIT_BITS),
         Method::Sva
         | Method::SvaLiteral
         | Method::Geometric

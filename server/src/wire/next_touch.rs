@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use glam::DVec3;
-use palpate_core::next_touch::{Approach, NextTouchOptions, Ranked, Ranking, Workspace};
 use palpate_core::units::Shown;
+use palpate_recogniser::next_touch::{Approach, NextTouchOptions, Ranked, Ranking, Workspace};
 use palpate_schemas as wire;
 use uuid::Uuid;
 

@@ -1,7 +1,7 @@
 //! Sensors: descriptions in, descriptions and dry-runs out.
 
+use palpate_core::contact::contact_floor;
 use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
-use palpate_core::patch::contact_floor;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::point_spread::point_spread_of_covering;

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use palpate_core::hybrid::HybridOptions;
 use palpate_core::reading::{Base, Looseness};
 use palpate_core::units::Shown;
+use palpate_recogniser::belief::SurfaceOptions;
 use palpate_schemas as wire;
 use palpate_schemas::{Method, SessionEnd, SessionState};
 use palpate_store::entity::{Method as StoredMethod, Session};
@@ -53,7 +53,7 @@ pub(crate) struct Options {
     pub(crate) object_moves: Option<wire::Looseness>,
     #[serde(default)]
     pub(crate) risk: Option<f64>,
-    /// Of a hybrid session that is older than the option: the recogniser's own.
+    /// Of a surface session that is older than the option: the recogniser's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) unknown_prior: Option<f64>,
     /// Whether the client named it.
@@ -91,8 +91,8 @@ pub(crate) fn session(
 ) -> wire::Session {
     let is_open = status.end.is_none();
     let options = options(session);
-    let is_hybrid = matches!(options.method, Method::Hybrid);
-    let unknown_prior = is_hybrid.then(|| hybrid_options(&options).unknown);
+    let is_surface = matches!(options.method, Method::Surface);
+    let unknown_prior = is_surface.then(|| surface_options(&options).unknown);
     wire::Session {
         id: session.id,
         catalogue: catalogue.to_owned(),
@@ -137,7 +137,7 @@ pub(crate) fn options(session: &Session) -> Options {
 /// Whether a method needs maps of contact, and a prior over poses.
 pub(crate) fn is_geometric(method: Method) -> bool {
     match method {
-        Method::Hybrid
+        Method::Surface
         | Method::Sva
         | Method::SvaLiteral
         | Method::Appearance
@@ -150,7 +150,7 @@ pub(crate) fn is_geometric(method: Method) -> bool {
 pub(crate) fn is_appearance(method: Method) -> bool {
     match method {
         Method::Appearance | Method::AppearanceLiteral => true,
-        Method::Hybrid
+        Method::Surface
         | Method::Sva
         | Method::SvaLiteral
         | Method::Geometric
@@ -162,7 +162,7 @@ pub(crate) fn is_appearance(method: Method) -> bool {
 /// A method as the store names it.
 fn stored_method(method: Method) -> StoredMethod {
     match method {
-        Method::Hybrid => StoredMethod::Hybrid,
+        Method::Surface => StoredMethod::Surface,
         Method::Sva | Method::SvaLiteral => StoredMethod::Sva,
         Method::Appearance | Method::AppearanceLiteral => StoredMethod::Appearance,
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
@@ -215,14 +215,14 @@ pub(crate) fn new_session(
 
 /// How a new session recognises: as it says, or by surfaces where there are any.
 pub(crate) fn method(request: &wire::CreateSession, pinned: &Pinned) -> Method {
-    let usual = if pinned.has_surfaces { Method::Hybrid } else { Method::Sva };
+    let usual = if pinned.has_surfaces { Method::Surface } else { Method::Sva };
     request.method.unwrap_or(usual)
 }
 
 /// The part of a model that a method recognises by.
 pub(crate) fn part(method: Method) -> ModelPart {
     match method {
-        Method::Hybrid => ModelPart::Surfaces,
+        Method::Surface => ModelPart::Surfaces,
         Method::Sva | Method::SvaLiteral => ModelPart::PairMaps,
         Method::Appearance | Method::AppearanceLiteral => ModelPart::Appearance,
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
@@ -255,16 +255,16 @@ fn checked_options(
     if request.particles.is_some() && method != Method::GeometricParticles {
         return Err(only("/particles", "`geometric_particles` only"));
     }
-    let hybrid_only = [
+    let surface_only = [
         ("/robots", request.robots.is_some()),
         ("/object_moves", request.object_moves.is_some()),
         ("/risk", request.risk.is_some()),
         ("/unknown_prior", request.unknown_prior.is_some()),
     ];
-    if let Some((field, _)) = hybrid_only.iter().find(|(_, came)| *came)
-        && method != Method::Hybrid
+    if let Some((field, _)) = surface_only.iter().find(|(_, came)| *came)
+        && method != Method::Surface
     {
-        return Err(only(field, "`hybrid` only"));
+        return Err(only(field, "`surface` only"));
     }
     let robots = request.robots.as_deref().map(robots).transpose()?;
     let risk = request.risk.map(risk).transpose()?;
@@ -273,9 +273,10 @@ fn checked_options(
     object_moves.map(|moves| looseness("/object_moves", moves)).transpose()?;
     let mut options = Options { method, robots, object_moves, risk, ..Options::default() };
     match method {
-        Method::Hybrid => {
+        Method::Surface => {
             options.is_unknown_prior_told = unknown_prior.is_some();
-            options.unknown_prior = Some(unknown_prior.unwrap_or(HybridOptions::default().unknown));
+            options.unknown_prior =
+                Some(unknown_prior.unwrap_or(SurfaceOptions::default().unknown));
             return model.surfaces().map(|_| options);
         }
         Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),
@@ -341,20 +342,20 @@ fn unknown_prior(given: f64) -> Result<f64, Refusal> {
 /// The recogniser's own probability of "none of these" when the client named none; in sessions
 /// that do not say who named theirs, one that differs was named.
 pub(crate) fn untold_unknown_prior(options: &Options) -> Option<f64> {
-    let usual = HybridOptions::default().unknown;
+    let usual = SurfaceOptions::default().unknown;
     let is_usual = options.unknown_prior.is_none_or(|prior| prior.total_cmp(&usual).is_eq());
     (is_usual && !options.is_unknown_prior_told).then_some(usual)
 }
 
-/// How the hybrid recogniser works in a session.
-pub(crate) fn hybrid_options(options: &Options) -> HybridOptions {
-    let usual = HybridOptions::default();
+/// How the surface recogniser works in a session.
+pub(crate) fn surface_options(options: &Options) -> SurfaceOptions {
+    let usual = SurfaceOptions::default();
     let unknown = options.unknown_prior.unwrap_or(usual.unknown);
     let motion = options.object_moves.map(|wire::Looseness { position_m, angle_rad }| Looseness {
         position: position_m,
         angle: angle_rad,
     });
-    HybridOptions { unknown, motion, ..usual }
+    SurfaceOptions { unknown, motion, ..usual }
 }
 
 /// The base of the robot that took a reading, when it is not exact.
@@ -378,7 +379,7 @@ fn bins(n: [u32; 3]) -> Result<[u32; 3], Refusal> {
 /// A method's name on the wire.
 pub(crate) fn name(method: Method) -> &'static str {
     match method {
-        Method::Hybrid => "`hybrid`",
+        Method::Surface => "`surface`",
         Method::Sva => "`sva`",
         Method::SvaLiteral => "`sva_literal`",
         Method::Geometric => "`geometric`",

@@ -1,12 +1,13 @@
 //! Catalogues, trainings and jobs for the wire.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::model::{MapPatch, ObjectMap};
-use palpate_core::patch_pair::DistanceBins;
-use palpate_core::train::{DistanceRange, TrainingConfig};
+use palpate_core::object::MapPatch;
 use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
 use palpate_core::vocabulary::MAX_CLASSES;
+use palpate_dissertation::patch_pair::DistanceBins;
+use palpate_dissertation::sva::model::ObjectMap;
+use palpate_dissertation::sva::train::{DistanceRange, TrainingConfig};
 use palpate_schemas as wire;
 use palpate_schemas::{Descriptor, JobStage, JobState, StartTraining};
 use palpate_store::catalogue::{Catalogue, Manifest, Switch, VersionObject};

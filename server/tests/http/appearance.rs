@@ -110,7 +110,7 @@ async fn methods_that_need_a_pose_say_so_and_store_nothing() {
     let readings = [touches(CUBE, 1, 5, Pose::IDENTITY), unposed(vec![quiet_reading()])].concat();
     let refused = it.post(&path, &json!({"readings": readings})).await;
     let problem = refused.problem(422, "invalid-value", Some("/readings/1/pose"));
-    assert!(problem["detail"].as_str().unwrap().contains("`hybrid`"), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains("`surface`"), "{problem}");
     assert_eq!(it.get(&format!("/v1/sessions/{session}")).await.expect(200)["n_readings"], 0);
     // The place of a sensor that is not known is not made up.
     let check = it.post("/v1/sensors/digitacts-6x6/check", &readings[1]).await.expect(200);

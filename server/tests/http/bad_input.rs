@@ -142,7 +142,7 @@ async fn readings_that_cannot_be_are_refused() {
     let mut reading = quiet_reading();
     reading["sensor"] = json!("wide");
     reading["image"] = json!(vec![0.0; 196]);
-    // Method `hybrid` takes any sensor; the dissertation's does not.
+    // Method `surface` takes any sensor; the dissertation's does not.
     let printed = it.session(json!({"method": "sva"})).await;
     let path = format!("/v1/sessions/{printed}/readings");
     let other_shape = it.post(&path, &json!({"readings": [reading]})).await;

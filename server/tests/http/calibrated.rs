@@ -38,7 +38,7 @@ async fn report_and_belief_say_whether_probabilities_are_calibrated_and_why_not(
     let first = it.get(path).await.expect(200);
     check(&first, (false, 0, json!("few_readings")));
     let of_first = |method: &str| json!({"version": 1, "method": method});
-    let found = believed(&it, of_first("hybrid")).await;
+    let found = believed(&it, of_first("surface")).await;
     assert_eq!(found, (json!(false), json!("few_readings")));
     assert_eq!(believed(&it, of_first("sva")).await, (json!(false), json!("method")));
 

@@ -139,7 +139,7 @@ async fn contributions_are_those_of_leaving_each_reading_out() {
     let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
     it.finished(job["id"].as_str().unwrap()).await;
     let readings = numbered(touches(BAR, 5, 104, resting_pose()));
-    for method in ["hybrid", "sva", "appearance"] {
+    for method in ["surface", "sva", "appearance"] {
         let session = it.session(json!({"method": method})).await;
         let whole = post(&it, &session, &readings).await;
         let explanation = explain(&it, &session).await;

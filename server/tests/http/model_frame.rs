@@ -78,7 +78,7 @@ async fn a_pose_is_told_in_the_frame_that_the_object_was_taught_in() {
     // The middle of a box is where it is whichever of its half turns is answered. A missing or
     // doubled origin would be off by the 150 mm and 400 mm of the frames.
     let in_file = DVec3::from_array(MIDDLE_IN_FILE) * MM;
-    for method in ["hybrid", "sva"] {
+    for method in ["surface", "sva"] {
         let bar = middle(&it, method, BAR, truth, in_file).await;
         assert!(bar.distance(truth.translation) < 3.0 * MM, "{method}: {bar}");
         let brick = middle(&it, method, BRICK, truth, training_from_brick.translation).await;

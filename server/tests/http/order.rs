@@ -82,7 +82,7 @@ async fn every_method_folds_late_readings_as_if_they_had_come_in_time() {
     let prior = json!({"kind": "bounded", "pose": pose, "half_extents": [0.01, 0.01, 0.01],
         "half_angle": 0.4});
     for begin in [
-        json!({"method": "hybrid"}),
+        json!({"method": "surface"}),
         json!({"method": "sva"}),
         json!({"method": "appearance"}),
         json!({"method": "geometric", "pose_prior": prior}),

@@ -64,7 +64,7 @@ async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
     let it = it.restart().await;
     let truth = Pose::from_parts(DQuat::from_rotation_z(0.4), DVec3::new(0.02, -0.03, 0.05));
     let readings = json!({"readings": touches(BAR, 12, 77, truth)});
-    for method in ["hybrid", "sva"] {
+    for method in ["surface", "sva"] {
         let session = it.session(json!({"method": method})).await;
         let path = format!("/v1/sessions/{session}/readings");
         let belief = it.post(&path, &readings).await.expect(200)["belief"].clone();

@@ -7,7 +7,7 @@
 use std::fmt::Write as _;
 
 use glam::DVec3;
-use palpate_core::occupancy::OccupancyGrid;
+use palpate_dissertation::occupancy::OccupancyGrid;
 
 use super::canvas::Canvas;
 use crate::mesh::Mesh;
@@ -123,7 +123,7 @@ pub fn surface_ply(map: &OccupancyGrid, probability_min: f64) -> Option<Vec<u8>>
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::occupancy::GridShape;
+    use palpate_dissertation::occupancy::GridShape;
 
     use super::*;
     use crate::mesh::MeshFormat;

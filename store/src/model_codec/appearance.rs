@@ -7,17 +7,17 @@
 
 use std::sync::Arc;
 
-use palpate_core::model::ObjectIdx;
-use palpate_core::model::appearance::{
-    AppearanceModel, AppearanceReport, AppearanceSource, AppearanceVocabulary, NearDuplicate,
-    ObjectAppearance, ReadingClasses,
-};
+use palpate_core::object::ObjectIdx;
 use palpate_core::vocabulary::bag::{ClassHistogram, Clustering};
 use palpate_core::vocabulary::choice::ClassCount;
 use palpate_core::vocabulary::discriminant::Discriminant;
 use palpate_core::vocabulary::gmm::{Component, Mixture};
 use palpate_core::vocabulary::kmeans::KMeans;
 use palpate_core::vocabulary::pca::Pca;
+use palpate_dissertation::appearance::model::{
+    AppearanceModel, AppearanceReport, AppearanceSource, AppearanceVocabulary, NearDuplicate,
+    ObjectAppearance, ReadingClasses,
+};
 use uuid::Uuid;
 
 use super::reader::Reader;

@@ -6,11 +6,13 @@
 
 use std::sync::Arc;
 
-use palpate_core::model::geometry::{ClassTable, GeometricMap, GeometricModel, SensorGains};
-use palpate_core::mosaic::ForceMosaic;
-use palpate_core::occupancy::grid::CELLS_MAX;
-use palpate_core::occupancy::{GridShape, OccupancyGrid};
 use palpate_core::reading::SensorId;
+use palpate_dissertation::geometric::model::{
+    ClassTable, GeometricMap, GeometricModel, SensorGains,
+};
+use palpate_dissertation::mosaic::ForceMosaic;
+use palpate_dissertation::occupancy::grid::CELLS_MAX;
+use palpate_dissertation::occupancy::{GridShape, OccupancyGrid};
 use uuid::Uuid;
 
 use super::reader::Reader;
@@ -144,8 +146,8 @@ fn shape(reader: &mut Reader<'_>, n: [usize; 3]) -> Result<GridShape, CodecError
 
 #[cfg(test)]
 pub(super) mod tests {
-    use palpate_core::model::geometry::ClassTableError;
-    use palpate_core::occupancy::GridError;
+    use palpate_dissertation::geometric::model::ClassTableError;
+    use palpate_dissertation::occupancy::GridError;
 
     use super::*;
 

@@ -1,9 +1,9 @@
 //! A whole model, to blocks and back.
 
 use palpate_core::descriptor::DescriptorKind;
-use palpate_core::patch::Patch;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::vocabulary::{Association, ClassIdx};
+use palpate_dissertation::patch::Patch;
 
 use super::*;
 
@@ -24,20 +24,21 @@ fn map(n_patches: usize, seed: u64) -> ObjectMap {
     ObjectMap::build(&patches, [0.1, 0.2, 0.3].into(), 3, distances).unwrap()
 }
 
-fn model() -> Catalogue {
+fn model() -> TrainedModel {
     let medoid = |class: usize| (0..36).map(|value| (value * class) as f64 / 7.0).collect();
-    Catalogue {
-        vocabulary: Vocabulary {
-            descriptor: DescriptorKind::Mnti,
-            rows: 6,
-            cols: 7,
-            mean: vec![0.25; 36],
-            medoids: (0..3).map(medoid).collect(),
-            spreads: vec![0.1, 0.2, 0.3],
-        },
-        association: AssociationRule { threshold: 0.75, max_classes: 4 },
-        objects: vec![Arc::new(map(30, 1)), Arc::new(map(12, 2))],
-        geometry: None,
+    let vocabulary = Vocabulary {
+        descriptor: DescriptorKind::Mnti,
+        rows: 6,
+        cols: 7,
+        mean: vec![0.25; 36],
+        medoids: (0..3).map(medoid).collect(),
+        spreads: vec![0.1, 0.2, 0.3],
+    };
+    let association = AssociationRule { threshold: 0.75, max_classes: 4 };
+    let objects = vec![Arc::new(map(30, 1)), Arc::new(map(12, 2))];
+    TrainedModel {
+        sva: Arc::new(SvaModel { vocabulary, association, objects }),
+        geometric: None,
         appearance: None,
         surface: None,
     }
@@ -54,8 +55,8 @@ fn a_model_comes_back_bit_by_bit() {
 
 #[test]
 fn a_model_with_geometry_comes_back_and_needs_the_geometry_of_every_object() {
-    let geometry = Some(Arc::new(geometry::tests::model()));
-    let model = Catalogue { geometry, ..model() };
+    let geometric = Some(Arc::new(geometry::tests::model()));
+    let model = TrainedModel { geometric, ..model() };
     let blocks = model_to_blocks(&model, &OBJECTS);
     assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
     let missing = model_from_blocks(&blocks[..5], &OBJECTS).unwrap_err();
@@ -66,10 +67,12 @@ fn a_model_with_geometry_comes_back_and_needs_the_geometry_of_every_object() {
 fn a_model_with_appearance_comes_back_with_and_without_maps() {
     let appearance = Some(Arc::new(appearance::tests::model()));
     let (mean, medoids, spreads) = (Vec::new(), Vec::new(), Vec::new());
-    let nothing = Vocabulary { mean, medoids, spreads, ..model().vocabulary };
-    for (objects, vocabulary) in [(model().objects, model().vocabulary), (Vec::new(), nothing)] {
-        let appearance = appearance.clone();
-        let model = Catalogue { vocabulary, appearance, objects, ..model() };
+    let trained = (*model().sva).clone();
+    let nothing = Vocabulary { mean, medoids, spreads, ..trained.vocabulary.clone() };
+    let without = SvaModel { vocabulary: nothing, objects: Vec::new(), ..trained.clone() };
+    for sva in [trained, without] {
+        let (sva, appearance) = (Arc::new(sva), appearance.clone());
+        let model = TrainedModel { sva, appearance, ..model() };
         let blocks = model_to_blocks(&model, &OBJECTS);
         assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
         let last = blocks.len() - 1;
@@ -81,7 +84,7 @@ fn a_model_with_appearance_comes_back_with_and_without_maps() {
 #[test]
 fn a_model_with_surfaces_comes_back_and_needs_the_surface_of_every_object() {
     let surface = Some(Arc::new(surface::tests::model()));
-    let model = Catalogue { surface, ..model() };
+    let model = TrainedModel { surface, ..model() };
     let blocks = model_to_blocks(&model, &OBJECTS);
     assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model));
     let missing = model_from_blocks(&blocks[..6], &OBJECTS).unwrap_err();
@@ -92,14 +95,14 @@ fn a_model_with_surfaces_comes_back_and_needs_the_surface_of_every_object() {
 fn an_object_may_be_left_out_or_be_in_another_place() {
     let blocks = model_to_blocks(&model(), &OBJECTS);
     let turned = model_from_blocks(&blocks, &[OBJECTS[1]]).unwrap();
-    assert_eq!(turned.objects, [Arc::clone(&model().objects[1])]);
+    assert_eq!(turned.sva.objects, [Arc::clone(&model().sva.objects[1])]);
     let missing = model_from_blocks(&blocks[..2], &OBJECTS).unwrap_err();
     assert_eq!(missing, CodecError::Missing { name: map_block_name(OBJECTS[1]) });
 }
 
 #[test]
 fn a_cut_or_longer_block_is_refused() {
-    for block in [vocabulary_to_block(&model()), map_to_block(&map(12, 3))] {
+    for block in [vocabulary_to_block(&model().sva), map_to_block(&map(12, 3))] {
         let decodes =
             |block: &[u8]| vocabulary_from_block(block).is_ok() || map_from_block(block).is_ok();
         assert!(decodes(&block));
@@ -132,8 +135,9 @@ fn what_does_not_fit_is_named() {
 #[test]
 fn a_map_over_another_vocabulary_is_refused() {
     let mut other = model();
-    other.vocabulary.medoids.pop();
-    other.vocabulary.spreads.pop();
+    let vocabulary = &mut Arc::make_mut(&mut other.sva).vocabulary;
+    vocabulary.medoids.pop();
+    vocabulary.spreads.pop();
     let error = model_from_blocks(&model_to_blocks(&other, &OBJECTS), &OBJECTS).unwrap_err();
     assert_eq!(error, CodecError::Classes { expected: 2, found: 3 });
 }

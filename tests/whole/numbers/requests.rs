@@ -188,7 +188,7 @@ fn sessions() -> Vec<Value> {
         with(flat("geometric_histogram", planar(half_extent)), "bins", json!(bins))
     };
     vec![
-        json!({"catalogue": "solid", "method": "hybrid", "risk": 0.01, "unknown_prior": 0.1,
+        json!({"catalogue": "solid", "method": "surface", "risk": 0.01, "unknown_prior": 0.1,
             "ttl_s": 600, "version": 1, "object_moves": looseness,
             "prior": [{"object": "hammer", "probability": 0.5}],
             "robots": [{"robot": "arm", "base": looseness}]}),

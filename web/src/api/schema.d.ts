@@ -934,7 +934,7 @@ export interface paths {
         /**
          * Explain a session's belief
          * @description Compares the belief with what it would be without each of its readings: what each contributes
-         *     in bits, and which disagree with the rest. With `hybrid` a reading disagrees when the others
+         *     in bits, and which disagree with the rest. With `surface` a reading disagrees when the others
          *     expect it, on the object where they have it, 256 times less than a touch anywhere or worse;
          *     with the other methods when the odds of what all others say are at least 16 times as large
          *     without it. 409 when the belief rests on more than 200 readings.
@@ -1003,7 +1003,7 @@ export interface paths {
         put?: never;
         /**
          * Ask where to touch next
-         * @description In sessions with the method `hybrid`: ranks the `candidates`, or approaches of the service's
+         * @description In sessions with the method `surface`: ranks the `candidates`, or approaches of the service's
          *     own, by what their outcomes are expected to say about which object it is, times the
          *     probability of a contact, and per `cost` when there is one. What was evaluated by
          *     `deadline_ms` is ranked; equal questions that are evaluated completely get equal answers.
@@ -1486,7 +1486,7 @@ export interface components {
              */
             objects: components["schemas"]["ObjectProbability"][];
             /**
-             * @description Pose hypotheses, likeliest first; do not average them. With the methods `hybrid` and
+             * @description Pose hypotheses, likeliest first; do not average them. With the methods `surface` and
              *     `sva`, poses that look the same by the object's `symmetry` are one. Empty with the methods `appearance…`, which know nothing of poses.
              */
             poses: components["schemas"]["PoseHypothesis"][];
@@ -1506,7 +1506,7 @@ export interface components {
             /**
              * Format: double
              * @description How probable it is that the object is none of the catalogue's, 0 to 1; 0 with methods
-             *     other than `hybrid`, which take it for one of them.
+             *     other than `surface`, which take it for one of them.
              */
             unknown?: number;
         };
@@ -1850,12 +1850,12 @@ export interface components {
             /**
              * Format: double
              * @description The risk of a wrong answer at which you want to stop touching, 0.0001 to 0.5, for
-             *     `hybrid`: the belief's `stop` says when it is reached.
+             *     `surface`: the belief's `stop` says when it is reached.
              * @example 0.05
              */
             risk?: number | null;
             /**
-             * @description Robots whose bases are not exactly where their poses say, for `hybrid`: all readings of
+             * @description Robots whose bases are not exactly where their poses say, for `surface`: all readings of
              *     such a robot (its `robot`) are shifted alike, by an unknown motion of this looseness.
              *     Readings of all others are taken to be exact.
              */
@@ -1876,7 +1876,7 @@ export interface components {
             /**
              * Format: double
              * @description How probable it is before the first touch that the object is none of the catalogue's,
-             *     above 0 and below 1, for `hybrid`; 0.05 when not given.
+             *     above 0 and below 1, for `surface`; 0.05 when not given.
              * @example 0.05
              */
             unknown_prior?: number | null;
@@ -2382,7 +2382,7 @@ export interface components {
          * @description How to recognise.
          * @enum {string}
          */
-        Method: "hybrid" | "sva" | "sva_literal" | "geometric" | "geometric_histogram" | "geometric_particles" | "appearance" | "appearance_literal";
+        Method: "surface" | "sva" | "sva_literal" | "geometric" | "geometric_histogram" | "geometric_particles" | "appearance" | "appearance_literal";
         /** @description Two objects whose touches look nearly the same. */
         NearDuplicate: {
             /**
@@ -2858,7 +2858,7 @@ export interface components {
             /**
              * Format: double
              * @description How far the sensor came along its own +z to the pose with nothing in touch, metres, 0 to
-             *     10. With a press that met nothing, `hybrid` knows that the whole way is free.
+             *     10. With a press that met nothing, `surface` knows that the whole way is free.
              * @example 0.12
              */
             approach_m?: number | null;
@@ -2977,14 +2977,14 @@ export interface components {
              */
             bits?: number | null;
             /**
-             * @description Whether it disagrees with the rest, of three readings or more. With `hybrid`:
+             * @description Whether it disagrees with the rest, of three readings or more. With `surface`:
              *     `fit_bits` is −8 or less. With the other methods: `support_bits` is −4 or less.
              */
             disagrees: boolean;
             /**
              * Format: double
              * @description By how many bits the others, where they have the object, expect this reading more than a
-             *     touch anywhere; negative when it fits nowhere. With `hybrid`, once three others touched it
+             *     touch anywhere; negative when it fits nowhere. With `surface`, once three others touched it
              *     and for readings since it last moved; null otherwise.
              */
             fit_bits?: number | null;
@@ -3437,7 +3437,7 @@ export interface components {
             /**
              * Format: double
              * @description How probable it was before the first touch that the object is none of the catalogue's;
-             *     null with methods other than `hybrid`.
+             *     null with methods other than `surface`.
              */
             unknown_prior?: number | null;
             /**
@@ -3689,7 +3689,7 @@ export interface components {
             /**
              * @description Whether to learn the maps of pairs of touches that `sva` needs; true when not given.
              *     False suits readings without poses, of which only `appearance` is learnt, and large
-             *     catalogues for `hybrid` alone, with `surfaces`.
+             *     catalogues for `surface` alone, with `surfaces`.
              */
             pair_maps?: boolean | null;
             /**
@@ -3713,7 +3713,7 @@ export interface components {
              *     without objects fails either way.
              */
             strict?: boolean | null;
-            /** @description Whether to learn the surfaces that `hybrid` needs; when not given, as `pair_maps`. */
+            /** @description Whether to learn the surfaces that `surface` needs; when not given, as `pair_maps`. */
             surfaces?: boolean | null;
         };
         /** @description Whether the answer is sure enough to stop. */
@@ -3770,7 +3770,7 @@ export interface components {
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
-        /** @description The surface of an object, as the method `hybrid` knows it. */
+        /** @description The surface of an object, as the method `surface` knows it. */
         SurfaceReport: {
             /**
              * Format: int64
@@ -3939,7 +3939,7 @@ export interface components {
         TrainingReport: {
             appearance?: components["schemas"]["AppearanceSummary"] | null;
             /**
-             * @description Whether the probabilities of `hybrid` were calibrated on readings that were held back;
+             * @description Whether the probabilities of `surface` were calibrated on readings that were held back;
              *     null without surfaces, and of versions that were trained before this was reported.
              */
             calibrated?: boolean | null;

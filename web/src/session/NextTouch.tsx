@@ -47,7 +47,7 @@ export function useNextTouches(model: SessionModel): Suggested {
 
 function reason(state: string | undefined, method: string | undefined, revision: number): string | undefined {
   if (state === "closed") return "The session is closed.";
-  if (method !== undefined && method !== "hybrid") return `Suggestions need the method hybrid; this session uses ${method.replaceAll("_", " ")}.`;
+  if (method !== undefined && method !== "surface") return `Suggestions need the method surface; this session uses ${method.replaceAll("_", " ")}.`;
   if (revision === 0) return "Suggestions begin with the first touch.";
   return undefined;
 }

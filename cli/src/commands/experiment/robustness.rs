@@ -1,14 +1,14 @@
-//! The experiments on what the hybrid recogniser does not know, did not train with, or forgot.
+//! The experiments on what the surface recogniser does not know, did not train with, or forgot.
 
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use palpate_core::units::MM;
-use palpate_experiments::hybrid_noise::{self, HybridNoise};
 use palpate_experiments::other_physics::{self, OtherPhysics};
 use palpate_experiments::ppf_peer::{self, PpfPeer};
 use palpate_experiments::report::{Outcome, Progress};
 use palpate_experiments::solid_geometry::{self, SolidGeometry};
+use palpate_experiments::surface_noise::{self, SurfaceNoise};
 use palpate_experiments::thinning::{self, Thinning};
 use palpate_experiments::unknown::{self, Unknown};
 
@@ -21,7 +21,7 @@ pub(super) enum RobustnessExperiment {
     /// Trained on the point spread, tested on elastic coverings.
     OtherPhysics(TrialArgs),
     /// Noise, arms that are off, moving objects, and other sensors than trained with.
-    HybridNoise {
+    SurfaceNoise {
         #[command(flatten)]
         trials: TrialArgs,
         /// Largest dimension to which every object is scaled.
@@ -133,19 +133,19 @@ impl RobustnessExperiment {
                 let config = OtherPhysics { meshes, seed, trials, literal_sessions, ..defaults };
                 other_physics::run(&config, command, progress)
             }
-            Self::HybridNoise { trials: trial_args, size_mm, only } => {
+            Self::SurfaceNoise { trials: trial_args, size_mm, only } => {
                 let TrialArgs { meshes, trials, literal_sessions } = trial_args;
                 let (only, size) = (only.unwrap_or_default(), size_mm * MM);
-                let config = HybridNoise {
+                let config = SurfaceNoise {
                     meshes,
                     size,
                     seed,
                     trials,
                     literal_sessions,
                     only,
-                    ..HybridNoise::default()
+                    ..SurfaceNoise::default()
                 };
-                hybrid_noise::run(&config, command, progress)
+                surface_noise::run(&config, command, progress)
             }
             Self::Thinning(TrialArgs { meshes, trials, literal_sessions }) => {
                 let defaults = Thinning::default();
@@ -182,9 +182,9 @@ impl RobustnessExperiment {
                 args.train_readings
             ),
             Self::OtherPhysics(trials) => trials.line("other-physics"),
-            Self::HybridNoise { trials, size_mm, only } => {
+            Self::SurfaceNoise { trials, size_mm, only } => {
                 let only = only.as_ref().map(|key| format!(" --only {key}")).unwrap_or_default();
-                format!("{} --size-mm {size_mm}{only}", trials.line("hybrid-noise"))
+                format!("{} --size-mm {size_mm}{only}", trials.line("surface-noise"))
             }
             Self::Thinning(trials) => trials.line("thinning"),
             Self::SolidGeometry { meshes, trials } => {

@@ -104,7 +104,7 @@ async fn fill(
         sent.done().context("cannot fill the store")
     };
     for number in 0..SESSIONS {
-        let method = ["hybrid", "sva", "appearance"][number % 3];
+        let method = ["surface", "sva", "appearance"][number % 3];
         let session = post("/v1/sessions".to_owned(), json!({ "method": method })).await?;
         let path = format!("/v1/sessions/{}", session["id"].as_str().unwrap_or_default());
         let touches = &material.touches[number % 2];

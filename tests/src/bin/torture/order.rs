@@ -23,7 +23,7 @@ const WAYS: u64 = 8;
 /// Every so many rounds the server is killed, and what it answered is asked again.
 const KILL_EVERY: u32 = 25;
 /// How recognisers of sessions are chosen.
-const METHODS: [&str; 4] = ["hybrid", "hybrid", "sva", "appearance"];
+const METHODS: [&str; 4] = ["surface", "surface", "sva", "appearance"];
 
 /// What is sent in one round.
 struct Case {
@@ -106,7 +106,7 @@ impl Case {
                     // A coarse clock: many stamps are equal.
                     reading["stamp"] = json!({"sec": stream.index(12), "nanosec": 0});
                 }
-                if method == "hybrid" && stream.index(12) == 0 {
+                if method == "surface" && stream.index(12) == 0 {
                     reading["object_moved"] = json!({"position_m": 0.002, "angle_rad": 0.02});
                 }
                 own.push(reading);

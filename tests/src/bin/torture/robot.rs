@@ -18,7 +18,7 @@ const OBJECTS_MAX: usize = 4;
 /// Where there are keys, one request of so many makes or revokes one.
 const KEYS_EVERY: usize = 12;
 /// How recognisers of sessions are chosen.
-const METHODS: [&str; 3] = ["hybrid", "sva", "appearance"];
+const METHODS: [&str; 3] = ["surface", "sva", "appearance"];
 
 /// One client.
 pub(crate) struct Robot {

@@ -1,0 +1,303 @@
+//! Ten objects under conditions that training did not have: what the surface recogniser bears.
+//!
+//! Taxel noise (section 4.4.2.7: in training and in tests), an arm that is not where it says,
+//! an object that moves between touches (section 4.4.2.4), other sensors than trained with,
+//! and training from ideal presses of the CAD model with tests on the shifted simulator of
+//! section 4.4.4.3: squared response, gains, noise and steps of another array. The recogniser
+//! is told the sensor's taxels, and nothing of what is wrong; conditions that end in `_told`
+//! tell it how far the object may move, when it may have, or how far bases are off. In the same
+//! run the printed method (`literal`) plays a few shorter sessions of each condition.
+
+mod conditions;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use palpate_core::reading::Reading;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::train::SurfaceConfig;
+use serde_json::json;
+
+use crate::object_sessions::{Played, Recogniser, Sessions, train_surface, train_sva};
+use crate::objects::{self, TestObject};
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::statistics::{mean, median};
+pub use conditions::{Condition, Trained, conditions};
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct SurfaceNoise {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Only conditions whose keys begin so; empty for all.
+    pub only: String,
+    /// Trials an object and condition.
+    pub trials: usize,
+    /// Sessions of the printed method in each condition; 0 for none.
+    pub literal_sessions: usize,
+    /// Readings of these sessions.
+    pub literal_readings: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Readings a trial.
+    pub readings: usize,
+}
+
+impl Default for SurfaceNoise {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            size: 80.0 * MM,
+            seed: 1,
+            only: String::new(),
+            trials: 20,
+            literal_sessions: 5,
+            literal_readings: 10,
+            train_readings: 1_000,
+            test_readings: 100,
+            readings: 20,
+        }
+    }
+}
+
+/// What was learnt in one way of training.
+struct Learnt {
+    model: Arc<SurfaceModel>,
+    literal: Option<Recogniser>,
+    symmetries: Vec<Symmetry>,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, training fails, or no condition has the key.
+pub fn run(
+    config: &SurfaceNoise,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("surface-noise", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+    let chosen: Vec<Condition> =
+        conditions(config.size)?.into_iter().filter(|c| c.key.starts_with(&config.only)).collect();
+    anyhow::ensure!(!chosen.is_empty(), "no condition has a key that begins {}", config.only);
+    let mut groups: Vec<(Trained, Vec<&Condition>)> = Vec::new();
+    for condition in &chosen {
+        match groups.iter_mut().find(|(trained, _)| *trained == condition.trained) {
+            Some((_, group)) => group.push(condition),
+            None => groups.push((condition.trained, vec![condition])),
+        }
+    }
+    let mut lines = Vec::new();
+    let mut least = f64::INFINITY;
+    for (done, (trained, group)) in groups.into_iter().enumerate() {
+        progress("training", done, chosen.len());
+        let learnt = learn(config, trained, &objects)?;
+        for condition in group {
+            progress(condition.name, lines.len(), chosen.len());
+            let test =
+                condition.sensing.touch_all(&objects, config.test_readings, 2 * config.seed + 1)?;
+            let played = play(config, condition, &learnt, &test, progress)?;
+            report_condition(&mut report, config, condition, &objects, &played);
+            least = least.min(played.0.accuracy(config.readings));
+            let points = (1..=config.readings).map(|n| (n as f64, played.0.accuracy(n)));
+            lines.push(Line { name: condition.name.to_owned(), points: points.collect() });
+        }
+    }
+    report.summarise(&format!("accuracy_at_{}_min", config.readings), least);
+    Ok(Outcome { report, plot: svg(&panels(lines)), pictures: Vec::new() })
+}
+
+fn learn(
+    config: &SurfaceNoise,
+    trained: Trained,
+    objects: &[TestObject],
+) -> anyhow::Result<Learnt> {
+    let sensing = trained.sensing()?;
+    let train = sensing.touch_all(objects, config.train_readings, 2 * config.seed)?;
+    let surface = SurfaceConfig::default();
+    let symmetries = objects::symmetries(objects);
+    let model = train_surface(&train, &symmetries, &sensing.sensor, &surface, config.seed)?;
+    let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
+    let literal = if config.literal_sessions > 0 {
+        Some(train_sva(&train, &sensing.sensor, &training, options, config.seed)?)
+    } else {
+        None
+    };
+    Ok(Learnt { model, literal, symmetries })
+}
+
+/// Plays a condition: by the surface recogniser, and by the printed method where it can.
+fn play(
+    config: &SurfaceNoise,
+    condition: &Condition,
+    learnt: &Learnt,
+    test: &[Vec<Reading>],
+    progress: Progress<'_>,
+) -> anyhow::Result<(Played, Option<Played>)> {
+    let mut sessions = Sessions {
+        sensor: &condition.sensing.sensor,
+        test,
+        symmetries: &learnt.symmetries,
+        seed: config.seed,
+        readings: config.readings,
+        threads: 1,
+        disturbance: condition.disturbance,
+    };
+    let n = test.len();
+    let surface = Recogniser::Surface { model: learnt.model.clone(), options: condition.options };
+    let surface = sessions.play(&surface, n, config.trials * n, progress)?;
+    // The printed method compares images taxel by taxel: another grid is none of its sensors.
+    let same_grid = condition.sensing.sensor.grid() == condition.trained.sensing()?.sensor.grid();
+    sessions.readings = config.literal_readings.min(config.readings);
+    let literal = match &learnt.literal {
+        Some(literal) if same_grid => {
+            Some(sessions.play(literal, n, config.literal_sessions, progress)?)
+        }
+        _ => None,
+    };
+    Ok((surface, literal))
+}
+
+fn report_condition(
+    report: &mut Report,
+    config: &SurfaceNoise,
+    condition: &Condition,
+    objects: &[TestObject],
+    (surface, literal): &(Played, Option<Played>),
+) {
+    let methods = [("surface", Some(surface)), ("literal", literal.as_ref())];
+    for (method, played) in methods.into_iter().filter_map(|(name, p)| Some((name, p?))) {
+        let last = played.steps.iter().map(|step| step.readings).max().unwrap_or(0);
+        for readings in 1..=last {
+            let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
+            let moved = played.errors(readings, |e| e.translation / MM);
+            report.row(vec![
+                ("condition", json!(condition.key)),
+                ("method", json!(method)),
+                ("readings", json!(readings)),
+                ("trials", json!(stated.len())),
+                ("accuracy", json!(played.accuracy(readings))),
+                ("stated_probability_mean", json!(mean(&stated))),
+                ("unknown_mean", json!(played.unknown(readings))),
+                ("position_error_mm_median", json!(median(&moved))),
+                (
+                    "angle_error_deg_median",
+                    json!(median(&played.errors(readings, |e| e.angle / DEG))),
+                ),
+            ]);
+        }
+        let prefix = if method == "surface" { "" } else { "literal_" };
+        let key = format!("{prefix}accuracy_at_{last}_{}", condition.key);
+        report.summarise(&key, played.accuracy(last));
+    }
+    let at = config.readings.min(10);
+    report.summarise(&format!("accuracy_at_{at}_{}", condition.key), surface.accuracy(at));
+    let moved = median(&surface.errors(config.readings, |e| e.translation / MM));
+    let key = format!("position_error_mm_median_at_{}_{}", config.readings, condition.key);
+    report.summarise(&key, moved);
+    let key = format!("unknown_at_{}_{}", config.readings, condition.key);
+    report.summarise(&key, surface.unknown(config.readings));
+    for step in surface.after(config.readings).filter(|step| !step.is_right()) {
+        report.row(vec![
+            ("condition", json!(condition.key)),
+            ("readings", json!(step.readings)),
+            ("object", json!(objects[step.object].name)),
+            ("trial", json!(step.trial)),
+            ("confused_with", json!(objects[step.named].name)),
+            ("stated_probability", json!(step.probability)),
+        ]);
+    }
+}
+
+/// Conditions are many: six lines a panel.
+fn panels(lines: Vec<Line>) -> Vec<Panel> {
+    let mut panels = Vec::new();
+    let mut lines = lines.into_iter().peekable();
+    while lines.peek().is_some() {
+        let (x, y) = ("readings".to_owned(), "share right".to_owned());
+        let lines = lines.by_ref().take(6).collect();
+        panels.push(Panel { title: "recognised".to_owned(), x, y, lines });
+    }
+    panels
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    #[test]
+    fn a_small_run_bears_dead_taxels_and_a_finer_sensor() {
+        for (only, literal) in [("dead", true), ("fine", false)] {
+            let config = SurfaceNoise {
+                seed: 101,
+                only: only.to_owned(),
+                trials: 1,
+                literal_sessions: 2,
+                literal_readings: 3,
+                train_readings: 200,
+                test_readings: 20,
+                readings: 8,
+                ..SurfaceNoise::default()
+            };
+            let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+            let summary = &outcome.report.summary;
+            assert!(summary["accuracy_at_8_min"] >= 0.8, "{summary:?}");
+            let has_literal = summary.keys().any(|key| key.starts_with("literal_accuracy_at_3"));
+            assert_eq!(has_literal, literal, "{only}");
+            assert_eq!(outcome.plot.matches("polyline").count(), 1);
+        }
+    }
+
+    /// What fifteen touches of each object give under conditions whose keys begin so.
+    fn figures(only: &str) -> BTreeMap<String, f64> {
+        let config = SurfaceNoise {
+            seed: 101,
+            only: only.to_owned(),
+            trials: 1,
+            literal_sessions: 0,
+            train_readings: 200,
+            test_readings: 20,
+            readings: 15,
+            ..SurfaceNoise::default()
+        };
+        run(&config, "test".to_owned(), &|_, _, _| ()).unwrap().report.summary
+    }
+
+    #[test]
+    fn who_is_told_of_a_motion_finds_the_object_again() {
+        let summary = figures("jolt");
+        let off = |key: &str| summary[&format!("position_error_mm_median_at_15_{key}")];
+        let (told, untold) = (off("jolt_told"), off("jolt"));
+        assert!(5.0 * told < untold, "{told} {untold} mm");
+    }
+
+    #[test]
+    fn who_is_told_that_the_object_moves_does_not_take_it_for_an_unknown_one() {
+        let summary = figures("moving");
+        assert!(summary["accuracy_at_15_moving"] >= 0.8, "{summary:?}");
+        let (told, untold) =
+            (summary["unknown_at_15_moving_told"], summary["unknown_at_15_moving"]);
+        assert!(told < 0.5 && untold > told, "{told} {untold}");
+    }
+
+    #[test]
+    fn a_condition_that_does_not_exist_is_an_error() {
+        let config = SurfaceNoise { only: "none".to_owned(), ..SurfaceNoise::default() };
+        let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();
+        assert_eq!(error.to_string(), "no condition has a key that begins none");
+    }
+}

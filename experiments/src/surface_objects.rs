@@ -1,0 +1,308 @@
+//! Ten objects by the surface recogniser, beside spatially varying appearance on equal readings.
+//!
+//! Section 5.5.1 with the recogniser of `palpate_recogniser::belief`; in the same run the service's
+//! `sva` and the printed method (`literal`, slow, hence fewer trials). Time is the processor
+//! time of one thread a reading, answer included, mean over all readings of the trials: what
+//! else the machine does hardly counts. Angles are taken modulo the symmetry of the mesh.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use palpate_core::reading::Reading;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::symmetry::{AxisOrder, Symmetry};
+use palpate_core::units::{DEG, MM};
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
+use serde_json::json;
+
+use crate::disturbance::Disturbance;
+use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, train_surface, train_sva};
+use crate::objects::{self, TestObject};
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::statistics::{mean, median, quantile};
+
+/// The summary states the accuracy after so many readings.
+const STATED_AT: [usize; 6] = [1, 2, 3, 4, 6, 10];
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct SurfaceObjects {
+    /// A folder of meshes; `None` for the built-in objects.
+    pub meshes: Option<PathBuf>,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Trials an object.
+    pub trials: usize,
+    /// Trials an object of the literal method.
+    pub literal_trials: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Readings a trial.
+    pub readings: usize,
+    /// The sensor's preset.
+    pub sensor: SensorDescription,
+}
+
+impl Default for SurfaceObjects {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            size: 80.0 * MM,
+            seed: 1,
+            trials: 50,
+            literal_trials: 10,
+            train_readings: 1_000,
+            test_readings: 100,
+            readings: 10,
+            sensor: SensorDescription::digitacts_6x6(),
+        }
+    }
+}
+
+/// A trained method and how its trials went.
+struct Tested {
+    /// Its name in rows and plots.
+    name: &'static str,
+    /// Before its keys of the summary; empty for the method that the experiment is about.
+    prefix: &'static str,
+    bytes: usize,
+    train_seconds: f64,
+    played: Played,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When objects cannot be loaded or touched, or training fails.
+pub fn run(
+    config: &SurfaceObjects,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("surface-objects", command, config.seed);
+    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed, progress)?;
+    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
+    progress("training", 0, 1);
+    let started = Instant::now();
+    let symmetries = objects::symmetries(&objects);
+    let surface = SurfaceConfig::default();
+    let model = train_surface(&train, &symmetries, &config.sensor, &surface, config.seed)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let sessions = Sessions {
+        sensor: &config.sensor,
+        test: &test,
+        symmetries: &symmetries,
+        seed: config.seed,
+        readings: config.readings,
+        threads: 1,
+        disturbance: Disturbance::None,
+    };
+    let play = |name, prefix, recogniser: &Recogniser, trials, train_seconds| {
+        let played = sessions.play(recogniser, objects.len(), trials * objects.len(), progress)?;
+        anyhow::Ok(Tested { name, prefix, bytes: recogniser.bytes(), train_seconds, played })
+    };
+    let surface = Recogniser::Surface { model, options: SurfaceOptions::default() };
+    let mut tested = vec![play("surface", "", &surface, config.trials, seconds)?];
+    let literal = (TrainingConfig::literal(), SvaOptions::literal(), config.literal_trials);
+    let default = (TrainingConfig::default(), SvaOptions::default(), config.trials);
+    for (name, prefix, (training, options, trials)) in
+        [("sva", "sva_", default), ("literal", "literal_", literal)]
+    {
+        let started = Instant::now();
+        let sva = train_sva(&train, &config.sensor, &training, options, config.seed)?;
+        tested.push(play(name, prefix, &sva, trials, started.elapsed().as_secs_f64())?);
+    }
+    for method in &tested {
+        report_method(&mut report, config, method);
+        report_wrong(&mut report, config, &objects, method);
+    }
+    report_objects(&mut report, config, &objects, &symmetries, &tested[0]);
+    Ok(Outcome { report, plot: plot(config, &tested), pictures: Vec::new() })
+}
+
+fn touch_all(
+    objects: &[TestObject],
+    config: &SurfaceObjects,
+    n: usize,
+    seed: u64,
+    progress: Progress<'_>,
+) -> anyhow::Result<Vec<Vec<Reading>>> {
+    let touch = |(done, object)| {
+        progress("touching objects", done, objects.len());
+        objects::touch(object, &config.sensor, n, seed)
+    };
+    objects.iter().enumerate().map(touch).collect()
+}
+
+fn report_method(report: &mut Report, config: &SurfaceObjects, method: &Tested) {
+    let Tested { name, prefix, played, .. } = method;
+    for readings in 1..=config.readings {
+        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
+        let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
+        let of = |value: fn(&PoseError) -> f64| played.errors(readings, value);
+        let (moved, angle) = (of(|e| e.translation / MM), of(|e| e.angle / DEG));
+        report.row(vec![
+            ("method", json!(name)),
+            ("readings", json!(readings)),
+            ("trials", json!(stated.len())),
+            ("accuracy", json!(played.accuracy(readings))),
+            ("stated_probability_mean", json!(mean(&stated))),
+            ("position_error_mm_mean", json!(mean(&moved))),
+            ("position_error_mm_median", json!(median(&moved))),
+            ("position_error_mm_p90", json!(quantile(&moved, 0.9))),
+            ("angle_error_deg_mean", json!(mean(&angle))),
+            ("angle_error_deg_median", json!(median(&angle))),
+            ("plain_angle_error_deg_median", json!(median(&of(|e| e.plain_angle / DEG)))),
+            ("wall_ms_median", json!(median(&times))),
+            ("wall_ms_p90", json!(quantile(&times, 0.9))),
+        ]);
+    }
+    let mut state = |key: &str, value: f64| report.summarise(&format!("{prefix}{key}"), value);
+    for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
+        state(&format!("accuracy_at_{readings}"), played.accuracy(readings));
+    }
+    let last = config.readings.min(10);
+    let median_of = |value: fn(&PoseError) -> f64| median(&played.errors(last, value));
+    state(&format!("position_error_mm_median_at_{last}"), median_of(|e| e.translation / MM));
+    state(&format!("angle_error_deg_median_at_{last}"), median_of(|e| e.angle / DEG));
+    state(&format!("plain_angle_error_deg_median_at_{last}"), median_of(|e| e.plain_angle / DEG));
+    if let Some(cpu_ms) = played.cpu_ms {
+        state("ms_per_touch", cpu_ms);
+    }
+    state("wall_ms_per_touch", mean(&played.wall_ms()));
+    state("catalogue_bytes", method.bytes as f64);
+    state("train_seconds", method.train_seconds);
+}
+
+/// A row for each trial that names the wrong object after at least two readings.
+fn report_wrong(
+    report: &mut Report,
+    config: &SurfaceObjects,
+    objects: &[TestObject],
+    method: &Tested,
+) {
+    for readings in STATED_AT.into_iter().filter(|n| (2..=config.readings).contains(n)) {
+        for step in method.played.after(readings).filter(|step| !step.is_right()) {
+            report.row(vec![
+                ("method", json!(method.name)),
+                ("readings", json!(readings)),
+                ("object", json!(objects[step.object].name)),
+                ("trial", json!(step.trial)),
+                ("confused_with", json!(objects[step.named].name)),
+                ("stated_probability", json!(step.probability)),
+            ]);
+        }
+    }
+}
+
+/// A row an object: its symmetry and how well it is placed at the end.
+fn report_objects(
+    report: &mut Report,
+    config: &SurfaceObjects,
+    objects: &[TestObject],
+    symmetries: &[Symmetry],
+    method: &Tested,
+) {
+    for (index, object) in objects.iter().enumerate() {
+        let steps = || method.played.after(config.readings).filter(|step| step.object == index);
+        let of = |value: fn(&PoseError) -> f64| {
+            median(&steps().filter_map(|step| step.error.as_ref().map(value)).collect::<Vec<_>>())
+        };
+        let order = |axis: &palpate_core::symmetry::SymmetryAxis| match axis.order {
+            AxisOrder::Finite(order) => order.to_string(),
+            AxisOrder::Continuous => "continuous".to_owned(),
+        };
+        let axes: Vec<String> = symmetries[index].axes.iter().map(order).collect();
+        report.row(vec![
+            ("method", json!(method.name)),
+            ("readings", json!(config.readings)),
+            ("object", json!(object.name)),
+            ("symmetry", json!(axes.join(" "))),
+            ("position_error_mm_median", json!(of(|e| e.translation / MM))),
+            ("angle_error_deg_median", json!(of(|e| e.angle / DEG))),
+            ("plain_angle_error_deg_median", json!(of(|e| e.plain_angle / DEG))),
+        ]);
+    }
+}
+
+fn plot(config: &SurfaceObjects, tested: &[Tested]) -> String {
+    let panel = |title: &str, y: &str, value: &dyn Fn(&Played, usize) -> f64| Panel {
+        title: title.to_owned(),
+        x: "readings".to_owned(),
+        y: y.to_owned(),
+        lines: tested
+            .iter()
+            .map(|method| Line {
+                name: method.name.to_owned(),
+                points: (1..=config.readings)
+                    .map(|readings| (readings as f64, value(&method.played, readings)))
+                    .collect(),
+            })
+            .collect(),
+    };
+    svg(&[
+        panel("recognised", "share right", &|played, readings| played.accuracy(readings)),
+        panel("position", "median error (mm)", &|played, readings| {
+            median(&played.errors(readings, |e| e.translation / MM))
+        }),
+        panel("angle, modulo symmetry", "median error (deg)", &|played, readings| {
+            median(&played.errors(readings, |e| e.angle / DEG))
+        }),
+        panel("time of a reading", "median wall time (ms)", &|played, readings| {
+            median(&played.after(readings).map(|step| step.wall_ms).collect::<Vec<_>>())
+        }),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_sim::shapes;
+
+    use super::*;
+
+    #[test]
+    fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
+        let folder = std::env::temp_dir().join(format!("palpate-surface-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        for name in ["hammer", "mug", "gear"] {
+            let mesh = shapes::example(name).unwrap();
+            std::fs::write(folder.join(format!("{name}.stl")), mesh.to_stl_bytes()).unwrap();
+        }
+        let config = SurfaceObjects {
+            meshes: Some(folder.clone()),
+            seed: 101,
+            trials: 4,
+            literal_trials: 2,
+            train_readings: 300,
+            test_readings: 30,
+            ..SurfaceObjects::default()
+        };
+        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        std::fs::remove_dir_all(&folder).unwrap();
+        let summary = &outcome.report.summary;
+        assert!(summary["accuracy_at_4"] > 0.9, "{summary:?}");
+        assert!(summary["position_error_mm_median_at_10"] < 1.5, "{summary:?}");
+        assert!(summary["angle_error_deg_median_at_10"] < 10.0, "{summary:?}");
+        let plain = summary["plain_angle_error_deg_median_at_10"];
+        assert!(plain >= summary["angle_error_deg_median_at_10"] - 1e-9, "{summary:?}");
+        assert!(summary["catalogue_bytes"] < 3e6, "{summary:?}");
+        for key in ["sva_accuracy_at_2", "literal_accuracy_at_2", "literal_catalogue_bytes"] {
+            assert!(summary.contains_key(key), "{key}");
+        }
+        let trials = |name: &str| {
+            let row = outcome.report.rows.iter().find(|row| row["method"] == name).unwrap();
+            row["trials"].as_u64()
+        };
+        assert_eq!((trials("surface"), trials("literal")), (Some(12), Some(6)));
+        assert_eq!(outcome.plot.matches("polyline").count(), 4 * 3);
+    }
+}

@@ -1,0 +1,379 @@
+//! Fifty and a hundred objects, and on demand a thousand, by the surface recogniser.
+//!
+//! Objects are the given meshes, then those of the pool, the built-in objects and capital
+//! letters as solids, the latter three in an order drawn once for all seeds; all are scaled to
+//! one size. Objects that the sampler cannot touch often enough are left out and named in a row.
+//! Of the letters only [`LETTERS`] are taken: solids can be turned over, so that lower-case
+//! b, d, p and q, n and u are (nearly) one, as are M and W, N and Z, and in round fonts C and U,
+//! A and V. In the same run the printed method (`literal`) plays a few sessions.
+//! In a few more sessions of the largest the planner chooses the touches (`chosen`).
+//! Time is processor time of one thread a reading, answer included.
+
+mod chosen;
+mod thousand;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use palpate_core::reading::Reading;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::MM;
+use palpate_dissertation::sva::SvaOptions;
+use palpate_dissertation::sva::train::TrainingConfig;
+use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::train::SurfaceConfig;
+use serde_json::json;
+
+use crate::disturbance::Disturbance;
+use crate::object_sessions::{Played, Recogniser, Sessions, Step, train_surface, train_sva};
+use crate::objects::{self, TestObject};
+use crate::plot::{Line, Panel, svg};
+use crate::report::{Outcome, Progress, Report};
+use crate::statistics::{mean, quantile};
+use thousand::Growth;
+
+/// The letters that differ as solids: capitals without U, V, W and Z.
+pub const LETTERS: &str = "ABCDEFGHIJKLMNOPQRSTXY";
+
+/// What the names of letters begin with.
+const LETTER: &str = "upper_";
+
+/// The seed of the order of objects: which ones a catalogue of fifty has is no matter of trials.
+const ORDER_SEED: u64 = 0;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct SurfaceScale {
+    /// A folder of meshes that every catalogue begins with.
+    pub meshes: Option<PathBuf>,
+    /// A folder of further meshes.
+    pub pool: Option<PathBuf>,
+    /// A folder of letters as solids, `upper_A` to `upper_Z`.
+    pub letters: Option<PathBuf>,
+    /// Sizes of catalogues.
+    pub counts: Vec<usize>,
+    /// Also a thousand: these objects but the letters, procedural ones, and families of both.
+    pub thousand: bool,
+    /// Largest dimension of every object, metres.
+    pub size: f64,
+    /// The seed of touches, poses and trials.
+    pub seed: u64,
+    /// Trials an object.
+    pub trials: usize,
+    /// Sessions of the literal method, each with another object; 0 for none.
+    pub literal_sessions: usize,
+    /// Trials an object of the largest of `counts` whose touches are chosen from the third on;
+    /// 0 for none.
+    pub chosen_trials: usize,
+    /// Training readings an object.
+    pub train_readings: usize,
+    /// Test readings an object.
+    pub test_readings: usize,
+    /// Readings a trial.
+    pub readings: usize,
+    /// The sensor's preset.
+    pub sensor: SensorDescription,
+}
+
+impl Default for SurfaceScale {
+    fn default() -> Self {
+        Self {
+            meshes: None,
+            pool: None,
+            letters: None,
+            counts: vec![50, 100],
+            thousand: false,
+            size: 80.0 * MM,
+            seed: 1,
+            trials: 10,
+            literal_sessions: 20,
+            chosen_trials: 2,
+            train_readings: 1_000,
+            test_readings: 100,
+            readings: 10,
+            sensor: SensorDescription::digitacts_6x6(),
+        }
+    }
+}
+
+/// Objects with the readings that were taken of them.
+struct Touched {
+    objects: Vec<TestObject>,
+    train: Vec<Vec<Reading>>,
+    test: Vec<Vec<Reading>>,
+}
+
+/// Runs the experiment; gives the report and its plot.
+///
+/// # Errors
+/// When there are too few objects, they cannot be loaded, or training fails.
+pub fn run(
+    config: &SurfaceScale,
+    command: String,
+    progress: Progress<'_>,
+) -> anyhow::Result<Outcome> {
+    let mut report = Report::new("surface-scale", command, config.seed);
+    let wanted = config.counts.iter().copied().max().unwrap_or(0);
+    let touched = touch(config, candidates(config)?, wanted, &mut report, progress)?;
+    let mut panels = Vec::new();
+    for count in &config.counts {
+        panels.push(one_catalogue(config, *count, &touched, &mut report, progress)?);
+    }
+    if config.thousand {
+        let Touched { objects, train, test } = touched;
+        // Memory is measured: only the meshes go on.
+        drop((train, test));
+        let growth = Growth::default();
+        panels.extend(thousand::run(config, &growth, objects, &mut report, progress)?);
+    }
+    Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
+}
+
+/// All objects there are, in the order in which catalogues take them.
+fn candidates(config: &SurfaceScale) -> anyhow::Result<Vec<TestObject>> {
+    let load = |folder: &Option<PathBuf>| -> anyhow::Result<Vec<TestObject>> {
+        folder
+            .as_deref()
+            .map_or(Ok(Vec::new()), |folder: &Path| objects::load(Some(folder), config.size))
+    };
+    let mut first = load(&config.meshes)?;
+    let mut rest = load(&config.pool)?;
+    rest.extend(
+        objects::load(None, config.size)?.into_iter().map(|object| TestObject {
+            name: format!("built-in {}", object.name),
+            mesh: object.mesh,
+        }),
+    );
+    let is_taken = |object: &TestObject| {
+        let symbol = object.name.strip_prefix(LETTER);
+        symbol.is_some_and(|symbol| symbol.len() == 1 && LETTERS.contains(symbol))
+    };
+    rest.extend(load(&config.letters)?.into_iter().filter(is_taken));
+    let mut stream = Stream::new(ORDER_SEED, Purpose::Shape, 0);
+    while !rest.is_empty() {
+        first.push(rest.swap_remove(stream.index(rest.len())));
+    }
+    Ok(first)
+}
+
+/// Touches candidates until `wanted` are touched often enough.
+fn touch(
+    config: &SurfaceScale,
+    candidates: Vec<TestObject>,
+    wanted: usize,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<Touched> {
+    let found = candidates.len();
+    anyhow::ensure!(found >= wanted, "{found} objects, expected at least {wanted}");
+    let mut touched = Touched { objects: Vec::new(), train: Vec::new(), test: Vec::new() };
+    for object in candidates {
+        if touched.objects.len() == wanted {
+            break;
+        }
+        progress("touching objects", touched.objects.len(), wanted);
+        let touch = |n: usize, seed: u64| objects::touch(&object, &config.sensor, n, seed);
+        let both = touch(config.train_readings, 2 * config.seed)
+            .and_then(|train| Ok((train, touch(config.test_readings, 2 * config.seed + 1)?)));
+        match both {
+            Ok((train, test)) => {
+                touched.train.push(train);
+                touched.test.push(test);
+                touched.objects.push(object);
+            }
+            Err(error) => report_left_out(report, &object, &error),
+        }
+    }
+    let found = touched.objects.len();
+    anyhow::ensure!(found == wanted, "{found} objects can be touched, expected {wanted}");
+    Ok(touched)
+}
+
+/// A row for an object that cannot be touched often enough.
+fn report_left_out(report: &mut Report, object: &TestObject, error: &anyhow::Error) {
+    let because = json!(format!("{error:#}"));
+    report.row(vec![("left_out", json!(object.name)), ("because", because)]);
+}
+
+/// Trains and tests with the first `count` objects; gives a panel of accuracy.
+fn one_catalogue(
+    config: &SurfaceScale,
+    count: usize,
+    touched: &Touched,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<Panel> {
+    let train = &touched.train[..count];
+    progress("training", 0, 1);
+    let symmetries = objects::symmetries(&touched.objects[..count]);
+    let started = Instant::now();
+    let surface = SurfaceConfig::default();
+    let model = train_surface(train, &symmetries, &config.sensor, &surface, config.seed)?;
+    report.summarise(&format!("train_seconds_{count}"), started.elapsed().as_secs_f64());
+    let sessions = Sessions {
+        sensor: &config.sensor,
+        test: &touched.test[..count],
+        symmetries: &symmetries,
+        seed: config.seed,
+        readings: config.readings,
+        threads: 1,
+        disturbance: Disturbance::None,
+    };
+    let is_largest = config.counts.iter().all(|other| *other <= count);
+    if config.chosen_trials > 0 && is_largest {
+        let objects = &touched.objects[..count];
+        chosen::run(config, &model, objects, &sessions, report, progress)?;
+    }
+    let surface = Recogniser::Surface { model, options: SurfaceOptions::default() };
+    let played = sessions.play(&surface, count, config.trials * count, progress)?;
+    report_catalogue(report, "", count, &surface, &played);
+    report_letters(report, count, &touched.objects, &played);
+    report_wrong(report, "surface", count, &touched.objects, &played);
+    let mut lines = vec![line("surface", config.readings, &played)];
+    if config.literal_sessions > 0 {
+        progress("training the printed method", 0, 1);
+        let (training, options) = (TrainingConfig::literal(), SvaOptions::literal());
+        let literal = train_sva(train, &config.sensor, &training, options, config.seed)?;
+        let played = sessions.play(&literal, count, config.literal_sessions, progress)?;
+        report_catalogue(report, "literal_", count, &literal, &played);
+        report_wrong(report, "literal", count, &touched.objects, &played);
+        lines.push(line("literal", config.readings, &played));
+    }
+    let (x, y) = ("readings".to_owned(), "share right".to_owned());
+    Ok(Panel { title: format!("{count} objects"), x, y, lines })
+}
+
+fn line(name: &str, readings: usize, played: &Played) -> Line {
+    let points = (1..=readings).map(|n| (n as f64, played.accuracy(n))).collect();
+    Line { name: name.to_owned(), points }
+}
+
+fn report_catalogue(
+    report: &mut Report,
+    prefix: &str,
+    count: usize,
+    recogniser: &Recogniser,
+    played: &Played,
+) {
+    let readings = played.steps.iter().map(|step| step.readings).max().unwrap_or(0);
+    for readings in 1..=readings {
+        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
+        let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
+        report.row(vec![
+            ("method", json!(if prefix.is_empty() { "surface" } else { "literal" })),
+            ("objects", json!(count)),
+            ("readings", json!(readings)),
+            ("trials", json!(stated.len())),
+            ("accuracy", json!(played.accuracy(readings))),
+            ("stated_probability_mean", json!(mean(&stated))),
+            ("wall_ms_mean", json!(mean(&times))),
+            ("wall_ms_p99", json!(quantile(&times, 0.99))),
+        ]);
+    }
+    let mut state = |key: &str, value: f64| report.summarise(&format!("{prefix}{key}"), value);
+    for readings in [1, 2, 3, 4, 6, 10].into_iter().filter(|n| *n <= readings) {
+        state(&format!("accuracy_{count}_at_{readings}"), played.accuracy(readings));
+    }
+    if let Some(cpu_ms) = played.cpu_ms {
+        state(&format!("ms_per_touch_{count}"), cpu_ms);
+    }
+    state(&format!("wall_ms_per_touch_{count}"), mean(&played.wall_ms()));
+    state(&format!("bytes_{count}"), recogniser.bytes() as f64);
+    state(&format!("trials_{count}"), played.after(1).count() as f64);
+}
+
+/// The accuracy of trials with letters and of all others: flat letters of one size share most
+/// of their surface.
+fn report_letters(report: &mut Report, count: usize, objects: &[TestObject], played: &Played) {
+    for (kind, letters) in [("letters", true), ("others", false)] {
+        for readings in [4, 6] {
+            let of_kind = |step: &&Step| objects[step.object].name.starts_with(LETTER) == letters;
+            let steps = played.after(readings).filter(of_kind);
+            let right: Vec<f64> = steps.map(|step| f64::from(u8::from(step.is_right()))).collect();
+            if !right.is_empty() {
+                report.summarise(&format!("{kind}_accuracy_{count}_at_{readings}"), mean(&right));
+            }
+        }
+    }
+}
+
+/// A row for each trial that names the wrong object after four or more readings.
+fn report_wrong(
+    report: &mut Report,
+    method: &str,
+    count: usize,
+    objects: &[TestObject],
+    played: &Played,
+) {
+    for step in played.steps.iter().filter(|step| !step.is_right() && step.readings >= 4) {
+        report.row(vec![
+            ("method", json!(method)),
+            ("objects", json!(count)),
+            ("readings", json!(step.readings)),
+            ("object", json!(objects[step.object].name)),
+            ("trial", json!(step.trial)),
+            ("confused_with", json!(objects[step.named].name)),
+            ("stated_probability", json!(step.probability)),
+        ]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The built-in objects alone, touched rarely.
+    fn small() -> SurfaceScale {
+        SurfaceScale {
+            counts: vec![4, 6],
+            seed: 101,
+            trials: 2,
+            literal_sessions: 2,
+            chosen_trials: 1,
+            train_readings: 250,
+            test_readings: 20,
+            readings: 6,
+            ..SurfaceScale::default()
+        }
+    }
+
+    #[test]
+    fn a_small_run_reports_every_key_of_both_catalogues() {
+        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let summary = &outcome.report.summary;
+        for count in [4, 6] {
+            assert!(summary[&format!("accuracy_{count}_at_6")] > 0.8, "{summary:?}");
+            for key in ["wall_ms_per_touch", "literal_bytes", "literal_trials"] {
+                assert!(summary.contains_key(&format!("{key}_{count}")), "{key}");
+            }
+        }
+        assert!((summary["trials_6"] - 12.0).abs() < 1e-9);
+        assert!(summary["accuracy_6_at_6_chosen"] > 0.8, "{summary:?}");
+        assert!(summary["presses_per_touch_6_chosen"] >= 1.0, "{summary:?}");
+        assert!(!summary.contains_key("accuracy_4_at_6_chosen"), "the largest only");
+        // No letters were given.
+        assert_eq!(
+            summary["others_accuracy_6_at_4"].to_bits(),
+            summary["accuracy_6_at_4"].to_bits()
+        );
+        assert!(!summary.contains_key("letters_accuracy_6_at_4"));
+        assert!(summary["bytes_4"] < summary["bytes_6"]);
+        assert_eq!(outcome.plot.matches("polyline").count(), 4);
+    }
+
+    #[test]
+    fn more_objects_than_there_are_is_an_error() {
+        let config = SurfaceScale { counts: vec![11], ..small() };
+        let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();
+        assert_eq!(error.to_string(), "10 objects, expected at least 11");
+    }
+
+    #[test]
+    fn the_letters_are_distinct_capitals() {
+        let mut letters: Vec<char> = LETTERS.chars().collect();
+        letters.dedup();
+        assert_eq!(letters.len(), 22);
+        assert!(letters.iter().all(|letter| letter.is_ascii_uppercase()));
+    }
+}

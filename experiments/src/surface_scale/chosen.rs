@@ -1,0 +1,133 @@
+//! Touches that the recogniser chooses: what a robot gains that asks where to touch next.
+//!
+//! The first two touches of a session are those of the random sessions; from the third on the
+//! robot presses where the planner ranks its own approaches best (`next_touch`), centres what
+//! it met off the middle, and tries again when it meets nothing. Presses that met nothing are
+//! evidence, and no touches.
+
+use std::sync::Arc;
+
+use palpate_core::reading::Reading;
+use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::SurfaceModel;
+use palpate_sim::press::PressSimulator;
+use serde_json::json;
+
+use super::SurfaceScale;
+use crate::disturbance::Presented;
+use crate::next_touch::robot::{Policy, Robot};
+use crate::object_sessions::Sessions;
+use crate::objects::TestObject;
+use crate::report::{Progress, Report};
+use crate::statistics::mean;
+
+/// Touches that are not chosen.
+const GIVEN: usize = 2;
+
+/// Readings a session.
+const READINGS: usize = 6;
+
+/// A robot that presses so often without a touch guides itself to the surface once.
+const PRESSES_MAX: usize = 10;
+
+/// What a session said after each of its touches.
+struct Chosen {
+    /// Whether the right object was named.
+    right: Vec<bool>,
+    /// Presses for the chosen touches, those that met nothing included.
+    presses: usize,
+}
+
+/// Plays the first trials of each object with chosen touches; adds rows and figures.
+pub(super) fn run(
+    config: &SurfaceScale,
+    model: &Arc<SurfaceModel>,
+    objects: &[TestObject],
+    sessions: &Sessions<'_>,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<()> {
+    let (count, trials) = (objects.len(), config.chosen_trials);
+    let mut played = Vec::with_capacity(count * trials);
+    for (object, TestObject { mesh, .. }) in objects.iter().enumerate() {
+        progress("chosen touches", object, count);
+        let simulator = PressSimulator::new(mesh.clone(), config.sensor.clone());
+        for trial in 0..trials {
+            let given = sessions.presented(object, trial);
+            let index = trial * count + object;
+            played.push(play(config, model, &simulator, &given, object, index)?);
+        }
+    }
+    for readings in 1..=READINGS {
+        let right: Vec<f64> =
+            played.iter().map(|p| f64::from(u8::from(p.right[readings - 1]))).collect();
+        report.row(vec![
+            ("method", json!("surface, chosen touches")),
+            ("objects", json!(count)),
+            ("readings", json!(readings)),
+            ("trials", json!(right.len())),
+            ("accuracy", json!(mean(&right))),
+        ]);
+        if matches!(readings, 4 | READINGS) {
+            report.summarise(&format!("accuracy_{count}_at_{readings}_chosen"), mean(&right));
+        }
+    }
+    let presses: Vec<f64> =
+        played.iter().map(|p| p.presses as f64 / (READINGS - GIVEN) as f64).collect();
+    report.summarise(&format!("presses_per_touch_{count}_chosen"), mean(&presses));
+    Ok(())
+}
+
+fn play(
+    config: &SurfaceScale,
+    model: &Arc<SurfaceModel>,
+    simulator: &PressSimulator,
+    given: &[Presented],
+    object: usize,
+    trial: usize,
+) -> anyhow::Result<Chosen> {
+    let session_from_object = given[0].session_from_object;
+    let robot = |policy| Robot { simulator, session_from_object, policy, seed: config.seed, trial };
+    let (planner, guided) = (robot(Policy::Information), robot(Policy::Sampler));
+    let mut belief = SurfaceBelief::new(Arc::clone(model), SurfaceOptions::default(), None)?;
+    let mut contacts: Vec<Reading> = Vec::with_capacity(READINGS);
+    let mut chosen = Chosen { right: Vec::with_capacity(READINGS), presses: 0 };
+    while chosen.right.len() < READINGS {
+        let touched = if contacts.len() < GIVEN {
+            Some(given[contacts.len()].reading.clone())
+        } else {
+            chosen_touch(&planner, &guided, &mut belief, &contacts, &mut chosen.presses)
+        };
+        if let Some(reading) = touched {
+            belief.add(&reading, &config.sensor);
+            contacts.push(reading);
+        }
+        // A robot that came to no touch at all has learnt nothing.
+        let named = belief.answer(1).best_object();
+        chosen.right.push(named.is_some_and(|named| named.0 as usize == object));
+    }
+    Ok(chosen)
+}
+
+/// A touch that the planner chose; a press that met nothing is taken into account and counted.
+fn chosen_touch(
+    planner: &Robot<'_>,
+    guided: &Robot<'_>,
+    belief: &mut SurfaceBelief,
+    contacts: &[Reading],
+    presses: &mut usize,
+) -> Option<Reading> {
+    for _ in 0..PRESSES_MAX {
+        let (approach, _) = planner.choose(*presses, belief, contacts);
+        let pressed = planner.press(*presses, &approach);
+        *presses += 1;
+        match pressed.reading {
+            Some(reading) if pressed.touched => return Some(reading),
+            Some(miss) => belief.add(&miss, planner.simulator.sensor()),
+            None => {}
+        }
+    }
+    let (approach, _) = guided.choose(*presses, belief, contacts);
+    *presses += 1;
+    guided.press(*presses, &approach).reading
+}

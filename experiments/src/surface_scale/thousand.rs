@@ -1,0 +1,330 @@
+//! Catalogues of ten to a thousand objects: what accuracy, time and memory do as they grow.
+//!
+//! The objects are those of the smaller catalogues but the letters, then procedural ones
+//! (`palpate_sim::shapes::assembled`), then members of the families of both (`families`). To
+//! keep a thousand in memory each is touched 600 times and pairs are tabled among 300 touches.
+//! The appearance space is learnt from the first hundred objects; every other object is made,
+//! touched, mapped and dropped. Exponents are slopes of ln time and ln memory over ln objects.
+
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use glam::DVec3;
+use palpate_core::reading::Reading;
+use palpate_core::symmetry::Symmetry;
+use palpate_core::training::TrainingSet;
+use palpate_recogniser::belief::{SurfaceOptions, prepare};
+use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::surface::SurfaceMap;
+use palpate_recogniser::surface::map::SurfaceLayout;
+use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
+use palpate_sim::shapes::assembled;
+use serde_json::json;
+
+use super::{LETTER, SurfaceScale, report_left_out};
+use crate::disturbance::Disturbance;
+use crate::families::Families;
+use crate::object_sessions::{Recogniser, Sessions};
+use crate::objects::{self, TestObject};
+use crate::plot::{Line, Panel};
+use crate::report::{Progress, Report};
+use crate::stated::wilson;
+use crate::statistics::{mean, quantile};
+
+/// How far catalogues grow.
+#[derive(Clone, Debug)]
+pub(super) struct Growth {
+    /// Sizes of catalogues, rising; each is the beginning of the next.
+    counts: Vec<usize>,
+    /// Procedural objects.
+    assembled: usize,
+    /// Readings that an object is learnt from.
+    train_readings: usize,
+    /// Of which pairs are tabled.
+    pair_readings: usize,
+    /// Readings that an object is tested with.
+    test_readings: usize,
+    /// Objects that the appearance space is learnt from.
+    space_objects: usize,
+    /// Sessions with each catalogue, unless it has more objects: then one with each of them.
+    sessions: usize,
+}
+
+impl Default for Growth {
+    fn default() -> Self {
+        Self {
+            counts: vec![10, 50, 100, 300, 1_000],
+            assembled: 500,
+            train_readings: 600,
+            pair_readings: 300,
+            test_readings: 20,
+            space_objects: 100,
+            sessions: 500,
+        }
+    }
+}
+
+impl Growth {
+    /// The size of the largest catalogue.
+    fn largest(&self) -> usize {
+        self.counts.last().copied().unwrap_or(0)
+    }
+
+    /// How the maps are made.
+    fn surface(&self) -> SurfaceConfig {
+        let layout =
+            SurfaceLayout { pair_patches_max: self.pair_readings, ..SurfaceLayout::default() };
+        SurfaceConfig { patches_max: self.train_readings, layout }
+    }
+}
+
+/// Readings a session.
+const READINGS: usize = 6;
+
+/// What a catalogue of some size measured.
+struct Measured {
+    count: usize,
+    accuracy: f64,
+    ms: f64,
+    bytes: f64,
+}
+
+/// Adds the rows and figures of large catalogues; gives their panels.
+pub(super) fn run(
+    config: &SurfaceScale,
+    growth: &Growth,
+    parents: Vec<TestObject>,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<Vec<Panel>> {
+    progress("growing families", 0, 1);
+    let largest = growth.largest();
+    let objects = Families::new(with_assembled(parents, config, growth)?, config.seed)?;
+    let (model, test) = learn(config, growth, objects, report, progress)?;
+    prepare(&model, &SurfaceOptions::default());
+    if let Some(bytes) = resident_bytes() {
+        report.summarise(&format!("rss_bytes_{largest}"), bytes);
+    }
+    let mut measured = Vec::new();
+    for count in &growth.counts {
+        let maps = model.maps()[..*count].to_vec();
+        let model = model.with_maps(maps);
+        measured.push(measure(config, growth, model, &test, report, progress)?);
+    }
+    let slope = |value: fn(&Measured) -> f64| {
+        let points = measured.iter().map(|m| ((m.count as f64).ln(), value(m).ln()));
+        slope(&points.collect::<Vec<_>>())
+    };
+    report.summarise("time_exponent", slope(|m| m.ms));
+    report.summarise("memory_exponent", slope(|m| m.bytes));
+    Ok(panels(&measured))
+}
+
+/// The parents of families: what is given but its letters, which as solids share most of their
+/// surface, and procedural objects.
+fn with_assembled(
+    given: Vec<TestObject>,
+    config: &SurfaceScale,
+    growth: &Growth,
+) -> anyhow::Result<Vec<TestObject>> {
+    let mut parents: Vec<TestObject> =
+        given.into_iter().filter(|object| !object.name.starts_with(LETTER)).collect();
+    for index in 0..growth.assembled {
+        let mesh = assembled(config.seed, index as u64)
+            .with_context(|| format!("procedural object {index} never hangs together"))?;
+        let mesh = mesh.scaled_to_largest_dimension(config.size);
+        parents.push(TestObject { name: format!("assembled {index}"), mesh });
+    }
+    Ok(parents)
+}
+
+/// The model of all objects, and their test readings. Objects that cannot be touched often
+/// enough are left out and named in a row.
+fn learn(
+    config: &SurfaceScale,
+    growth: &Growth,
+    objects: Families,
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
+    let (sensor, largest) = (&config.sensor, growth.largest());
+    let mut test = Vec::with_capacity(largest);
+    // There are always more members: whoever finds every other one untouchable is mistaken.
+    let mut objects = objects.take(2 * largest);
+    let mut touched = || -> anyhow::Result<Vec<Reading>> {
+        progress("touching objects", test.len(), largest);
+        for object in objects.by_ref() {
+            let object = object?;
+            let touch = |n: usize, seed: u64| objects::touch(&object, sensor, n, seed);
+            let both = touch(growth.train_readings, 2 * config.seed)
+                .and_then(|train| Ok((train, touch(growth.test_readings, 2 * config.seed + 1)?)));
+            match both {
+                Ok((train, tested)) => {
+                    test.push(tested);
+                    return Ok(train);
+                }
+                Err(error) => report_left_out(report, &object, &error),
+            }
+        }
+        anyhow::bail!("{} of {} objects can be touched", test.len(), 2 * largest)
+    };
+    let n_first = growth.space_objects.min(largest);
+    let first: Vec<Vec<Reading>> =
+        (0..n_first).map(|_| touched()).collect::<anyhow::Result<_>>()?;
+    let sets: Vec<TrainingSet<'_>> =
+        first.iter().map(|readings| TrainingSet { readings, sensor }).collect();
+    let space = learn_space(&sets, config.seed)?;
+    let map = |readings: &[Reading]| {
+        let set = TrainingSet { readings, sensor };
+        map_surface(&set, &space, &growth.surface(), Some(DVec3::ZERO)).map(Arc::new)
+    };
+    let mut maps: Vec<Arc<SurfaceMap>> =
+        first.iter().map(|readings| map(readings)).collect::<Result<_, _>>()?;
+    drop(first);
+    while maps.len() < largest {
+        maps.push(map(&touched()?)?);
+    }
+    Ok((SurfaceModel::new(space, EvidenceCalibration::default(), maps), test))
+}
+
+/// Plays sessions with a catalogue: on one thread for the time of one core, and the largest
+/// again on two threads for its slowest answers.
+fn measure(
+    config: &SurfaceScale,
+    growth: &Growth,
+    model: SurfaceModel,
+    test: &[Vec<Reading>],
+    report: &mut Report,
+    progress: Progress<'_>,
+) -> anyhow::Result<Measured> {
+    let count = model.maps().len();
+    let surface =
+        Recogniser::Surface { model: Arc::new(model), options: SurfaceOptions::default() };
+    let mut sessions = Sessions {
+        sensor: &config.sensor,
+        test,
+        symmetries: &vec![Symmetry::NONE; test.len()],
+        seed: config.seed,
+        readings: READINGS,
+        threads: 1,
+        disturbance: Disturbance::None,
+    };
+    let n_sessions = growth.sessions.max(count);
+    let played = sessions.play(&surface, count, n_sessions, progress)?;
+    let wall = mean(&played.wall_ms());
+    let ms = played.cpu_ms.unwrap_or(wall);
+    for readings in 1..=READINGS {
+        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
+        report.row(vec![
+            ("method", json!("surface, families")),
+            ("objects", json!(count)),
+            ("readings", json!(readings)),
+            ("trials", json!(times.len())),
+            ("accuracy", json!(played.accuracy(readings))),
+            ("cpu_ms_mean", json!(played.cpu_ms)),
+            ("wall_ms_mean", json!(mean(&times))),
+            ("wall_ms_p99", json!(quantile(&times, 0.99))),
+            ("bytes", json!(surface.bytes())),
+        ]);
+    }
+    if count == growth.largest() {
+        sessions.threads = 2;
+        let shared = sessions.play(&surface, count, n_sessions, progress)?;
+        for readings in [2, 3, 4, READINGS] {
+            let key = format!("accuracy_{count}_at_{readings}");
+            report.summarise(&key, played.accuracy(readings));
+        }
+        let right = played.after(READINGS).filter(|step| step.is_right()).count();
+        let (low, high) = wilson(right, played.after(READINGS).count());
+        report.summarise(&format!("accuracy_{count}_at_{READINGS}_low"), low);
+        report.summarise(&format!("accuracy_{count}_at_{READINGS}_high"), high);
+        report.summarise(&format!("p99_ms_{count}"), quantile(&shared.wall_ms(), 0.99));
+        report.summarise(&format!("ms_per_touch_{count}"), ms);
+        report.summarise(&format!("bytes_{count}"), surface.bytes() as f64);
+    }
+    Ok(Measured { count, accuracy: played.accuracy(READINGS), ms, bytes: surface.bytes() as f64 })
+}
+
+/// The slope of the line through points with the least squares.
+fn slope(points: &[(f64, f64)]) -> f64 {
+    let n = points.len() as f64;
+    let (x, y) = points.iter().fold((0.0, 0.0), |sum, p| (sum.0 + p.0 / n, sum.1 + p.1 / n));
+    let (xy, xx) = points
+        .iter()
+        .fold((0.0, 0.0), |sum, p| (sum.0 + (p.0 - x) * (p.1 - y), sum.1 + (p.0 - x).powi(2)));
+    xy / xx
+}
+
+fn panels(measured: &[Measured]) -> Vec<Panel> {
+    let panel = |title: &str, y: &str, value: fn(&Measured) -> f64| Panel {
+        title: title.to_owned(),
+        x: "objects (log10)".to_owned(),
+        y: y.to_owned(),
+        lines: vec![Line {
+            name: "surface".to_owned(),
+            points: measured.iter().map(|m| ((m.count as f64).log10(), value(m))).collect(),
+        }],
+    };
+    vec![
+        panel("recognised after six readings", "share right", |m| m.accuracy),
+        panel("time of a reading", "µs on one core (log10)", |m| (m.ms * 1e3).log10()),
+        panel("memory", "kB of maps (log10)", |m| (m.bytes / 1e3).log10()),
+    ]
+}
+
+/// The resident memory of this process, bytes; Linux only.
+fn resident_bytes() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kilobytes: f64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(kilobytes * 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slope_of_a_power_law_is_its_exponent() {
+        let point = |n: f64| (n.ln(), (3.0 * n.powf(0.7)).ln());
+        assert!((slope(&[10.0, 50.0, 1e3].map(point)) - 0.7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn small_families_are_learnt_and_recognised() {
+        let config = SurfaceScale { seed: 101, ..SurfaceScale::default() };
+        let growth = Growth {
+            counts: vec![3, 8],
+            assembled: 1,
+            train_readings: 200,
+            pair_readings: 100,
+            test_readings: 10,
+            space_objects: 3,
+            sessions: 6,
+        };
+        let parents = objects::load(None, config.size).unwrap().into_iter().take(4).collect();
+        let mut report = Report::new("test", "test".to_owned(), config.seed);
+        let panels = run(&config, &growth, parents, &mut report, &|_, _, _| ()).unwrap();
+        let summary = &report.summary;
+        assert!(summary["accuracy_8_at_6"] > 0.7, "{summary:?}");
+        for key in ["p99_ms_8", "rss_bytes_8", "ms_per_touch_8"] {
+            assert!(summary[key].is_finite(), "{key}");
+        }
+        // So few touches may take no time that the clock of a busy machine can tell.
+        assert!(summary.contains_key("time_exponent"));
+        // Maps alike: bytes grow as the objects do.
+        let exponent = summary["memory_exponent"];
+        assert!((0.7..1.3).contains(&exponent), "{exponent}");
+        assert_eq!(report.rows.len(), 2 * READINGS);
+        // With more objects than sessions asked for, each object has its own.
+        let trials = |at: usize| report.rows[at]["trials"].clone();
+        assert_eq!((trials(0), trials(READINGS)), (json!(6), json!(8)));
+        assert_eq!((panels.len(), panels[0].lines[0].points.len()), (3, 2));
+    }
+
+    #[test]
+    fn this_process_is_in_memory() {
+        let bytes = resident_bytes().unwrap();
+        assert!((1e6..1e11).contains(&bytes), "{bytes}");
+    }
+}

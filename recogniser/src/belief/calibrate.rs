@@ -1,0 +1,288 @@
+//! Calibration: how far the recogniser's evidence can be believed, learnt on readings that
+//! had no part in the maps.
+//!
+//! Trials of every object are recognised twice: by the whole catalogue, and by the catalogue
+//! without the object, which then is one that it does not know. Temperature and the evidence of
+//! "none of these" are those under which both kinds of trials were the likeliest (Platt, 1999;
+//! Guo et al., 2017). Objects weigh by their prior, as in a session.
+
+use rayon::prelude::*;
+
+use super::usual::Counted;
+use super::{SurfaceBelief, SurfaceOptions, usual};
+use crate::model::{CalibrationBasis, EvidenceCalibration, EvidenceStage, SurfaceModel};
+use palpate_core::log_prob::log_sum_exp;
+use palpate_core::reading::Reading;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_core::sensor::SensorDescription;
+use std::sync::Arc;
+
+/// Trials of all objects together, about: chosen, for a minute of work at most.
+const TRIALS: usize = 400;
+
+/// Trials of an object at most: its held-back readings are few. Chosen.
+const TRIALS_PER_OBJECT_MAX: usize = 40;
+
+/// Readings of a trial: chosen, about as many as a session needs.
+const READINGS: usize = 8;
+
+/// Fewer held-back readings of an object make no trials: chosen, so that trials differ.
+pub const HELD_BACK_MIN: usize = 6;
+
+/// Evidence (ln) so far below the best one adds less than e^-6 to a sum at any temperature.
+const NEGLIGIBLE: f64 = 60.0;
+
+/// Readings of one object that had no part in its map, and the sensor that took them.
+#[derive(Clone, Copy, Debug)]
+pub struct HeldBack<'a> {
+    /// The readings; poses in one frame.
+    pub readings: &'a [Reading],
+    /// Their sensor.
+    pub sensor: &'a SensorDescription,
+}
+
+/// What the touches of a trial said of an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Evidence {
+    /// ln, before the prior.
+    log: f64,
+    log_prior: f64,
+    /// How well the object usually explains its own touches, ln a touch.
+    usual: f64,
+}
+
+/// What one trial's touches said after one of them.
+#[derive(Clone, Debug)]
+struct Sample {
+    stage: usize,
+    counted: Counted,
+    /// Of the true object, when the catalogue has it.
+    own: Option<Evidence>,
+    /// Of all other objects, likeliest first, cut where it no longer matters.
+    others: Vec<Evidence>,
+}
+
+/// Learns the calibration of a model from `held_back` readings, one set an object in the
+/// model's order. The default, which says why, where there are too few: no object has
+/// [`HELD_BACK_MIN`] readings, or there is only one object.
+#[must_use]
+pub fn calibrate(
+    model: &Arc<SurfaceModel>,
+    held_back: &[HeldBack<'_>],
+    options: SurfaceOptions,
+    seed: u64,
+) -> EvidenceCalibration {
+    let usable: Vec<usize> =
+        (0..held_back.len()).filter(|o| held_back[*o].readings.len() >= HELD_BACK_MIN).collect();
+    let without = |basis| EvidenceCalibration { basis, ..EvidenceCalibration::default() };
+    if model.maps().len() < 2 {
+        return without(CalibrationBasis::OneObject);
+    }
+    if usable.is_empty() {
+        return without(CalibrationBasis::FewReadings);
+    }
+    let per_object = TRIALS.div_ceil(usable.len()).min(TRIALS_PER_OBJECT_MAX);
+    let trials: Vec<(usize, usize)> =
+        usable.iter().flat_map(|o| (0..per_object).map(move |trial| (*o, trial))).collect();
+    let samples: Vec<Vec<Sample>> = trials
+        .par_iter()
+        .map(|(object, trial)| {
+            let index = (object * TRIALS_PER_OBJECT_MAX + trial) as u64;
+            let readings =
+                drawn(&held_back[*object], Stream::new(seed, Purpose::ReadingChoice, index));
+            let sensor = held_back[*object].sensor;
+            let known = [true, false].into_iter();
+            known
+                .flat_map(|is_known| {
+                    run_trial(model, *object, is_known, &readings, sensor, options)
+                })
+                .collect()
+        })
+        .collect();
+    let samples: Vec<Sample> = samples.into_iter().flatten().collect();
+    let mut calibration = without(CalibrationBasis::HeldBack { objects: usable.len() });
+    for (stage, known) in calibration.stages.iter_mut().enumerate() {
+        let of_stage = |is_known: bool| -> Vec<&Sample> {
+            samples.iter().filter(|s| s.stage == stage && s.own.is_some() == is_known).collect()
+        };
+        let [with, without] = [true, false].map(of_stage);
+        if !with.is_empty() && !without.is_empty() {
+            *known = fit([&with, &without], *known, stage == 2);
+        }
+    }
+    calibration
+}
+
+/// The readings of a trial, none of them twice.
+fn drawn<'a>(held_back: &HeldBack<'a>, mut stream: Stream) -> Vec<&'a Reading> {
+    let mut left: Vec<&Reading> = held_back.readings.iter().collect();
+    let n = READINGS.min(left.len());
+    (0..n).map(|_| left.swap_remove(stream.index(left.len()))).collect()
+}
+
+/// Recognises a trial of an object by the whole catalogue, or by the catalogue without it.
+fn run_trial(
+    model: &Arc<SurfaceModel>,
+    object: usize,
+    is_known: bool,
+    readings: &[&Reading],
+    sensor: &SensorDescription,
+    options: SurfaceOptions,
+) -> Vec<Sample> {
+    let n_objects = model.maps().len();
+    let prior: Vec<f64> =
+        (0..n_objects).map(|o| f64::from(u8::from(is_known || o != object))).collect();
+    let Ok(mut belief) = SurfaceBelief::new(Arc::clone(model), options, Some(&prior)) else {
+        return Vec::new();
+    };
+    let mut samples = Vec::with_capacity(readings.len());
+    for reading in readings {
+        belief.add(reading, sensor);
+        let Some(stage) = belief.stage.checked_sub(1) else { continue };
+        let log = |o: usize| belief.objects[o].log_evidence;
+        let mut likely: Vec<usize> =
+            (0..n_objects).filter(|o| *o != object && !belief.objects[*o].is_ruled_out).collect();
+        likely.sort_by(|a, b| log(*b).total_cmp(&log(*a)).then(a.cmp(b)));
+        let best = likely.first().map_or(f64::NEG_INFINITY, |o| log(*o));
+        likely.retain(|o| log(*o) > best - NEGLIGIBLE);
+        let evidence = |o: usize| Evidence {
+            log: log(o),
+            log_prior: belief.log_prior[o],
+            usual: belief.usual_score(o),
+        };
+        let own = is_known.then(|| evidence(object));
+        let others = likely.into_iter().map(evidence).collect();
+        samples.push(Sample { stage, counted: belief.counted(), own, others });
+    }
+    samples
+}
+
+/// The likeliest stage by coordinate descent from a start; the loss is smooth and the
+/// parameters are few. Samples are of known objects, then of unknown ones.
+fn fit(samples: [&[&Sample]; 2], start: EvidenceStage, with_slope: bool) -> EvidenceStage {
+    let build = |p: [f64; 3]| EvidenceStage {
+        temperature: p[0].exp(),
+        unknown: p[1],
+        unknown_per_touch: if with_slope { p[2] } else { 0.0 },
+    };
+    let mut at = [start.temperature.ln(), start.unknown, start.unknown_per_touch];
+    let mut steps = [0.5, 4.0, 2.0];
+    let mut best = loss(samples, &build(at));
+    for _pass in 0..200 {
+        let mut moved = false;
+        for axis in 0..if with_slope { 3 } else { 2 } {
+            for sign in [1.0, -1.0] {
+                let mut tried = at;
+                tried[axis] += sign * steps[axis];
+                // Evidence is never believed more than it says, and never less than a tenth.
+                tried[0] = tried[0].clamp(0.0, 10.0f64.ln());
+                if axis == 2 {
+                    // The slope turns about the middle of the trials, not about no touch.
+                    tried[1] -= sign * steps[2] * 0.5 * READINGS as f64;
+                }
+                let found = loss(samples, &build(tried));
+                if found < best {
+                    (best, at, moved) = (found, tried, true);
+                }
+            }
+        }
+        if !moved {
+            steps = steps.map(|step| 0.5 * step);
+            if steps[0] < 1e-3 {
+                break;
+            }
+        }
+    }
+    build(at)
+}
+
+/// Mean −ln probability of the truth over trials of known objects, and the same over trials of
+/// unknown ones: the two kinds weigh alike, as many trials as there are of each.
+fn loss(samples: [&[&Sample]; 2], stage: &EvidenceStage) -> f64 {
+    let mean = |samples: &[&Sample]| {
+        samples.iter().map(|sample| sample.surprise(stage)).sum::<f64>() / samples.len() as f64
+    };
+    samples.into_iter().map(mean).sum()
+}
+
+impl Sample {
+    /// −ln probability of the truth when "none of these" is as probable as all objects together
+    /// before the touches.
+    fn surprise(&self, stage: &EvidenceStage) -> f64 {
+        let heat = |of: &Evidence| of.log / stage.temperature + of.log_prior;
+        let unusual = if self.stage == 2 { self.unusual(stage.temperature) } else { 0.0 };
+        let unknown = (stage.log_unknown(self.counted.touches) + unusual) / stage.temperature;
+        let known = self.own.iter().chain(&self.others).map(heat);
+        let all = log_sum_exp(known.chain([unknown]));
+        all - self.own.as_ref().map_or(unknown, heat)
+    }
+
+    /// [`usual::unusual`] beside the objects of the catalogue.
+    fn unusual(&self, temperature: f64) -> f64 {
+        let all: Vec<&Evidence> = self.own.iter().chain(&self.others).collect();
+        let logs = all.iter().map(|of| of.log).enumerate();
+        usual::unusual(self.counted, logs, temperature, |at| all[at].usual)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEMPERATURE: f64 = 2.5;
+    const UNKNOWN: f64 = 12.0;
+
+    /// A trial after two touches with one object. When it is the one that is touched, what its
+    /// evidence says are ln likelihood ratios about 3, else about −3, of such a spread that
+    /// they are true; it says them [`TEMPERATURE`] times too loudly.
+    fn sample(is_known: bool, stream: &mut Stream) -> Sample {
+        let ratio = if is_known { 3.0 } else { -3.0 } + 6f64.sqrt() * stream.normal();
+        let evidence = Evidence { log: UNKNOWN + TEMPERATURE * ratio, log_prior: 0.0, usual: 12.0 };
+        let counted = Counted { touches: 2.0, unsteadiness: 0.0 };
+        let (own, others) =
+            if is_known { (Some(evidence), vec![]) } else { (None, vec![evidence]) };
+        Sample { stage: 1, counted, own, others }
+    }
+
+    fn samples(is_known: bool, n: usize) -> Vec<Sample> {
+        let mut stream = Stream::new(5, Purpose::Sampling, u64::from(is_known));
+        (0..n).map(|_| sample(is_known, &mut stream)).collect()
+    }
+
+    fn learnt(known: &[Sample], unknown: &[Sample]) -> EvidenceStage {
+        let (known, unknown): (Vec<&Sample>, Vec<&Sample>) =
+            (known.iter().collect(), unknown.iter().collect());
+        let start = EvidenceCalibration::default().stages[1];
+        fit([&known, &unknown], start, false)
+    }
+
+    #[test]
+    fn how_loud_evidence_is_and_what_none_of_these_takes_are_found() {
+        let found = learnt(&samples(true, 4_000), &samples(false, 4_000));
+        assert!((found.temperature - TEMPERATURE).abs() < 0.15, "{found:?}");
+        assert!((found.unknown - UNKNOWN).abs() < 0.5, "{found:?}");
+    }
+
+    #[test]
+    fn the_two_kinds_of_trials_weigh_alike_however_many_there_are() {
+        let (even, uneven) = (samples(false, 4_000), samples(false, 1_000));
+        let known = samples(true, 4_000);
+        let [even, uneven] = [even, uneven].map(|unknown| learnt(&known, &unknown));
+        assert!((even.unknown - uneven.unknown).abs() < 0.7, "{even:?} {uneven:?}");
+    }
+
+    #[test]
+    fn a_catalogue_of_twins_needs_the_calibration_of_one() {
+        // Twenty objects that say the same, each with a twentieth of the prior.
+        let spread = |sample: &Sample| {
+            let of =
+                |evidence: &Evidence| vec![Evidence { log_prior: -20f64.ln(), ..*evidence }; 20];
+            Sample { others: sample.others.iter().flat_map(of).collect(), ..sample.clone() }
+        };
+        let (known, unknown) = (samples(true, 500), samples(false, 500));
+        let many: Vec<Sample> = unknown.iter().map(spread).collect();
+        let (one, many) = (learnt(&known, &unknown), learnt(&known, &many));
+        assert!((one.unknown - many.unknown).abs() < 1e-2, "{one:?} {many:?}");
+        assert!((one.temperature - many.temperature).abs() < 1e-2, "{one:?} {many:?}");
+    }
+}

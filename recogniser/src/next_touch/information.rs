@@ -1,0 +1,125 @@
+//! How much the outcome of a press says, by a pairwise estimate over the hypotheses.
+//!
+//! How alike the outcomes of two hypotheses are is the Bhattacharyya coefficient of their
+//! distributions: a miss, or a contact with Gaussian place, normal and appearance. Were
+//! hypothesis i true, the others would stay in the measure in which their outcomes are alike
+//! to its own; the expected ln ratio of what is then believed to what was, is the information
+//! (Kolchinsky and Tracey, 2017, whose bound of the entropy of a mixture is behind it).
+
+use super::footprint::Met;
+use palpate_core::object::ObjectIdx;
+
+/// How far outcomes of one hypothesis scatter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Scatter {
+    /// Of the contact's place, metres.
+    pub(super) position: f32,
+    /// Of its normal, rad.
+    pub(super) normal: f32,
+    /// Of its appearance, variance in units of two touches of one place.
+    pub(super) appearance: f32,
+}
+
+/// The outcome of a press under one hypothesis; positions relative to the press.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Outcome {
+    pub(super) object: ObjectIdx,
+    pub(super) probability: f32,
+    /// What is met, turned into the session; `None` is a miss.
+    pub(super) met: Option<Met>,
+}
+
+/// What an unknown object's contact is alike to any other's.
+const UNKNOWN_ALIKE: f32 = 0.05;
+
+/// However unlike two outcomes are, this part of them is alike: no reading is beyond doubt.
+const ALIKE_MIN: f32 = 0.01;
+
+/// Squared deviations between places at which exp(−x/8) is below [`ALIKE_MIN`].
+const FAR: f32 = 37.0;
+
+/// Bits of information.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Bits {
+    /// On which object it is, "none of these" included.
+    pub(super) identity: f64,
+    /// On its pose, given which object it is.
+    pub(super) pose: f64,
+}
+
+/// What the outcomes of a press say. Probabilities of the outcomes and `unknown` (of "none of
+/// these") sum to 1; equal objects stand together.
+pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter) -> Bits {
+    let n = outcomes.len();
+    let contact: f32 = outcomes.iter().map(|o| o.probability * o.contact()).sum();
+    let contact = if unknown < 1.0 { contact / (1.0 - unknown) } else { 0.0 };
+    let mut totals = vec![0.0f32; n];
+    let mut own = vec![0.0f32; n];
+    for (i, a) in outcomes.iter().enumerate() {
+        own[i] += a.probability;
+        totals[i] += a.probability;
+        for (j, b) in outcomes.iter().enumerate().skip(i + 1) {
+            let alike = alike(a, b, scatter);
+            totals[i] += b.probability * alike;
+            totals[j] += a.probability * alike;
+            if a.object == b.object {
+                own[i] += b.probability * alike;
+                own[j] += a.probability * alike;
+            }
+        }
+    }
+    let mut bits = Bits::default();
+    let mut prior = 0.0;
+    let mut of_unknown = unknown;
+    for (i, a) in outcomes.iter().enumerate() {
+        if i == 0 || outcomes[i - 1].object != a.object {
+            prior = share_of(&outcomes[i..], a.object);
+        }
+        let both = ((1.0 - contact) * (1.0 - a.contact())).sqrt()
+            + UNKNOWN_ALIKE * (contact * a.contact()).sqrt();
+        let total = totals[i] + unknown * both;
+        of_unknown += a.probability * both;
+        let probability = f64::from(a.probability);
+        bits.identity += probability * f64::from(own[i] / total / prior).log2();
+        bits.pose += probability * f64::from(prior / own[i]).log2();
+    }
+    if unknown > 0.0 {
+        bits.identity -= f64::from(unknown) * f64::from(of_unknown).log2();
+    }
+    Bits { identity: bits.identity.max(0.0), pose: bits.pose.max(0.0) }
+}
+
+/// The probability of the object whose outcomes come first.
+fn share_of(outcomes: &[Outcome], object: ObjectIdx) -> f32 {
+    outcomes.iter().take_while(|o| o.object == object).map(|o| o.probability).sum()
+}
+
+/// The Bhattacharyya coefficient of two outcomes, 1 for equal ones.
+#[inline]
+fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
+    let miss = ((1.0 - a.contact()) * (1.0 - b.contact())).sqrt();
+    let (Some(met), Some(other)) = (&a.met, &b.met) else { return miss.max(ALIKE_MIN) };
+    let place = met.position.distance_squared(other.position) / scatter.position.powi(2);
+    // Places so far apart that a contact is at most as alike as any two outcomes are.
+    if place > FAR {
+        return miss.max(ALIKE_MIN);
+    }
+    let scattered = 0.5 * (met.normal_deviation.powi(2) + other.normal_deviation.powi(2));
+    let normal = met.normal.distance_squared(other.normal) / (scatter.normal.powi(2) + scattered);
+    let mut looks = 0.0;
+    for (value, other) in met.feature.iter().zip(&other.feature) {
+        // Features are stored in sixteenths of a deviation.
+        let difference = (f32::from(*value) - f32::from(*other)) / 16.0;
+        looks += difference * difference;
+    }
+    // Heavy tails: a touch may look like any other, whatever the place.
+    let looks = looks / (1.0 + looks / 24.0) / scatter.appearance;
+    let contact = (-0.125 * (place + normal + looks)).exp();
+    (miss + (met.contact * other.contact).sqrt() * contact).max(ALIKE_MIN)
+}
+
+impl Outcome {
+    fn contact(&self) -> f32 {
+        self.met.map_or(0.0, |met| met.contact)
+    }
+}
