@@ -103,6 +103,8 @@ pub struct Config {
     pub training_threads: usize,
     /// How many trainings may wait.
     pub training_queue_max: usize,
+    /// How long one training may take.
+    pub training_time_max: Duration,
     /// How many bytes of memory models may have that sessions recognise by.
     pub model_memory_bytes_max: u64,
     /// How many bytes of memory beliefs may have; those that were not used for longest are
@@ -168,6 +170,7 @@ impl Config {
             compute_queue_max: 256,
             training_threads: n_cores.saturating_sub(1).max(1),
             training_queue_max: 32,
+            training_time_max: Duration::from_secs(86_400),
             model_memory_bytes_max: 1_000_000_000,
             belief_memory_bytes_max: 500_000_000,
             beliefs_in_memory_max: 1024,

@@ -13,7 +13,7 @@ mod plan;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use control::{CANCEL, Control, SUSPEND};
+use control::{CANCEL, Control, OVERDUE, SUSPEND};
 use dashmap::DashMap;
 use draft::draft;
 use ending::Ending;
@@ -55,6 +55,8 @@ pub(crate) struct Jobs {
     wake: Notify,
     starting: tokio::sync::Mutex<()>,
     queue_max: usize,
+    /// How long a training may take.
+    within: Duration,
 }
 
 impl Jobs {
@@ -79,6 +81,7 @@ impl Jobs {
             wake: Notify::new(),
             starting: tokio::sync::Mutex::new(()),
             queue_max: config.training_queue_max.max(1),
+            within: config.training_time_max,
         })
     }
 
@@ -289,6 +292,14 @@ impl Jobs {
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
                 tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
             }
+            Err(TrainingFailure::Stopped) if control.is_ordered(OVERDUE) => {
+                let within = self.within.as_secs();
+                let reason = format!(
+                    "it took longer than {within} s, which is what a training may take: train \
+                     fewer objects or readings, or start the server with `--training-max-s`"
+                );
+                self.end(Ending::new(id, JobState::Failed, None, Some(reason)), &stopping).await;
+            }
             Err(TrainingFailure::Stopped) => {
                 let reason = "it was cancelled while it ran".to_owned();
                 self.end(Ending::new(id, JobState::Cancelled, None, Some(reason)), &stopping).await;
@@ -313,6 +324,7 @@ impl Jobs {
         });
         let job = marked.await??;
         control.job.send_replace(shown(&job));
+        control.begin(self.within);
         tracing::info!(job.id = %job.id, "Started job {}", job.id);
         let training: StartTraining = serde_json::from_str(&job.request).map_err(|error| {
             Refusal::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }

@@ -11,6 +11,7 @@
 //! time (`compaction`, `levels`, `base`).
 
 mod base;
+mod census;
 mod compaction;
 mod current;
 mod cut;

@@ -209,6 +209,15 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000)
     )]
     compute_queue: u64,
+    /// How long one training may take, in seconds; then it fails, and the next one begins.
+    #[arg(
+        long,
+        env = "PALPATE_TRAINING_MAX_S",
+        value_name = "S",
+        default_value_t = 86_400,
+        value_parser = clap::value_parser!(u64).range(1..=31_536_000)
+    )]
+    training_max_s: u64,
     /// Bring stored data of an older layout to this version's; take a snapshot or a copy before.
     /// Without it such data is refused.
     #[arg(long, env = "PALPATE_MIGRATE")]
@@ -363,6 +372,7 @@ fn config(args: ServeArgs) -> Config {
         requests_max: args.requests.map_or(usual.requests_max, |requests| requests as usize),
         store_cache_bytes: args.store_cache_mb << 20,
         compute_queue_max: args.compute_queue as usize,
+        training_time_max: Duration::from_secs(args.training_max_s),
         migrate: args.migrate,
         disk_reserve_bytes: args.disk_reserve_mb << 20,
         store_slack_bytes: args.store_slack_mb << 20,

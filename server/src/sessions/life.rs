@@ -15,6 +15,7 @@ use super::open::Full;
 use super::{Sessions, status};
 use crate::asker;
 use crate::catalogues::DEFAULT;
+use crate::client::Client;
 use crate::clock::now_ms;
 use crate::live::Live;
 use crate::refusal::Refusal;
@@ -57,13 +58,13 @@ impl Sessions {
         let pinned = self.catalogues.pin(name, request.version)?;
         let method = convert::session::method(request, &pinned);
         let model = self.model(pinned.catalogue, pinned.version, method).await?;
-        let (time_to_live, key) = (self.time_to_live, asker::Asker::current().key());
-        let limits = Limits { time_to_live, now_ms: now_ms(), opened_by: key };
+        let (time_to_live, asker) = (self.time_to_live, asker::Asker::current());
+        let limits = Limits { time_to_live, now_ms: now_ms(), opened_by: asker.key() };
         let session =
             convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
         fits(&session, &model, self.belief_bytes_max)?;
         let status = status(&self.store, &session, limits.now_ms)?;
-        self.enter(session.id, status.expires_at_ms, key)?;
+        self.enter(session.id, status.expires_at_ms, asker.client())?;
         if let Err(error) = self.store.sessions().create(&session).await {
             self.open.leave(session.id);
             return Err(error.into());
@@ -242,12 +243,17 @@ impl Sessions {
     }
 
     /// Takes a place for a new session, that of an expired one if need be.
-    fn enter(&self, id: Uuid, expires: Option<u64>, key: Option<Uuid>) -> Result<(), Refusal> {
-        if self.open.enter(id, expires, key).is_ok() {
+    fn enter(
+        &self,
+        id: Uuid,
+        expires: Option<u64>,
+        client: Option<Client>,
+    ) -> Result<(), Refusal> {
+        if self.open.enter(id, expires, client).is_ok() {
             return Ok(());
         }
         self.sweep()?;
-        self.open.enter(id, expires, key).map_err(|full| match full {
+        self.open.enter(id, expires, client).map_err(|full| match full {
             Full::Total { max, soonest_ms } => {
                 let wait = soonest_ms.map(|soonest| {
                     Duration::from_millis(soonest.saturating_sub(now_ms())).max(SWEEP_EVERY)

@@ -65,7 +65,7 @@ impl Form {
 }
 
 /// A key, and its value unless it was removed.
-type Said = (Vec<u8>, Option<Vec<u8>>);
+pub(super) type Said = (Vec<u8>, Option<Vec<u8>>);
 type Saying = Box<dyn Iterator<Item = ::sled::Result<Said>>>;
 
 impl Layer {
@@ -121,6 +121,16 @@ impl Levels {
             }))
         });
         Merged { sources: sleds.chain(base).map(Iterator::peekable).collect() }
+    }
+
+    /// What the sleds say of keys from `start` on, in ascending order: the upper one of each key.
+    pub(super) fn changes(
+        &self,
+        start: Bound<&[u8]>,
+    ) -> impl Iterator<Item = ::sled::Result<Said>> + use<> {
+        let sleds = std::iter::once(&self.top).chain(&self.frozen).map(|layer| layer.range(start));
+        let mut merged = Merged { sources: sleds.map(Iterator::peekable).collect() };
+        std::iter::from_fn(move || merged.next_said())
     }
 
     /// What a write does to the top: `None` removes.

@@ -13,8 +13,8 @@ use super::base::Base;
 use super::current::{Current, base_file, sled_folder};
 use super::levels::{Form, Layer, Levels};
 use super::mark::{self, Found};
-use super::tally::{Contents, TALLY_KEY, Tally, contents};
-use super::{SledOptions, guarded};
+use super::tally::{Contents, TALLY_KEY, Tally};
+use super::{SledOptions, census, guarded};
 use crate::engine::{EngineError, OpenError, Pair};
 use crate::holding::Held;
 use crate::key::{self, Space};
@@ -46,7 +46,7 @@ pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenErr
     let found_mark =
         mark::read(folder).map_err(|source| OpenError::Io { path: path.clone(), source })?;
     let record = guarded("reading", || levels.get(&TALLY_KEY)).map_err(unreadable)?;
-    let Contents { sum, n_pairs, live_bytes } = contents(levels).map_err(unreadable)?;
+    let Contents { sum, n_pairs, live_bytes } = census::take(levels).map_err(unreadable)?;
     let tally = record.as_deref().map(Tally::from_record);
     let there = tally.flatten().map_or(0, |tally| tally.commits);
     let acknowledged = match found_mark {

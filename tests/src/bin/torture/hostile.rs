@@ -3,6 +3,7 @@
 //! to work, bounded in count and time. What is asked: do the honest robots notice, is anything
 //! taken that should be refused, and is all that the attackers held given back?
 
+mod aside;
 mod attacks;
 mod foe;
 mod honest;
@@ -25,6 +26,7 @@ use crate::material::{Material, off_box};
 use crate::robot::Robot;
 use crate::serving::Serving;
 use crate::{Access, Args};
+use aside::Aside;
 use attacks::{Attack, Prey, attack};
 use foe::{Foe, Stolen};
 use honest::{Honest, Log, Seen};
@@ -60,6 +62,7 @@ pub(crate) struct Report {
     honest_requests: usize,
     idle_cores_after: f64,
     attacks: Vec<Told>,
+    aside: Vec<Aside>,
     seconds_per_attack: u32,
     seed: u64,
     seconds: f64,
@@ -138,6 +141,13 @@ pub(crate) async fn run(
         say(shortened(&format!("an honest robot was refused: {refusal}")));
     }
 
+    let within = Duration::from_secs(u64::from(args.seconds));
+    let aside = aside::attack(command, folder.path(), within).await?;
+    for fault in aside.iter().flat_map(|aside| &aside.faults).take(SAID) {
+        say(shortened(fault));
+    }
+    faults.extend(aside.iter().flat_map(|aside| aside.faults.clone()));
+
     let before = log.window(before);
     let mut during = Seen::default();
     for (told, window) in told.iter_mut().zip(windows) {
@@ -157,6 +167,7 @@ pub(crate) async fn run(
         honest_requests: before.requests() + during.requests(),
         idle_cores_after,
         attacks: told,
+        aside,
         seconds_per_attack: args.seconds,
         seed: args.seed,
         seconds: begun.elapsed().as_secs_f64(),
