@@ -1,6 +1,6 @@
-//! The file that the first administrator's key is written to, which only its owner may read.
+//! The file for the first admin key, readable only by its owner.
 //!
-//! It is made before the server starts, so that no key is made that could not be written down.
+//! It is created before the server starts, so that no key is made that cannot be written down.
 
 use std::fs::{self, File};
 use std::io::Write as _;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use palpate_store::private;
 
-/// A file that a key may be written to; without one, what is there stays.
+/// A file for a new key. Without a new key, an existing file stays unchanged.
 pub(crate) struct AdminKeyFile {
     path: PathBuf,
     part: PathBuf,
@@ -17,7 +17,7 @@ pub(crate) struct AdminKeyFile {
 }
 
 impl AdminKeyFile {
-    /// Makes the file beside, which gets its name with the key.
+    /// Creates a temporary file, which is renamed when the key is written.
     pub(crate) fn prepare(path: &Path) -> anyhow::Result<Self> {
         let mut name = path.file_name().context("expected the name of a file")?.to_owned();
         name.push(".part");
@@ -27,7 +27,7 @@ impl AdminKeyFile {
         Ok(Self { path: path.to_owned(), part, file: Some(file) })
     }
 
-    /// Writes the key; gives the file's name.
+    /// Writes the key. Returns the file's name.
     pub(crate) fn write(mut self, key: &str) -> anyhow::Result<PathBuf> {
         let mut write = || {
             if let Some(mut file) = self.file.take() {

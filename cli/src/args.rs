@@ -1,4 +1,4 @@
-//! What can be typed: the subcommands and the options that all of them share.
+//! The command line: subcommands and global options.
 
 use std::path::PathBuf;
 
@@ -13,26 +13,26 @@ use crate::commands::{
     sessions::SessionsArgs, snapshot::SnapshotArgs, touch::TouchArgs, train::TrainArgs,
 };
 
-/// Where a server listens when nobody says otherwise.
+/// Default address of a server.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7411";
 
 const EXAMPLES: &str = "\
 Examples:
-  palpate demo                                see the whole of it, with simulated robots
+  palpate demo                                see it all, with simulated robots
   palpate serve --data ./palpate-data         run the service
   palpate objects example mug --out .         write an example mesh, mug.stl
-  palpate objects add mug --mesh mug.stl      tell the service about it
+  palpate objects add mug --mesh mug.stl      add it to the service
   palpate train                               train all objects
   palpate touch --object mug --mesh mug.stl --readings 15 --seed 7
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 server unreachable, 4 object not recognised,
-5 stored data damaged, 6 a stated bound broken, 130 interrupted.";
+5 stored data damaged, 6 bound exceeded, 130 interrupted.";
 
 /// Recognises objects by touch, for fleets of robots.
 #[derive(Debug, Parser)]
 #[command(name = "palpate", version, after_help = EXAMPLES, max_term_width = 100)]
 pub(crate) struct Cli {
-    /// The server's address.
+    /// Address of the server.
     #[arg(
         long,
         global = true,
@@ -41,7 +41,7 @@ pub(crate) struct Cli {
         value_name = "URL"
     )]
     pub(crate) server: String,
-    /// The API key, where the server asks for one; better in the variable than on the line.
+    /// API key, if the server requires one. Prefer the environment variable to the command line.
     #[arg(
         long = "key",
         global = true,
@@ -51,8 +51,8 @@ pub(crate) struct Cli {
     )]
     // Not `key`: subcommands have arguments of that name, and names are shared with them.
     pub(crate) api_key: Option<String>,
-    /// A file with the API key; one that a server has written (`palpate serve --admin-key-file`),
-    /// or a secret of a cluster.
+    /// File with the API key, such as one written by `palpate serve --admin-key-file` or a mounted
+    /// secret.
     #[arg(
         long = "key-file",
         global = true,
@@ -61,14 +61,14 @@ pub(crate) struct Cli {
         conflicts_with = "api_key"
     )]
     pub(crate) api_key_file: Option<PathBuf>,
-    /// The only authority whose certificates to trust for https, a PEM file; the system's else.
+    /// Certificate authority to trust for https: a PEM file [default: the system's].
     #[arg(long, global = true, env = "PALPATE_CA", value_name = "FILE")]
     pub(crate) ca: Option<PathBuf>,
-    /// A configuration file (TOML): settings of the server in `[serve]`, of the commands that speak
-    /// to one in `[client]`, named as the flags. Also in PALPATE_CONFIG; see `palpate config`.
+    /// Configuration file (TOML), also PALPATE_CONFIG. `[serve]` holds settings of the server,
+    /// `[client]` those of the other commands, named like the flags; see `palpate config`.
     #[arg(long, global = true, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// How logs are written: for people, or as one JSON object a line.
+    /// Log format.
     #[arg(
         long,
         global = true,
@@ -77,86 +77,86 @@ pub(crate) struct Cli {
         default_value = "human"
     )]
     pub(crate) log_format: LogFormat,
-    /// Print JSON to the standard output, everything else to the standard error.
+    /// Print JSON to standard output and everything else to standard error.
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// Log what happens, not only what goes wrong.
+    /// Also log normal events.
     #[arg(long, short, global = true)]
     pub(crate) verbose: bool,
-    /// What to do.
+    /// The subcommand.
     #[command(subcommand)]
     pub(crate) command: Command,
 }
 
-/// How logs are written.
+/// Log format.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum LogFormat {
     /// For people.
     Human,
-    /// One JSON object a line, with the request's id.
+    /// One JSON object per line, with the request id.
     Json,
 }
 
-/// What to do.
+/// A subcommand.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run the service.
     Serve(ServeArgs),
-    /// Show the server's settings as they hold, and where each comes from.
+    /// Show the server's effective settings and where each comes from.
     Config(ConfigArgs),
-    /// Show the whole of it: a server, ten objects, four simulated robots.
+    /// Run a demonstration: a server, ten objects, four simulated robots.
     Demo(DemoArgs),
-    /// Sensors that robots send readings of.
+    /// Manage sensors.
     Sensors(SensorsArgs),
-    /// Questions about sensors: which covering to choose.
+    /// Compare sensor coverings.
     Analyses(AnalysesArgs),
-    /// Objects to recognise: their meshes and training readings.
+    /// Manage objects: meshes and training readings.
     Objects(ObjectsArgs),
-    /// Raised letters: their meshes, and readings of them from a simulated rig.
+    /// Write raised letters as meshes, or press them with a simulated rig.
     Letters(LettersArgs),
     /// Train a catalogue of objects.
     Train(TrainArgs),
-    /// Trainings: list, follow, cancel.
+    /// List, follow and cancel training jobs.
     Jobs(JobsArgs),
-    /// What a training says of appearance: who is taken for whom, who is alike.
+    /// Show the appearance report of a version.
     Report(ReportArgs),
-    /// Catalogues: list them, remove what nothing needs.
+    /// List catalogues and remove unused ones.
     Catalogues(CataloguesArgs),
-    /// Trained maps of contact: show, export, merge.
+    /// Show, export and merge contact maps.
     Maps(MapsArgs),
-    /// Let a simulated robot touch a mesh and see whether it is recognised.
+    /// Touch a mesh with a simulated robot and see whether it is recognised.
     Touch(TouchArgs),
-    /// Let a simulated arm explore an object that it knows nothing of.
+    /// Explore an unknown object with a simulated arm.
     Explore(ExploreArgs),
-    /// Where a robot would learn most about a session's object.
+    /// Show where a robot would learn most about a session's object.
     NextTouch(NextTouchArgs),
-    /// Sessions: objects being touched, and what is known of them.
+    /// Inspect and manage sessions.
     Sessions(SessionsArgs),
-    /// Many simulated robots at once: how much a server bears, and what it does beyond.
+    /// Load a server with many simulated robots and measure it.
     Load(LoadArgs),
-    /// API keys: create, list, revoke, rotate.
+    /// Manage API keys.
     Keys(KeysArgs),
-    /// Names of robots: which key each belongs to.
+    /// Show which key holds each robot name.
     Robots(RobotsArgs),
-    /// Say whether the server does its work; the exit code tells supervisors.
+    /// Check that the server is ready; the exit code tells supervisors.
     Health,
-    /// Say whom the server takes this key for.
+    /// Show the key and role that the server sees.
     Whoami,
-    /// Who changed what.
+    /// Show the audit log.
     Audit(AuditArgs),
-    /// Copies of all that a server has stored: take, verify, restore.
+    /// Take, verify and restore snapshots.
     Snapshot(SnapshotArgs),
     /// Show what is stored, which key wrote it, and what would free most.
     Storage,
-    /// Give back the room on the disk that removed records still take.
+    /// Free the disk space of removed records.
     Compact(CompactArgs),
-    /// Check a folder of stored data that no server has open.
+    /// Check a folder of stored data for damage.
     Fsck(FsckArgs),
-    /// Bring a folder of stored data to the layout of this version.
+    /// Migrate a folder of stored data to the current layout.
     Migrate(MigrateArgs),
     /// Rerun the tables and figures of docs/results.md.
     Experiment(ExperimentArgs),
-    /// Print the description of the HTTP API (OpenAPI 3.1).
+    /// Print the OpenAPI 3.1 description of the HTTP API.
     Openapi,
 }
 
@@ -176,7 +176,7 @@ mod tests {
         Cli::command().debug_assert();
     }
 
-    /// Lines that the documentation has, or could have.
+    /// Command lines as in the documentation.
     const LINES: &[&str] = &[
         "palpate serve --data ./d --listen 0.0.0.0:7411",
         "palpate serve --model-memory-mb 250",

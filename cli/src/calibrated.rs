@@ -1,8 +1,8 @@
-//! Whether stated probabilities were calibrated, in words.
+//! Text about whether probabilities were calibrated.
 
 use palpate_client::schemas::{Method, TrainingReport, UncalibratedReason};
 
-/// Why probabilities are not calibrated, and what helps.
+/// Why probabilities are not calibrated, and the remedy.
 pub(crate) fn words(reason: UncalibratedReason) -> &'static str {
     match reason {
         UncalibratedReason::OneObject => {
@@ -15,12 +15,12 @@ pub(crate) fn words(reason: UncalibratedReason) -> &'static str {
     }
 }
 
-/// A sentence for those who read probabilities that are not calibrated.
+/// A note for readers of uncalibrated probabilities.
 pub(crate) fn note(reason: UncalibratedReason) -> String {
     format!("probabilities and the risk of stopping are not calibrated: {}", words(reason))
 }
 
-/// Why what a method answers over a version is not calibrated; nothing when it is, or the
+/// Why a method's probabilities over a version are not calibrated; `None` if they are, or if the
 /// version does not say.
 pub(crate) fn reason_of(
     method: Option<Method>,

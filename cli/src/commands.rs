@@ -1,4 +1,4 @@
-//! The subcommands, one file each, and where each of them is called.
+//! The subcommands, one file each, and their dispatch.
 
 pub(crate) mod analyses;
 pub(crate) mod audit;
@@ -36,19 +36,19 @@ use palpate_client::{Client, ClientOptions};
 use crate::args::{Cli, Command};
 use crate::output::Output;
 
-/// What every command that talks to a server needs.
+/// Context of a command that talks to a server.
 #[derive(Clone)]
 pub(crate) struct Context {
-    /// The server.
+    /// Client of the server.
     pub(crate) client: Client,
-    /// Where answers go.
+    /// Output of answers.
     pub(crate) output: Output,
-    /// The end of the key's id, if there is a key.
+    /// End of the key's id, if there is a key.
     key_end: Option<String>,
 }
 
 impl Context {
-    /// The name of a simulated robot: with a key, one that no other key uses.
+    /// Name of a simulated robot; with a key, one that no other key uses.
     pub(crate) fn robot(&self, name: &str) -> String {
         self.key_end.as_ref().map_or_else(|| name.to_owned(), |end| format!("{name}-{end}"))
     }
@@ -60,7 +60,7 @@ fn key_end(key: &str) -> Option<String> {
     Some(id[24..].to_owned())
 }
 
-/// Does what was typed.
+/// Runs the parsed command.
 pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
     let output = Output { json: cli.json };
     let context = || {

@@ -1,7 +1,7 @@
-//! Exit codes, so that scripts can tell what happened.
+//! Exit codes, for scripts.
 //!
-//! 0 done · 1 failed · 2 wrong usage (clap's) · 3 server unreachable · 4 object not
-//! recognised · 5 stored data damaged · 6 a stated bound broken · 130 interrupted (128 + SIGINT, as shells have it).
+//! 0 done · 1 failed · 2 wrong usage (clap's) · 3 server unreachable · 4 object not recognised · 5
+//! stored data damaged · 6 bound exceeded · 130 interrupted (128 + SIGINT, as in shells).
 
 use std::process::ExitCode;
 
@@ -13,13 +13,13 @@ use crate::output::plain;
 /// Outcomes with an exit code of their own.
 #[derive(Debug, Error)]
 pub(crate) enum Ended {
-    /// The robot touched one thing and the server said another, or nothing certain.
+    /// The answer was wrong or undecided.
     #[error("not recognised")]
     NotRecognised,
-    /// What is stored is damaged, as the answer says.
+    /// Stored data is damaged; the answer says which.
     #[error("damaged")]
     Damaged,
-    /// A bound that was stated is broken, as the answer says.
+    /// A bound was exceeded; the answer says which.
     #[error("a bound is broken")]
     BoundBroken,
     /// Ctrl-C.
@@ -27,7 +27,7 @@ pub(crate) enum Ended {
     Interrupted,
 }
 
-/// Says what went wrong, if anything, and gives the exit code.
+/// Prints the error, if any, and returns the exit code.
 pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -48,8 +48,8 @@ pub(crate) fn code_of(outcome: anyhow::Result<()>) -> ExitCode {
     }
 }
 
-/// The error and its causes in one line. A cause that is in the words already is left out, and
-/// so are those behind a client's error, which says it all.
+/// The error and its causes in one line. Causes already contained in the text are left out, as are
+/// those of a client error, which is complete.
 fn words(error: &anyhow::Error) -> String {
     let mut words = String::new();
     for cause in error.chain() {

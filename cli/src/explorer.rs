@@ -1,5 +1,4 @@
-//! A simulated arm before one object: what is explored and how, all of it from a seed, and
-//! its readings as they go over the wire.
+//! A simulated arm before one object: a plan, all of it from a seed, and the readings on the wire.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -20,35 +19,35 @@ use palpate_sim::render::{View, arm_png};
 
 use crate::commands::touch::described;
 
-/// How far from the middle of the arm's workspace the middle of the object lies at most, along
-/// each axis.
+/// Maximum distance of the object's centre from the centre of the workspace, along each axis.
 const PLACE_MAX: f64 = 20.0 * MM;
 
-/// What is explored, and how.
+/// Plan of an exploration.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
-    /// The object, metres.
+    /// Mesh of the object, in metres.
     pub(crate) mesh: Mesh,
-    /// The arm's sensor.
+    /// Sensor of the arm.
     pub(crate) sensor: SensorPreset,
-    /// Noise as a part of the sensing range.
+    /// Noise as a fraction of the sensing range.
     pub(crate) noise: f64,
-    /// How many readings are wanted.
+    /// Number of readings wanted.
     pub(crate) readings: usize,
     /// The probability of the local strategy.
     pub(crate) local: f64,
-    /// How many links the arm has.
+    /// Number of links of the arm.
     pub(crate) links: usize,
-    /// Decides everything that chance decides.
+    /// Seed of all random choices.
     pub(crate) seed: u64,
-    /// Whether the object moves when it is touched.
+    /// Whether the object moves when touched.
     pub(crate) perturb: bool,
-    /// How often the planner may choose a target.
+    /// Maximum number of targets that the planner chooses.
     pub(crate) iterations: usize,
 }
 
 impl Plan {
-    /// Explores; `taken` gets every reading as it is taken, and now and then none; it may stop.
+    /// Explores. `taken` receives every reading as it is taken, and from time to time `None`; it
+    /// may stop the exploration.
     pub(crate) fn explore(
         &self,
         taken: &mut dyn FnMut(Option<Reading>) -> ControlFlow<()>,
@@ -83,7 +82,7 @@ impl Plan {
         }
     }
 
-    /// Where the object lies: turned at random, its middle near that of the workspace.
+    /// Pose of the object: random orientation, its centre near that of the workspace.
     fn session_from_mesh(&self) -> Pose {
         let mut place = Stream::new(self.seed, Purpose::ObjectPose, 0);
         let turned = Pose::from_parts(place.rotation(), DVec3::ZERO);
@@ -94,8 +93,8 @@ impl Plan {
         Pose::from_parts(turned.rotation, middle_in_session - offset)
     }
 
-    /// A touch as it goes over the wire. Its robot is named after the seed, so that the same
-    /// reading sent twice is known to be the same.
+    /// A touch in the wire format. Its robot is named after the seed, so that a reading sent twice
+    /// counts once.
     fn to_wire(&self, touch: &Touch, seq: u64) -> Reading {
         Reading {
             robot: Some(format!("explorer-{}", self.seed)),
@@ -105,7 +104,7 @@ impl Plan {
     }
 }
 
-/// Draws the arm at its last touch, the object where it was then, and all touches.
+/// Draws the arm at its last touch, the object at that time, and all touches.
 pub(crate) fn write_picture(
     path: &Path,
     plan: &Plan,
@@ -122,7 +121,7 @@ pub(crate) fn write_picture(
     std::fs::write(path, png).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// A level of noise from the command line.
+/// Parses a noise level.
 pub(crate) fn parse_noise(text: &str) -> Result<f64, String> {
     let level = text.parse::<f64>().ok().filter(|level| NoiseLevel::new(*level).is_some());
     level.ok_or_else(|| "expected a number from 0 to 2".to_owned())

@@ -1,4 +1,4 @@
-//! Where logs and traces go: to the standard error, and on request to a collector.
+//! Logs to standard error, and on request traces to a collector.
 
 use std::sync::OnceLock;
 
@@ -15,11 +15,11 @@ use tracing_subscriber::{EnvFilter, Layer};
 use crate::args::{Cli, Command, LogFormat};
 use crate::progress;
 
-/// What sends spans, as long as the process runs.
+/// Exporter of spans, for the life of the process.
 static SPANS: OnceLock<SdkTracerProvider> = OnceLock::new();
 
-/// Logs go to the standard error: what `RUST_LOG` says, else warnings, and with `serve` or
-/// `--verbose` also what happens. Spans go to the collector that `serve` names, if it does.
+/// Installs logging to standard error: what `RUST_LOG` selects, else warnings, and with `serve` or
+/// `--verbose` also normal events. Spans go to the collector that `serve` names, if any.
 pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
     let talkative = cli.verbose || matches!(cli.command, Command::Serve(_));
     let default = if talkative { "info" } else { "warn" };
@@ -45,7 +45,7 @@ pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Sends what is left; the process ends.
+/// Sends the remaining spans, at the end of the process.
 pub(crate) fn flush() {
     if let Some(spans) = SPANS.get()
         && let Err(error) = spans.shutdown()
@@ -54,7 +54,7 @@ pub(crate) fn flush() {
     }
 }
 
-/// Sends spans to a collector's address, by OTLP over HTTP.
+/// Exporter of spans by OTLP over HTTP.
 fn provider(address: &str) -> anyhow::Result<SdkTracerProvider> {
     let endpoint = format!("{}/v1/traces", address.trim_end_matches('/'));
     // The exporter's client speaks TLS by it, and asks for it even when the collector does not.

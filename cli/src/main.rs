@@ -1,8 +1,7 @@
-//! The one binary, `palpate`: the service, its demonstration, and everything a person does
-//! with it from a shell.
+//! The binary `palpate`: the service, its demonstration and its command-line client.
 //!
-//! One file a subcommand under `commands`; all of them speak to the server through the SDK,
-//! over HTTP. Exit codes are listed in [`exit`] and in `--help`.
+//! Each subcommand is one file under `commands`. All of them use the SDK over HTTP. [`exit`] and
+//! `--help` list the exit codes.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
 
 mod admin_key;
@@ -28,8 +27,8 @@ use clap::{CommandFactory, FromArgMatches};
 
 use crate::args::{Cli, Command};
 
-/// Each touch makes many small lists: this one is quicker with them than the system's
-/// (`docs/results.md`, a thousand objects).
+/// Allocator: each touch allocates many small lists, for which mimalloc is faster than the system's
+/// allocator (`docs/results.md`, a thousand objects).
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
@@ -55,7 +54,7 @@ fn main() -> ExitCode {
     exit::code_of(outcome)
 }
 
-/// What was typed, over what the environment and a configuration file say.
+/// Parses the command line on top of the environment and a configuration file.
 fn typed() -> anyhow::Result<Cli> {
     let typed: Vec<OsString> = std::env::args_os().collect();
     let mut command = Cli::command();

@@ -1,4 +1,4 @@
-//! How answers look: tables and sentences for people, one line of JSON for programs.
+//! Output of answers: tables and sentences for people, one line of JSON for programs.
 
 use std::borrow::Cow;
 use std::io::Write as _;
@@ -7,15 +7,15 @@ use comfy_table::{Table, presets};
 use palpate_client::schemas::Writer;
 use serde::Serialize;
 
-/// Where answers go. With JSON, the standard output holds nothing else.
+/// Destination of answers. With JSON, standard output holds nothing else.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Output {
-    /// Whether a program reads it.
+    /// Whether the output is for a program.
     pub(crate) json: bool,
 }
 
 impl Output {
-    /// Says something to a person.
+    /// Prints a message for a person.
     pub(crate) fn say(self, text: impl AsRef<str>) {
         let text = plain(text.as_ref());
         if self.json {
@@ -25,7 +25,7 @@ impl Output {
         }
     }
 
-    /// The answer: one line of JSON, or what `text` makes of it.
+    /// Prints the answer: one line of JSON, or `text` of it.
     pub(crate) fn answer<T: Serialize>(
         self,
         answer: &T,
@@ -40,8 +40,8 @@ impl Output {
     }
 }
 
-/// Writes a line to the standard output. A reader that has seen enough, such as `head`, does
-/// not end the command: what it was asked to do is still done.
+/// Writes a line to standard output. A closed pipe, such as that of `head`, does not abort the
+/// command.
 fn print_line(text: &str) {
     if let Err(error) = writeln!(std::io::stdout().lock(), "{text}")
         && error.kind() != std::io::ErrorKind::BrokenPipe
@@ -50,18 +50,18 @@ fn print_line(text: &str) {
     }
 }
 
-/// Text without characters that do something to a terminal: they are written as `\u{1b}`. Servers,
-/// files and names from others may contain them. Line ends stay.
+/// Text with terminal control characters escaped as `\u{1b}`. Servers, files and other people's
+/// names may contain them. Line ends stay.
 pub(crate) fn plain(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c != '\n' && is_control(c), |c| c.escape_unicode().to_string())
 }
 
-/// A cell of a table: ends of lines are written out as well, so that none makes a row.
+/// A table cell: line ends are escaped as well, so that a cell stays one row.
 fn cell(text: &str) -> Cow<'_, str> {
     escaped(text, is_control, |c| c.escape_unicode().to_string())
 }
 
-/// JSON in which nothing does something to a terminal; it says the same.
+/// JSON with control characters escaped; the content is the same.
 fn json_text(json: &str) -> Cow<'_, str> {
     // All of them are within the first plane: four digits.
     escaped(json, is_control, |c| format!("\\u{:04x}", u32::from(c)))
@@ -82,13 +82,13 @@ fn escaped(
     Cow::Owned(shown)
 }
 
-/// Control characters, and marks that turn the direction of writing.
+/// Control characters, and marks that change the writing direction.
 fn is_control(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// A table with a header, without lines around it.
+/// A table with a header, without borders.
 pub(crate) fn table<const N: usize>(
     header: [&str; N],
     rows: impl IntoIterator<Item = [String; N]>,
@@ -101,7 +101,7 @@ pub(crate) fn table<const N: usize>(
     table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
 }
 
-/// A choice as the API writes it.
+/// The name of a choice on the wire.
 pub(crate) fn word(choice: &impl Serialize) -> String {
     match serde_json::to_value(choice) {
         Ok(serde_json::Value::String(word)) => word,
@@ -127,7 +127,7 @@ pub(crate) fn degrees(radians: f64) -> String {
     format!("{:.1}°", radians.to_degrees())
 }
 
-/// What errors of a pose are.
+/// Explanation of pose errors.
 pub(crate) const ERRORS_OF_POSE: &str = "Errors of a pose are those of the nearest pose that looks the same by the symmetry of \
      the mesh.";
 
@@ -137,7 +137,7 @@ pub(crate) fn bar(share: f64) -> String {
     format!("{}{}", "█".repeat(filled), "░".repeat(10 - filled))
 }
 
-/// The middle of some numbers; of an even number of them, the mean of the two in the middle.
+/// Median; the mean of the two middle values if their number is even.
 pub(crate) fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

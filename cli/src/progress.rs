@@ -1,4 +1,4 @@
-//! Progress of long work: a bar on a terminal, now and then a line elsewhere.
+//! Progress of long work: a bar on a terminal, otherwise an occasional line.
 
 use std::io::IsTerminal;
 use std::time::Duration;
@@ -8,12 +8,12 @@ use palpate_client::schemas::{Job, JobStage, JobState};
 
 use crate::output::{Output, plain};
 
-/// Whether a person watches the standard error.
+/// Whether standard error is a terminal.
 pub(crate) fn is_watched() -> bool {
     std::io::stderr().is_terminal()
 }
 
-/// A stage that says how much there is to do, and one that does not.
+/// Templates of a stage with a known and an unknown number of steps.
 const COUNTED: &str = "{msg:<34} {bar:32} {pos}/{len} {eta}";
 const STEPS: &str = "{msg:<24} {bar:32} {pos}/{len} {elapsed}";
 const UNCOUNTED: &str = "{msg:<34} {spinner} {elapsed}";
@@ -24,11 +24,11 @@ fn style(template: &str) -> ProgressStyle {
         .progress_chars("█▉▊▋▌▍▎▏░")
 }
 
-/// How far an experiment is: what it does, steps done and in all.
+/// Progress of an experiment: its stage, steps done and total.
 pub(crate) struct StepProgress(Option<ProgressBar>);
 
 impl StepProgress {
-    /// A bar, or nothing when nobody watches.
+    /// A bar, or nothing without a terminal.
     pub(crate) fn new() -> Self {
         Self(is_watched().then(|| {
             let bar = ProgressBar::new(0).with_style(style(STEPS));
@@ -46,7 +46,7 @@ impl StepProgress {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(crate) fn clear(&self) {
         if let Some(bar) = &self.0 {
             bar.finish_and_clear();
@@ -54,7 +54,7 @@ impl StepProgress {
     }
 }
 
-/// How far a training is, shown as it goes on.
+/// Progress of a training.
 pub(crate) struct TrainingProgress {
     bar: Option<ProgressBar>,
     output: Output,
@@ -62,7 +62,7 @@ pub(crate) struct TrainingProgress {
 }
 
 impl TrainingProgress {
-    /// Nothing is shown before the first report.
+    /// Shows nothing before the first report.
     pub(crate) fn new(output: Output) -> Self {
         let bar = is_watched().then(|| {
             let bar = ProgressBar::new(0).with_style(style(UNCOUNTED));
@@ -72,7 +72,7 @@ impl TrainingProgress {
         Self { bar, output, stage: None }
     }
 
-    /// Shows where the job stands.
+    /// Shows the state of the job.
     pub(crate) fn show(&mut self, job: &Job) {
         let stage = stage_words(job);
         if let Some(bar) = &self.bar {
@@ -91,21 +91,21 @@ impl TrainingProgress {
         self.stage = job.stage;
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(crate) fn clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 
-    /// Leaves the terminal alone while something is asked.
+    /// Hides the bar while the user is asked something.
     pub(crate) fn pause(&self) {
         if let Some(bar) = &self.bar {
             bar.disable_steady_tick();
         }
     }
 
-    /// Goes on after [`TrainingProgress::pause`].
+    /// Shows the bar again after [`TrainingProgress::pause`].
     pub(crate) fn resume(&self) {
         if let Some(bar) = &self.bar {
             bar.enable_steady_tick(Duration::from_millis(200));

@@ -1,5 +1,5 @@
-//! A file of readings that were taken once and can be sent again: the wire's readings under a
-//! small header. Drawn in `docs/formats.md`.
+//! File of recorded readings: the wire's readings under a small header, specified in
+//! `docs/formats.md`.
 
 use std::path::{Path, PathBuf};
 
@@ -9,21 +9,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::commands::sensors::read_json;
 
-/// What the file calls itself.
+/// Format name in the file.
 const FORMAT: &str = "palpate-readings";
-/// The only version there is.
+/// Version of the format.
 const VERSION: u32 = 1;
 
-/// Readings with what is known of how they were taken.
+/// Recorded readings and how they were taken.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ReadingsFile {
     format: String,
     version: u32,
-    /// What was touched, if that is known.
+    /// Name of the true object, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) object: Option<String>,
-    /// The seed of the simulation, if it was one.
+    /// Seed of the simulation, if it was one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) seed: Option<u64>,
     /// The readings, in the order in which they were taken.
@@ -31,12 +31,12 @@ pub(crate) struct ReadingsFile {
 }
 
 impl ReadingsFile {
-    /// A file of readings.
+    /// Creates a recording.
     pub(crate) fn new(object: Option<String>, seed: Option<u64>, readings: Vec<Reading>) -> Self {
         Self { format: FORMAT.to_owned(), version: VERSION, object, seed, readings }
     }
 
-    /// Reads a file; `-` is the standard input.
+    /// Reads a file; `-` reads standard input.
     pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
         let file: Self = read_json(PathBuf::from(path))?;
         anyhow::ensure!(

@@ -1,9 +1,9 @@
-//! A simulated robot: it touches a mesh that lies somewhere in its session frame, guided to
-//! the surface as by a camera or told where to begin, and knows only its own poses and
+//! A simulated robot that touches a mesh somewhere in its session frame. It is guided to the
+//! surface, as by a camera or by next touches of the server, and knows only its own poses and
 //! pressures.
 //!
-//! Where the object lies and how it is touched comes from a seed and the number of the trial,
-//! from streams that training never draws from.
+//! The object's pose and the touches come from a seed and the number of the trial, from random
+//! streams that training never uses.
 
 use std::f64::consts::{PI, SQRT_2};
 use std::path::Path;
@@ -24,22 +24,22 @@ use palpate_sim::sampler::{SampleError, SamplerConfig, touch_anywhere};
 
 use crate::output;
 
-/// How far from the session frame's origin the object may lie, along each axis.
+/// Maximum distance of the object from the session frame's origin, along each axis.
 const PLACE_MAX: f64 = 200.0 * MM;
 
-/// A press as it is sent to the server.
+/// A press as sent to the server.
 pub(crate) struct Press {
-    /// `session_from_sensor`; `None` when the robot does not know it.
+    /// `session_from_sensor`; `None` if the robot does not know it.
     pub(crate) pose: Option<schemas::Pose>,
     /// Pressures, Pa.
     pub(crate) image: Vec<Option<f64>>,
-    /// How far it came with nothing in touch, metres, when it touched nothing.
+    /// Distance travelled without contact, in metres, if the press touched nothing.
     pub(crate) missed: Option<f64>,
 }
 
-/// How far from the middle of what a camera would say the object may lie, along each axis.
+/// Maximum distance of the object from the camera's estimate, along each axis.
 const SEEN_WITHIN: f64 = 8.0 * MM;
-/// And how far it may be turned, rad.
+/// Maximum rotation of the object from the camera's estimate, rad.
 const SEEN_WITHIN_ANGLE: f64 = 0.2;
 
 /// How a robot touches.
@@ -49,7 +49,7 @@ pub(crate) enum Approach {
     Anywhere,
     /// Straight down on an object that lies flat.
     StraightDown,
-    /// Along a ray that the server tells, from outside; a contact off the middle is centred.
+    /// Along a ray that the server proposes, from outside; an off-centre contact is centred.
     AsTold,
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
-    /// A robot that is told where to touch; its object lies where `seed` and `trial` say.
+    /// A robot that the server tells where to touch. `seed` and `trial` decide its object's pose.
     pub(crate) fn new(simulator: Arc<PressSimulator>, seed: u64, trial: u64) -> Self {
         Self::approaching(simulator, Approach::AsTold, seed, trial)
     }
@@ -92,17 +92,17 @@ impl Robot {
         }
     }
 
-    /// The same robot, which does not know where its sensor is.
+    /// The same robot without knowledge of its sensor's pose.
     pub(crate) fn without_poses(self) -> Self {
         Self { knows_poses: false, ..self }
     }
 
-    /// Whether the robot is to be told where to begin.
+    /// Whether the robot asks the server where to touch.
     pub(crate) fn wants_to_be_told(&self) -> bool {
         self.approach == Approach::AsTold
     }
 
-    /// Presses along a ray; `None` when something was felt, but no rest was found.
+    /// Presses along a ray; `None` if it felt something but found no stable contact.
     pub(crate) fn touch_along(&mut self, told: &NextTouch) -> anyhow::Result<Option<Press>> {
         let begin = Pose::new(told.pose.position, told.pose.orientation)?;
         let noise_level = self.simulator.config().noise_level;
@@ -124,7 +124,7 @@ impl Robot {
         Ok(Some(Press { pose: Some(to_wire(self.session_from_mesh * at)), image, missed }))
     }
 
-    /// A ball that the object lies in, as a camera would say.
+    /// A ball that contains the object, as a camera would report it.
     pub(crate) fn workspace(&self) -> TouchWorkspace {
         let (low, high) = self.simulator.mesh().bounds();
         let center = self.session_from_mesh * (0.5 * (low + high));
@@ -132,7 +132,7 @@ impl Robot {
         TouchWorkspace { center: center.to_array(), radius }
     }
 
-    /// Touches the object once, somewhere.
+    /// Touches the object once, at a random place.
     pub(crate) fn touch(&mut self) -> Result<Press, SampleError> {
         let reading = match self.approach {
             Approach::Anywhere | Approach::AsTold => {
@@ -148,7 +148,7 @@ impl Robot {
         Ok(Press { pose, image, missed: None })
     }
 
-    /// Presses straight down somewhere over the object.
+    /// Presses straight down at a random place over the object.
     fn press_down(&mut self) -> Reading {
         let (low, high) = self.simulator.mesh().bounds();
         let at = PlanarPose {
@@ -161,7 +161,7 @@ impl Robot {
         self.simulator.read(SensorId(0), mesh_from_sensor, &mut self.touches)
     }
 
-    /// What a camera would say of where the object's frame is, roughly; as a session's prior.
+    /// A camera's rough estimate of the object frame, as a session's prior.
     pub(crate) fn pose_prior(&mut self, origin_in_mesh: [f64; 3]) -> PosePrior {
         let session_from_object = self.session_from_object(origin_in_mesh);
         let mut along = |reach: f64| self.seen.uniform(-reach, reach);
@@ -197,28 +197,28 @@ impl Robot {
         }
     }
 
-    /// Where the object's frame is; its origin lies at `origin_in_mesh`, metres.
+    /// Pose of the object frame, whose origin is at `origin_in_mesh`, metres.
     pub(crate) fn session_from_object(&self, origin_in_mesh: [f64; 3]) -> Pose {
         let mesh_from_object = Pose { translation: origin_in_mesh.into(), ..Pose::IDENTITY };
         self.session_from_mesh * mesh_from_object
     }
 }
 
-/// Reads a mesh file; its extension names the format.
+/// Reads a mesh file; its extension gives the format.
 pub(crate) fn read_mesh(path: &Path, unit: MeshUnit) -> anyhow::Result<Mesh> {
     let (format, bytes) = read_mesh_file(path)?;
     Mesh::from_bytes(format, &bytes, unit.metres())
         .with_context(|| format!("{} is not a mesh that can be touched", path.display()))
 }
 
-/// How a mesh file was read: the unit that was assumed or given, and the size that follows.
+/// How a mesh file was read: the unit, and the resulting size.
 pub(crate) fn read_as(unit: MeshUnit, mesh: &Mesh) -> String {
     let (low, high) = mesh.bounds();
     let [x, y, z] = ((high - low) / MM).to_array();
     format!("mesh read as {}: {x:.1} × {y:.1} × {z:.1} mm", output::word(&unit))
 }
 
-/// The bytes of a mesh file and its format, by its extension.
+/// The bytes of a mesh file and its format, from its extension.
 pub(crate) fn read_mesh_file(path: &Path) -> anyhow::Result<(MeshFormat, Vec<u8>)> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let format = MeshFormat::from_extension(extension)
@@ -227,7 +227,7 @@ pub(crate) fn read_mesh_file(path: &Path) -> anyhow::Result<(MeshFormat, Vec<u8>
     Ok((format, bytes))
 }
 
-/// A format's name on the wire.
+/// Name of a format on the wire.
 pub(crate) fn wire_format(format: MeshFormat) -> schemas::MeshFormat {
     match format {
         MeshFormat::Stl => schemas::MeshFormat::Stl,

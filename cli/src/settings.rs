@@ -1,7 +1,7 @@
-//! Settings in layers: defaults, then a file, then the environment, then what is typed.
+//! Settings in layers: defaults, then a file, then the environment, then the command line.
 //!
-//! The file's values become the defaults of the command line's options, so that there is one
-//! list of settings, one check of their values, and one place that knows which layer won.
+//! The file's values become defaults of the command line's options, so that one list of settings
+//! and one validation serve all layers, and one place knows which layer won.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -13,22 +13,22 @@ use clap::{Arg, ArgAction, ArgMatches, Command};
 use serde::Serialize;
 use toml::{Table, Value};
 
-/// What names the file in the environment.
+/// Environment variable that names the file.
 const FILE_VARIABLE: &str = "PALPATE_CONFIG";
-/// The file's tables: of the server, and of the commands that speak to one.
+/// Tables of the file: for the server, and for the client commands.
 const SERVE: &str = "serve";
 const CLIENT: &str = "client";
-/// The subcommands that have the server's settings.
+/// Subcommands with the server's settings.
 const HAVE_SERVE: [&str; 2] = [SERVE, "config"];
-/// The settings of `[client]`; a key is not among them, it does not belong into a file.
+/// Settings of `[client]`. A key is not among them because it does not belong in a file.
 const CLIENT_SETTINGS: [&str; 2] = ["server", "ca"];
-/// Options of the server that are done once, and not set.
+/// Options of the server that are actions, not settings.
 const NOT_SETTINGS: [&str; 3] = ["help", "new_admin_key", "config"];
 
-/// A file's values by setting, as they would be typed.
+/// A file's values by setting, as command-line words.
 type Layer = BTreeMap<String, Vec<String>>;
 
-/// A configuration file, read.
+/// A parsed configuration file.
 #[derive(Debug, Default)]
 pub(crate) struct File {
     path: PathBuf,
@@ -36,12 +36,12 @@ pub(crate) struct File {
     client: Layer,
 }
 
-/// A setting as it holds, and where it comes from.
+/// An effective setting and its source.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Setting {
-    /// The table and the name of it in a file.
+    /// Table and name of the setting in a file.
     pub(crate) name: String,
-    /// Its value; null when it is not set.
+    /// Value of the setting; null if not set.
     pub(crate) value: Option<String>,
     /// `default`, `file`, `environment` or `flag`.
     pub(crate) source: &'static str,
@@ -49,10 +49,11 @@ pub(crate) struct Setting {
     pub(crate) from: Option<String>,
 }
 
-/// The file that the command line or the environment names, read and checked; `None` without.
+/// The file that the command line or the environment names, parsed and checked; `None` without one.
 ///
 /// # Errors
-/// When it cannot be read, or what is in it is no setting or has no value of one.
+///
+/// When the file cannot be read, or holds an unknown setting or an invalid value.
 pub(crate) fn file(command: &Command, typed: &[OsString]) -> anyhow::Result<Option<File>> {
     let Some(path) = named(typed).or_else(|| std::env::var_os(FILE_VARIABLE).map(PathBuf::from))
     else {
@@ -74,7 +75,7 @@ pub(crate) fn layered(command: Command, file: &File) -> Command {
     command
 }
 
-/// Every setting as it holds for `palpate config`, with where it comes from.
+/// Every effective setting with its source, for `palpate config`.
 pub(crate) fn effective(
     command: &Command,
     matches: &ArgMatches,
@@ -159,7 +160,7 @@ fn read(command: &Command, path: &Path, text: &str) -> anyhow::Result<File> {
     Ok(file)
 }
 
-/// A table's values as they would be typed.
+/// A table's values as command-line words.
 fn layer(name: &str, known: &[&Arg], table: Table) -> anyhow::Result<Layer> {
     let mut layer = Layer::new();
     for (setting, value) in table {
@@ -191,7 +192,7 @@ fn word(value: Value) -> Option<String> {
     }
 }
 
-/// Lets the command line check the values, as if they had been typed.
+/// Checks the values as if they had been given on the command line.
 fn check(command: &Command, file: &File) -> anyhow::Result<()> {
     let mut typed = vec![command.get_name().to_owned()];
     let globals: Vec<&Arg> = settings(command).collect();
@@ -208,7 +209,7 @@ fn check(command: &Command, file: &File) -> anyhow::Result<()> {
     })
 }
 
-/// A layer as it would be typed.
+/// A layer as a command line.
 fn words(known: &[&Arg], layer: &Layer) -> anyhow::Result<Vec<String>> {
     let mut typed = Vec::new();
     for arg in known {
@@ -236,7 +237,7 @@ fn with_defaults(command: Command, layer: &Layer) -> Command {
     })
 }
 
-/// The options of a command that are settings.
+/// Options of a command that are settings.
 fn settings(command: &Command) -> impl Iterator<Item = &Arg> {
     command
         .get_arguments()
@@ -248,7 +249,7 @@ fn long(arg: &Arg) -> &str {
     arg.get_long().unwrap_or_default()
 }
 
-/// A setting's name in a file.
+/// Name of a setting in a file.
 fn key(arg: &Arg) -> String {
     long(arg).replace('-', "_")
 }

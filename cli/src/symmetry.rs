@@ -1,8 +1,8 @@
-//! Symmetries as the API tells of them, in words.
+//! Text output of symmetries.
 
 use palpate_client::schemas::{ObjectReport, SymmetryAxis};
 
-/// The symmetry of a trained object in words: `undetermined` where touches cannot tell.
+/// Symmetry of a trained object as text: `undetermined` if the touches cannot tell.
 pub(crate) fn trained_words(object: &ObjectReport) -> String {
     match (&object.symmetry, object.symmetry_touches_needed) {
         (None, _) => "–".to_owned(),
@@ -11,7 +11,7 @@ pub(crate) fn trained_words(object: &ObjectReport) -> String {
     }
 }
 
-/// Which turns look the same; `none` without axes.
+/// Symmetry axes as text; `none` without axes.
 pub(crate) fn words(axes: &[SymmetryAxis]) -> String {
     let n_continuous = axes.iter().filter(|axis| axis.order.is_none()).count();
     match (axes, n_continuous) {

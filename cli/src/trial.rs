@@ -1,5 +1,5 @@
-//! A trial: a simulated robot touches one object again and again, the server says what it
-//! believes, and the truth is at hand to compare.
+//! A trial: a simulated robot touches one object repeatedly, and the server's beliefs are compared
+//! with the truth.
 
 use std::time::{Duration, Instant};
 
@@ -13,41 +13,41 @@ use serde::Serialize;
 use crate::robot::Robot;
 use crate::verdict::{self, Verdict};
 
-/// Long enough that everything is evaluated, so that a run can be repeated, milliseconds.
+/// Deadline long enough to evaluate everything, so that a run is reproducible; milliseconds.
 const DEADLINE_MS: u32 = 5_000;
 
-/// How often a robot may try in the mean before something is wrong with it.
+/// Mean number of attempts per touch above which a robot counts as stuck.
 const TRIES_PER_TOUCH_MAX: u32 = 10;
 
-/// When a robot has touched enough.
+/// Stop rule of a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StopRule {
-    /// It stops when the likeliest object of the catalogue has had this probability …
+    /// Probability that the likeliest object of the catalogue must reach …
     pub(crate) probability: f64,
-    /// … for this many touches in a row.
+    /// … in this many consecutive touches.
     pub(crate) in_a_row: u32,
-    /// At the latest it stops after so many touches.
+    /// Maximum number of touches.
     pub(crate) touches_max: u32,
-    /// How long it takes between two touches.
+    /// Pause between two touches.
     pub(crate) pause: Duration,
 }
 
-/// What is true of a trial.
+/// The truth of a trial.
 #[derive(Clone, Debug)]
 pub(crate) struct Truth {
-    /// The object's name when it was trained; `None` when the catalogue does not have it.
+    /// Name of the object when it was trained; `None` if the catalogue does not have it.
     pub(crate) object: Option<String>,
-    /// Where its frame is.
+    /// Pose of the object frame.
     pub(crate) session_from_object: Pose,
-    /// Where its frame's origin is in the mesh, metres.
+    /// Origin of the object frame in the mesh, metres.
     pub(crate) origin_in_mesh: [f64; 3],
-    /// Which turns leave its mesh as it is, object frame; what training found is no truth.
+    /// Symmetry of the mesh in the object frame. The symmetry that training found is not the truth.
     pub(crate) symmetry: Symmetry,
 }
 
 impl Truth {
-    /// The object that the robot touches. Its name and origin come from the version's report,
-    /// its symmetry from its mesh (mesh frame).
+    /// Truth of the object that the robot touches. Name and origin come from the version's report,
+    /// the symmetry from the mesh (mesh frame).
     pub(crate) fn new(
         robot: &Robot,
         symmetry_in_mesh: &Symmetry,
@@ -70,7 +70,7 @@ impl Truth {
         })
     }
 
-    /// The truth of an object that the catalogue does not have: no pose of it is answered.
+    /// Truth of an object that the catalogue does not have: there is no pose to compare.
     pub(crate) fn none_of_these(robot: &Robot) -> Self {
         let origin_in_mesh = [0.0; 3];
         Self {
@@ -81,18 +81,18 @@ impl Truth {
         }
     }
 
-    /// What was touched, for people.
+    /// Name of the true object, for people.
     pub(crate) fn name(&self) -> &str {
         verdict::name(self.object.as_deref())
     }
 }
 
-/// What is believed after one more touch, beside the truth.
+/// Belief after one more touch, compared with the truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Step {
-    /// How many touches so far: presses that missed or came to no rest are counted.
+    /// Number of touches so far, including presses that missed or found no stable contact.
     pub(crate) touches: u32,
-    /// How many of them touched nothing.
+    /// Number of touches that touched nothing.
     pub(crate) misses: u32,
     /// The likeliest answer: an object's name, or "none of these".
     pub(crate) answer: String,
@@ -100,25 +100,25 @@ pub(crate) struct Step {
     pub(crate) probability: f64,
     /// The probability of "none of these".
     pub(crate) unknown: f64,
-    /// The likeliest object of the catalogue, whether or not it is the answer.
+    /// The likeliest object of the catalogue, even if it is not the answer.
     pub(crate) object: Option<String>,
     /// That object's probability.
     pub(crate) object_probability: f64,
     /// Uncertainty about the identity, bits.
     pub(crate) entropy_bits: f64,
-    /// Whether the answer is true.
+    /// Whether the answer is right.
     pub(crate) right: bool,
-    /// How far the true object's likeliest pose is off in position, metres: of all poses that
-    /// look like it the one that is turned least from the truth.
+    /// Position error of the true object's likeliest pose, metres; among equivalent poses, the one
+    /// rotated least from the truth counts.
     #[serde(skip)]
     pub(crate) position_error: Option<f64>,
-    /// How far that pose is off in orientation, radians.
+    /// Orientation error of that pose, radians.
     #[serde(skip)]
     pub(crate) angle_error: Option<f64>,
-    /// How far the pose is off that was answered, radians; symmetry is not considered.
+    /// Orientation error of the reported pose, radians, without regard to symmetry.
     #[serde(skip)]
     pub(crate) plain_angle_error: Option<f64>,
-    /// How long the server took for the reading, milliseconds, there and back.
+    /// Round-trip time of the reading, milliseconds.
     pub(crate) reading_ms: f64,
 }
 
@@ -164,10 +164,10 @@ impl Step {
     }
 }
 
-/// How a trial went.
+/// Result of a trial.
 #[derive(Clone, Debug)]
 pub(crate) struct TrialResult {
-    /// The object that was touched.
+    /// Name of the true object.
     pub(crate) truth: String,
     /// All steps; never empty.
     pub(crate) steps: Vec<Step>,
@@ -175,8 +175,8 @@ pub(crate) struct TrialResult {
     pub(crate) last: Step,
 }
 
-/// Touches until the rule says stop; `show` hears every step. A robot that wants to be told
-/// asks before every touch where to begin.
+/// Touches until the stop rule applies; `show` receives every step. A robot guided by the server
+/// asks before every touch.
 pub(crate) async fn run(
     mut robot: Robot,
     session: &mut TouchSession,
@@ -225,7 +225,7 @@ pub(crate) async fn run(
     }
 }
 
-/// Asks where to touch; every try draws its own approaches.
+/// Asks where to touch; every attempt draws its own approaches.
 async fn ask(
     session: &TouchSession,
     sensor: &str,

@@ -1,28 +1,28 @@
-//! What a belief answers, "none of these" included, and whether that is true.
+//! The answer of a belief, including "none of these", and whether it is right.
 //!
-//! An object of the catalogue and "none of these" are answers of the same kind: the likeliest
-//! of them is the answer, and only it is right or wrong.
+//! An object of the catalogue and "none of these" are answers of the same kind: the likeliest of
+//! them is the answer, and only that one is judged.
 
 use anyhow::bail;
 use palpate_client::schemas::{Belief, Method};
 
-/// What an object is called that the catalogue does not have.
+/// Name of an object that the catalogue does not have, in output.
 pub(crate) const NONE_OF_THESE: &str = "none of these";
 
-/// What names an object that the catalogue does not have on the command line.
+/// Name of an object that the catalogue does not have, on the command line.
 pub(crate) const NONE: &str = "none";
 
 /// The likeliest answer of a belief.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Verdict<'a> {
-    /// The object's name; `None` is "none of these".
+    /// Name of the object; `None` is "none of these".
     pub(crate) object: Option<&'a str>,
     /// Its probability.
     pub(crate) probability: f64,
 }
 
 impl<'a> Verdict<'a> {
-    /// The likeliest of the objects and "none of these"; an object when they are as likely.
+    /// The likeliest of the objects and "none of these"; an object if they are equally likely.
     pub(crate) fn of(belief: &'a Belief) -> Self {
         match belief.objects.first() {
             Some(best) if best.probability >= belief.unknown => {
@@ -32,23 +32,24 @@ impl<'a> Verdict<'a> {
         }
     }
 
-    /// The answer for people.
+    /// The answer as text.
     pub(crate) fn name(&self) -> &'a str {
         name(self.object)
     }
 
-    /// Whether it is what was touched; `None` is an object that the catalogue does not have.
+    /// Whether the answer matches the true object; `None` is an object that the catalogue does not
+    /// have.
     pub(crate) fn is_right(&self, truth: Option<&str>) -> bool {
         self.object == truth
     }
 }
 
-/// An answer or a truth for people.
+/// An answer or a truth as text.
 pub(crate) fn name(object: Option<&str>) -> &str {
     object.unwrap_or(NONE_OF_THESE)
 }
 
-/// Fails for a method that cannot answer "none of these" when that is the truth.
+/// Fails if the truth is "none of these" and the method cannot answer it.
 pub(crate) fn can_answer_none(method: Method) -> anyhow::Result<()> {
     if method == Method::Surface {
         return Ok(());

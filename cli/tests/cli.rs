@@ -153,7 +153,7 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
 
     let report = ask(&server, "report --svg report.svg");
     assert_eq!(report.status.code(), Some(0), "{}", stderr(&report));
-    assert!(stdout(&report).contains("how alike the objects are"), "{}", stdout(&report));
+    assert!(stdout(&report).contains("similarity of the objects"), "{}", stdout(&report));
     let picture = std::fs::read_to_string(at.join("report.svg")).unwrap();
     // Two matrices of three objects.
     assert_eq!(picture.matches("<title>").count(), 18);
@@ -270,7 +270,7 @@ fn explored_readings_can_be_sent_again(at: &Path, ask: impl Fn(&str) -> Output) 
     assert!(moved["probability"].as_f64().unwrap() > 1.0 / 3.0, "{moved}");
 }
 
-/// Lists a session's five readings, withdraws one, replays and explains what is left.
+/// Lists a session's five readings, retracts one, replays and explains what is left.
 fn a_session_is_looked_into(
     session: &str,
     answer: &impl Fn(&str) -> serde_json::Value,
@@ -289,8 +289,8 @@ fn a_session_is_looked_into(
     let explanation = answer(&format!("sessions explain {session} --json"));
     assert_eq!(explanation["readings"].as_array().unwrap().len(), 3);
     let words = |what: &str| stdout(&ask(&format!("sessions {what} {session}")));
-    assert!(words("readings").contains("withdrawn by revision 6"), "{}", words("readings"));
-    assert!(words("replay").contains("withdrawal of 3"), "{}", words("replay"));
+    assert!(words("readings").contains("retracted by revision 6"), "{}", words("readings"));
+    assert!(words("replay").contains("retraction of 3"), "{}", words("replay"));
     assert!(words("explain").contains("revision 7"), "{}", words("explain"));
     let neither = ask(&format!("sessions retract {session}"));
     assert_eq!(neither.status.code(), Some(2), "{}", stderr(&neither));

@@ -78,6 +78,6 @@ fn load_makes_a_server_ready_measures_it_and_fails_when_a_bound_is_broken() {
     let output = load(&server, "--rate 20 --duration-s 0.5 --touches 5 --max-p99-ms 0.001");
     assert_eq!(output.status.code(), Some(6));
     let said = String::from_utf8(output.stdout).unwrap();
-    assert!(said.contains("BROKEN: p99 of accepted requests is"), "{said}");
+    assert!(said.contains("EXCEEDED: p99 of accepted requests is"), "{said}");
     assert!(said.contains("saturation was not reached"), "{said}");
 }

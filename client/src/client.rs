@@ -1,4 +1,4 @@
-//! The client: where the server is, how long to wait, and the one way every call takes.
+//! The client of a server: address, options, and the path of every call.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,21 +12,21 @@ use crate::error::Error;
 use crate::request::{Content, Request};
 use crate::retry::{RetryPolicy, is_worth_repeating};
 
-/// How much of a body that is no problem document is shown.
+/// Length at which a body other than a problem document is cut off in errors.
 const BODY_SHOWN_MAX: usize = 200;
 
-/// How a client behaves.
+/// Options of a client.
 #[derive(Clone, PartialEq)]
 pub struct ClientOptions {
-    /// How long a connection may take.
+    /// Time limit of a connection attempt.
     pub connect_timeout: Duration,
-    /// How long an answer may take, once; streams of events are not limited.
+    /// Time limit of an answer, per attempt; event streams have none.
     pub request_timeout: Duration,
-    /// How often and how patiently calls are made again.
+    /// Retry policy.
     pub retry: RetryPolicy,
-    /// The key to be let in with, sent as a bearer token.
+    /// API key, sent as a bearer token.
     pub key: Option<String>,
-    /// The only authority whose certificates are trusted, as PEM; the system's when not given.
+    /// The only certificate authority to trust, as PEM. Default: the system's.
     pub authority_pem: Option<Vec<u8>>,
 }
 
@@ -65,16 +65,16 @@ pub struct Client {
 }
 
 impl Client {
-    /// A client of the server at `address`, such as `http://127.0.0.1:7411`.
+    /// Creates a client of the server at `address`, such as `http://127.0.0.1:7411`. It does not
+    /// connect yet.
     ///
     /// # Errors
-    /// [`Error::Address`], [`Error::Key`], [`Error::Authority`] and [`Error::SetUp`]; the server
-    /// is not asked yet.
+    /// [`Error::Address`], [`Error::Key`], [`Error::Authority`] and [`Error::SetUp`].
     pub fn new(address: &str) -> Result<Self, Error> {
         Self::with_options(address, ClientOptions::default())
     }
 
-    /// A client that behaves as `options` say.
+    /// Creates a client with options.
     ///
     /// # Errors
     /// As [`Client::new`].
@@ -109,21 +109,20 @@ impl Client {
         Ok(Self { http, server, options })
     }
 
-    /// The same client, which tries again as `retry` says and waits for answers as long as
-    /// `request_timeout`. Both share connections.
+    /// A copy of the client with another retry policy and time limit. Both share connections.
     #[must_use]
     pub fn with_policy(&self, retry: RetryPolicy, request_timeout: Duration) -> Self {
         let options = ClientOptions { retry, request_timeout, ..self.options.clone() };
         Self { options, ..self.clone() }
     }
 
-    /// The server's address.
+    /// Address of the server.
     #[must_use]
     pub fn address(&self) -> &str {
         self.server.as_str().trim_end_matches('/')
     }
 
-    /// Whether the server lives.
+    /// Checks that the server answers.
     ///
     /// # Errors
     /// [`Error`].
@@ -131,15 +130,15 @@ impl Client {
         self.send(Request::get(["livez"])).await
     }
 
-    /// Whether the server does its work. One that is not ready is an [`Error::Status`].
+    /// Checks that the server is ready.
     ///
     /// # Errors
-    /// [`Error`].
+    /// [`Error`]; a server that is not ready is an [`Error::Status`].
     pub async fn ready(&self) -> Result<Readiness, Error> {
         self.send(Request::get(["readyz"])).await
     }
 
-    /// Which server it is.
+    /// Returns the version of the server.
     ///
     /// # Errors
     /// [`Error`].
@@ -147,7 +146,7 @@ impl Client {
         self.send(Request::get(["version"])).await
     }
 
-    /// The server's figures, as Prometheus's text has them.
+    /// Returns the server's metrics in the Prometheus text format.
     ///
     /// # Errors
     /// [`Error`].
@@ -156,7 +155,7 @@ impl Client {
         Ok(String::from_utf8_lossy(&text).into_owned())
     }
 
-    /// The API's description, as the server gives it.
+    /// Returns the server's OpenAPI description.
     ///
     /// # Errors
     /// [`Error`].
@@ -164,7 +163,7 @@ impl Client {
         self.send(Request::get(["openapi.json"])).await
     }
 
-    /// Makes a call, again where that is safe, and reads its answer.
+    /// Sends a request, with retries where they are safe, and parses the answer.
     pub(crate) async fn send<T: DeserializeOwned>(&self, request: Request) -> Result<T, Error> {
         let url = self.url(&request);
         let body = self.send_for_bytes(&request, &url).await?;
@@ -172,26 +171,26 @@ impl Client {
             .map_err(|source| Error::Unexpected { url: url.to_string(), source })
     }
 
-    /// Makes a call whose answer is empty.
+    /// Sends a request whose answer is empty.
     pub(crate) async fn send_for_nothing(&self, request: Request) -> Result<(), Error> {
         let url = self.url(&request);
         self.send_for_bytes(&request, &url).await.map(|_| ())
     }
 
-    /// Makes a call whose answer is a file.
+    /// Sends a request whose answer is a file.
     pub(crate) async fn send_for_file(&self, request: Request) -> Result<Vec<u8>, Error> {
         let url = self.url(&request);
         self.send_for_bytes(&request, &url).await
     }
 
-    /// Opens a stream of events; a stream has no end and hence no time-out.
+    /// Opens an event stream, without a time limit.
     pub(crate) async fn open_events(&self, request: &Request) -> Result<Response, Error> {
         let url = self.url(request);
         let sent = self.build(request, &url).header("accept", "text/event-stream").send().await;
         accepted(&url, sent.map_err(|error| transport_error(&url, error))?).await
     }
 
-    /// Opens an answer that is read as it comes; it may be long, and has no time-out.
+    /// Opens an answer to be streamed, without a time limit.
     pub(crate) async fn open_file(&self, request: &Request) -> Result<Response, Error> {
         let url = self.url(request);
         let sent = self.build(request, &url).send().await;
@@ -256,7 +255,7 @@ fn transport_error(url: &Url, error: reqwest::Error) -> Error {
     }
 }
 
-/// The answer if it is a success, otherwise the server's words about it.
+/// The answer if it is a success, otherwise the problem.
 async fn accepted(url: &Url, answer: Response) -> Result<Response, Error> {
     let status = answer.status();
     if status.is_success() {

@@ -1,4 +1,4 @@
-//! Compaction: room of the server's disk that is given back.
+//! Compaction of the server's database.
 
 use palpate_schemas::Compacted;
 
@@ -7,10 +7,10 @@ use crate::error::Error;
 use crate::request::Request;
 
 impl Client {
-    /// Gives back the room that removed and replaced records take on the server's disk.
+    /// Frees the disk space of removed and replaced records.
     ///
     /// # Errors
-    /// [`Error`]; status 503 when there is no room for its copy.
+    /// [`Error`]; status 503 if the compacted copy would not fit on the disk.
     pub async fn compact(&self) -> Result<Compacted, Error> {
         self.send(Request::post(["v1", "compactions"])).await
     }

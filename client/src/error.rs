@@ -1,4 +1,4 @@
-//! Why a call did not give an answer, with the server's own words where it gave any.
+//! Errors of calls, with the server's problem if there is one.
 
 use std::time::Duration;
 
@@ -8,92 +8,92 @@ use thiserror::Error;
 /// Why a call failed.
 #[derive(Debug, Error)]
 pub enum Error {
-    /// The server refused, and says why.
+    /// The server refused the request.
     #[error("{}", words(problem))]
     Problem {
-        /// The server's words.
+        /// The problem document.
         problem: Box<Problem>,
-        /// When the server says to ask again.
+        /// When to try again, if the server says so.
         retry_after: Option<Duration>,
     },
-    /// Something answered that is not Palpate, such as a proxy.
+    /// The answer does not come from Palpate, but for instance from a proxy.
     #[error("{url} answered {status} without a problem document: {body}")]
     Status {
-        /// What was asked.
+        /// URL of the request.
         url: String,
-        /// The HTTP status.
+        /// HTTP status.
         status: u16,
-        /// The beginning of the answer's body.
+        /// Beginning of the body.
         body: String,
-        /// When to ask again, if the answer says so.
+        /// When to try again, if the answer says so.
         retry_after: Option<Duration>,
     },
-    /// No connection to the server.
+    /// The connection failed.
     #[error("cannot reach {url}: {}", root_cause(source))]
     Unreachable {
-        /// What was asked.
+        /// URL of the request.
         url: String,
-        /// What went wrong.
+        /// Cause of the failure.
         source: reqwest::Error,
     },
     /// The server did not answer in time.
     #[error("{url} did not answer in time")]
     TimedOut {
-        /// What was asked.
+        /// URL of the request.
         url: String,
     },
-    /// The connection broke while the answer came; whether the request was done is not known.
+    /// The connection broke during the answer; whether the request took effect is unknown.
     #[error("the connection to {url} broke: {}", root_cause(source))]
     Broken {
-        /// What was asked.
+        /// URL of the request.
         url: String,
-        /// What went wrong.
+        /// Cause of the failure.
         source: reqwest::Error,
     },
-    /// The answer is not of the expected type: the server is of another version.
+    /// The answer has an unexpected type: the server has another version.
     #[error("{url} answered something unexpected: {source}")]
     Unexpected {
-        /// What was asked.
+        /// URL of the request.
         url: String,
-        /// Where it differs.
+        /// Where the answer differs.
         source: serde_json::Error,
     },
-    /// A stream of events ended before what was waited for.
+    /// An event stream ended early.
     #[error("the events of {url} ended early")]
     EventsEnded {
-        /// What was asked.
+        /// URL of the request.
         url: String,
     },
-    /// An event cannot be read.
+    /// An event could not be parsed.
     #[error("{url} sent an event that cannot be read: {detail}")]
     Event {
-        /// What was asked.
+        /// URL of the request.
         url: String,
-        /// What is wrong with it.
+        /// What is wrong with the event.
         detail: String,
     },
-    /// The server's address is not one.
+    /// The server's address is not valid.
     #[error("{found:?} is not the address of a server, expected one like http://127.0.0.1:7411")]
     Address {
-        /// What was given.
+        /// The given address.
         found: String,
     },
-    /// The key has characters that no key has.
+    /// The key contains characters that no key has.
     #[error("the key has spaces or characters that no key has, expected one like palpate_…")]
     Key,
-    /// The authority to trust is none.
+    /// The certificate authority is not valid PEM.
     #[error("the authority to trust is not PEM with a certificate (BEGIN CERTIFICATE)")]
     Authority,
     /// The HTTP client cannot be set up on this machine.
     #[error("cannot set up the HTTP client: {}", root_cause(source))]
     SetUp {
-        /// Why not.
+        /// Cause of the failure.
         source: reqwest::Error,
     },
 }
 
 impl Error {
-    /// The server's problem document, if it gave one.
+    /// The server's problem document, if there is one.
     #[must_use]
     pub fn problem(&self) -> Option<&Problem> {
         match self {
@@ -102,13 +102,13 @@ impl Error {
         }
     }
 
-    /// What kind of problem the server named.
+    /// Type of the server's problem, if there is one.
     #[must_use]
     pub fn kind(&self) -> Option<ProblemType> {
         self.problem().map(|problem| problem.kind)
     }
 
-    /// The HTTP status, if there was an answer that failed.
+    /// HTTP status of a failed answer, if there was an answer.
     #[must_use]
     pub fn status(&self) -> Option<u16> {
         match self {
@@ -118,13 +118,13 @@ impl Error {
         }
     }
 
-    /// Whether no server was there, or none that answers.
+    /// Whether the server could not be reached or did not answer.
     #[must_use]
     pub fn is_unreachable(&self) -> bool {
         matches!(self, Self::Unreachable { .. } | Self::TimedOut { .. } | Self::Broken { .. })
     }
 
-    /// When the server says to ask again.
+    /// When to try again, if the server says so.
     #[must_use]
     pub fn retry_after(&self) -> Option<Duration> {
         match self {
@@ -134,7 +134,7 @@ impl Error {
     }
 }
 
-/// A problem in one line: what happened, and each field that is to blame.
+/// A problem in one line, with each invalid field.
 fn words(problem: &Problem) -> String {
     let mut words = problem.detail.clone();
     for field in &problem.errors {
@@ -152,7 +152,7 @@ fn words(problem: &Problem) -> String {
     words
 }
 
-/// The innermost error: reqwest's own words only say that sending failed.
+/// The innermost error; the text of reqwest's own errors lacks the cause.
 fn root_cause(error: &reqwest::Error) -> String {
     let mut cause: &dyn std::error::Error = error;
     while let Some(inner) = cause.source() {
@@ -171,7 +171,7 @@ mod tests {
     fn a_problem_reads_as_one_line_that_names_the_fields() {
         let problem = |detail: &str| Problem {
             kind: ProblemType::InvalidValue,
-            title: "A value is wrong".to_owned(),
+            title: "Invalid value".to_owned(),
             status: 422,
             detail: detail.to_owned(),
             instance: "/v1/sessions".to_owned(),

@@ -1,4 +1,4 @@
-//! Streams of events: what happens to jobs and sessions, as it happens.
+//! Event streams of jobs and sessions.
 
 use std::marker::PhantomData;
 use std::pin::Pin;
@@ -17,13 +17,13 @@ use crate::client::Client;
 use crate::error::Error;
 use crate::request::Request;
 
-/// The pause before a job's events are asked for again.
+/// Pause before a job's event stream is reopened.
 const REOPEN_PAUSE: Duration = Duration::from_millis(200);
 
-/// How long a stream may say nothing before the job itself is asked for.
+/// Silence of a stream after which the job itself is requested.
 const SILENCE_MAX: Duration = Duration::from_secs(30);
 
-/// A stream of events. It ends when the server ends it.
+/// An event stream. It ends when the server ends it.
 pub struct Events<T> {
     url: String,
     events: BoxStream<'static, Result<eventsource_stream::Event, EventStreamError<reqwest::Error>>>,
@@ -32,7 +32,7 @@ pub struct Events<T> {
 }
 
 impl<T> Events<T> {
-    /// The id of the last event, to resume after it.
+    /// Id of the last event, to resume after it.
     #[must_use]
     pub fn last_id(&self) -> &str {
         &self.last_id
@@ -72,7 +72,7 @@ impl<T: DeserializeOwned> Stream for Events<T> {
 }
 
 impl Client {
-    /// What happens to a job: the job each time it changes, last when it ends.
+    /// Streams the states of a job; the last one is final.
     ///
     /// # Errors
     /// [`Error`].
@@ -80,7 +80,7 @@ impl Client {
         self.events(Request::get(["v1", "jobs", &id.to_string(), "events"]), None).await
     }
 
-    /// What happens to a session. `last_id` resumes after an event that was seen.
+    /// Streams the events of a session. `last_id` resumes after an event.
     ///
     /// # Errors
     /// [`Error`].
@@ -93,7 +93,7 @@ impl Client {
         self.events(request, last_id).await
     }
 
-    /// What happens to any of 1 to 100 sessions.
+    /// Streams the events of 1 to 100 sessions.
     ///
     /// # Errors
     /// [`Error`].
@@ -103,13 +103,12 @@ impl Client {
         self.events(request, None).await
     }
 
-    /// Follows a job until it ends and calls `progress` each time it changes.
+    /// Follows a job to its end and calls `progress` at each change.
     ///
-    /// A stream that breaks is opened again; only when the job itself cannot be read any more
-    /// does this give up.
+    /// Reopens a broken stream; gives up only if the job itself cannot be read.
     ///
     /// # Errors
-    /// [`Error`]. A job that failed or was cancelled is no error here.
+    /// [`Error`]. A failed or cancelled job is not an error here.
     pub async fn follow_job(&self, id: Uuid, mut progress: impl FnMut(&Job)) -> Result<Job, Error> {
         loop {
             // A stream that cannot be opened or breaks is no reason to give up: the job itself

@@ -1,4 +1,4 @@
-//! Calls about a session's history: its readings, withdrawing them, replay, explanation.
+//! A session's history: readings, retraction, replay, explanation.
 
 use palpate_schemas::{
     BeliefDetail, ExplainQuery, Explanation, PageQuery, ReadingRetracted, Replay, ReplayQuery,
@@ -12,7 +12,7 @@ use crate::request::Request;
 use crate::retry::Repeat;
 
 impl Client {
-    /// A page of a session's readings in the order in which they came.
+    /// Returns a page of a session's readings in the order of arrival.
     ///
     /// # Errors
     /// [`Error`].
@@ -25,11 +25,11 @@ impl Client {
         self.send(Request::get(path).page(page)).await
     }
 
-    /// Withdraws the reading that has a number within the session, and answers the belief
-    /// without it. Withdrawn again it answers as the first time.
+    /// Retracts a reading by its number within the session, and returns the belief without it.
+    /// Retracting it again returns the first answer.
     ///
     /// # Errors
-    /// [`Error`]; status 410 when the session has ended.
+    /// [`Error`]; status 410 if the session has ended.
     pub async fn retract_reading(
         &self,
         session: Uuid,
@@ -40,10 +40,10 @@ impl Client {
         self.retract(Request::delete(path), detail).await
     }
 
-    /// The same by a robot's own number of the reading.
+    /// Retracts a reading by its robot and `seq`.
     ///
     /// # Errors
-    /// [`Error`]; status 410 when the session has ended.
+    /// [`Error`]; status 410 if the session has ended.
     pub async fn retract_robot_reading(
         &self,
         session: Uuid,
@@ -56,7 +56,7 @@ impl Client {
         self.retract(Request::delete(path), detail).await
     }
 
-    /// What a session believed, revision by revision.
+    /// Returns the answer of a session at each revision.
     ///
     /// # Errors
     /// [`Error`].
@@ -70,10 +70,10 @@ impl Client {
         self.send(request).await
     }
 
-    /// What each reading contributed to a session's belief, and which disagree with the rest.
+    /// Returns the contribution of each reading to a session's belief, and which readings disagree.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when it rests on too many readings.
+    /// [`Error`]; status 409 if the belief rests on too many readings.
     pub async fn explain(&self, session: Uuid, query: ExplainQuery) -> Result<Explanation, Error> {
         let path = ["v1", "sessions", &session.to_string(), "explain"];
         self.send(Request::get(path).query("at", query.at)).await
@@ -90,7 +90,7 @@ impl Client {
     }
 }
 
-/// How much of a belief is asked for, as a query has it.
+/// Name of a belief detail in a query.
 pub(crate) fn detail_name(detail: BeliefDetail) -> &'static str {
     match detail {
         BeliefDetail::Full => "full",

@@ -1,4 +1,4 @@
-//! Calls about keys: who is let in, and who changed what.
+//! API keys, robot names and the audit log.
 
 use palpate_schemas::{
     ApiKey, ApiKeyPage, AuditPage, AuditQuery, AuditRing, BindRobot, CreateKey, NewApiKey,
@@ -10,15 +10,15 @@ use crate::error::Error;
 use crate::request::Request;
 
 impl Client {
-    /// Whom the server takes this client for.
+    /// Returns the caller's key and role.
     ///
     /// # Errors
-    /// [`Error`]; status 401 when it is not let in.
+    /// [`Error`]; status 401 without a valid key.
     pub async fn whoami(&self) -> Result<Whoami, Error> {
         self.send(Request::get(["v1", "whoami"])).await
     }
 
-    /// A page of the keys.
+    /// Returns a page of the keys.
     ///
     /// # Errors
     /// [`Error`].
@@ -26,7 +26,7 @@ impl Client {
         self.send(Request::get(["v1", "keys"]).page(page)).await
     }
 
-    /// A key, by its id or name.
+    /// Returns a key, by id or name.
     ///
     /// # Errors
     /// [`Error`].
@@ -34,31 +34,31 @@ impl Client {
         self.send(Request::get(["v1", "keys", key])).await
     }
 
-    /// Makes a key; the answer holds its secret, this once.
+    /// Creates a key and returns its secret, once.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the name is taken.
+    /// [`Error`]; status 409 if the name is taken.
     pub async fn create_key(&self, key: &CreateKey) -> Result<NewApiKey, Error> {
         self.send(Request::post(["v1", "keys"]).json(key)).await
     }
 
-    /// Has a key refused from now on.
+    /// Revokes a key.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when it is the last admin's.
+    /// [`Error`]; status 409 for the last admin key.
     pub async fn revoke_key(&self, key: &str) -> Result<(), Error> {
         self.send_for_nothing(Request::delete(["v1", "keys", key])).await
     }
 
-    /// Gives a key a new secret; the answer holds it, this once.
+    /// Rotates a key's secret and returns the new one, once.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the key is refused already.
+    /// [`Error`]; status 409 if the key was revoked or has expired.
     pub async fn rotate_key(&self, key: &str, how: &RotateKey) -> Result<NewApiKey, Error> {
         self.send(Request::post(["v1", "keys", key, "rotate"]).json(how)).await
     }
 
-    /// A page of the names of robots that belong to keys.
+    /// Returns a page of the robot names that keys hold.
     ///
     /// # Errors
     /// [`Error`].
@@ -66,24 +66,24 @@ impl Client {
         self.send(Request::get(["v1", "robots"]).page(page)).await
     }
 
-    /// Gives a robot's name to a key, by the key's id or name.
+    /// Assigns a robot name to a key, given by id or name.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the key was revoked.
+    /// [`Error`]; status 409 if the key was revoked.
     pub async fn bind_robot(&self, robot: &str, key: &str) -> Result<Robot, Error> {
         let request = BindRobot { key: key.to_owned() };
         self.send(Request::put(["v1", "robots", robot]).json(&request)).await
     }
 
-    /// Releases a robot's name: it belongs to the key that uses it next.
+    /// Releases a robot name; the next key that uses it gets it.
     ///
     /// # Errors
-    /// [`Error`]; status 404 when it belongs to no key.
+    /// [`Error`]; status 404 if no key holds it.
     pub async fn release_robot(&self, robot: &str) -> Result<(), Error> {
         self.send_for_nothing(Request::delete(["v1", "robots", robot])).await
     }
 
-    /// A page of the audit log, newest first.
+    /// Returns a page of the audit log, newest first.
     ///
     /// # Errors
     /// [`Error`].

@@ -1,4 +1,4 @@
-//! Palpate's HTTP API from Rust: typed calls that try again where that is safe.
+//! Client of Palpate's HTTP API: typed calls, with retries where they are safe.
 //!
 //! A [`Client`] is cheap to clone and meant to be kept. Types of requests and answers are
 //! those of `palpate_schemas`, all SI, quaternions x, y, z, w. A robot opens a
@@ -52,7 +52,7 @@ mod touch_session;
 pub use client::{Client, ClientOptions};
 pub use error::Error;
 pub use events::Events;
-/// The types of requests and answers.
+/// Types of requests and answers.
 pub use palpate_schemas as schemas;
 pub use retry::RetryPolicy;
 pub use touch_session::{Touch, TouchSession};

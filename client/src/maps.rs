@@ -1,4 +1,4 @@
-//! Calls about trained maps of contact: shown, exported, merged.
+//! Contact maps: show, export, merge.
 
 use palpate_schemas::{CatalogueVersion, MergeMaps, OccupancyMap, PlyForm, SliceQuery};
 
@@ -7,11 +7,11 @@ use crate::error::Error;
 use crate::request::Request;
 
 impl Client {
-    /// The map of contact of one object of a version, with the log-odds of the slice that
-    /// `query` names. `object` is its id, or its name when it was trained.
+    /// Returns the contact map of an object of a version, with the log-odds of the slice in
+    /// `query`. `object` is its id, or its name when it was trained.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the version was trained without geometry.
+    /// [`Error`]; status 409 if the version was trained without geometry.
     pub async fn occupancy(
         &self,
         name: &str,
@@ -23,7 +23,7 @@ impl Client {
         self.send(request.query("slice", query.slice)).await
     }
 
-    /// The same map's slice as a PNG file; the one in the middle if `query` names none.
+    /// Returns a slice of the map as a PNG file; the middle one if `query` names none.
     ///
     /// # Errors
     /// As [`Client::occupancy`].
@@ -38,7 +38,7 @@ impl Client {
         self.send_for_file(request.query("slice", query.slice)).await
     }
 
-    /// The same map as a PLY file, in metres in the object frame.
+    /// Returns the map as a PLY file, in metres in the object frame.
     ///
     /// # Errors
     /// As [`Client::occupancy`].
@@ -57,10 +57,10 @@ impl Client {
         self.send_for_file(request.query("form", Some(form))).await
     }
 
-    /// Makes a version of a catalogue whose maps of contact hold another version's too.
+    /// Creates a version of a catalogue that merges the contact maps of two versions.
     ///
     /// # Errors
-    /// [`Error`]; status 422 names what does not fit.
+    /// [`Error`]; status 422 names what does not match.
     pub async fn merge_maps(
         &self,
         name: &str,

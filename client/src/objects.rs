@@ -1,4 +1,4 @@
-//! Calls about objects, their meshes and their training readings.
+//! Objects, their meshes and their training readings.
 
 use bytes::Bytes;
 use palpate_schemas::{
@@ -12,7 +12,7 @@ use crate::request::Request;
 use crate::retry::Repeat;
 
 impl Client {
-    /// Adds an object.
+    /// Creates an object.
     ///
     /// # Errors
     /// [`Error`].
@@ -20,7 +20,7 @@ impl Client {
         self.send(Request::post(["v1", "objects"]).json(object)).await
     }
 
-    /// A page of the objects.
+    /// Returns a page of the objects.
     ///
     /// # Errors
     /// [`Error`].
@@ -28,7 +28,7 @@ impl Client {
         self.send(Request::get(["v1", "objects"]).page(page)).await
     }
 
-    /// All objects, page after page.
+    /// Returns all objects, page by page.
     ///
     /// # Errors
     /// [`Error`].
@@ -44,7 +44,7 @@ impl Client {
         }
     }
 
-    /// An object by its id or name.
+    /// Returns an object, by id or name.
     ///
     /// # Errors
     /// [`Error`].
@@ -64,7 +64,7 @@ impl Client {
         self.send(Request::patch(["v1", "objects", object]).json(changes)).await
     }
 
-    /// Removes an object with its mesh and readings; trained versions keep what they know.
+    /// Deletes an object with its mesh and readings. Trained versions still recognise it.
     ///
     /// # Errors
     /// [`Error`].
@@ -72,7 +72,7 @@ impl Client {
         self.send_for_nothing(Request::delete(["v1", "objects", object])).await
     }
 
-    /// Makes a file the mesh of an object.
+    /// Uploads or replaces an object's mesh.
     ///
     /// # Errors
     /// [`Error`].
@@ -95,16 +95,16 @@ impl Client {
         self.send(request).await
     }
 
-    /// The file of an object's mesh, as it was put.
+    /// Returns the file of an object's mesh, as uploaded.
     ///
     /// # Errors
-    /// [`Error`]; status 404 when it has none.
+    /// [`Error`]; status 404 if it has none.
     pub async fn mesh(&self, object: &str) -> Result<Vec<u8>, Error> {
         self.send_for_file(Request::get(["v1", "objects", object, "mesh"])).await
     }
 
-    /// Adds 1 to 1000 training readings of an object. Repeated after a lost connection only
-    /// if every reading has its robot's number.
+    /// Adds 1 to 1000 training readings of an object. Retried after a lost connection only if every
+    /// reading has `robot` and `seq`.
     ///
     /// # Errors
     /// [`Error`].
@@ -119,7 +119,7 @@ impl Client {
         self.send(request).await
     }
 
-    /// A page of an object's training readings.
+    /// Returns a page of an object's training readings.
     ///
     /// # Errors
     /// [`Error`].
@@ -132,7 +132,7 @@ impl Client {
     }
 }
 
-/// Readings may be sent twice if each can be told from every other.
+/// Whether readings may be sent twice: only if each has an id.
 pub(crate) fn repeat_of(readings: &[Reading]) -> Repeat {
     let numbered = |reading: &Reading| reading.robot.is_some() && reading.seq.is_some();
     if readings.iter().all(numbered) { Repeat::Harmless } else { Repeat::Harmful }

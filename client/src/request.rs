@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::retry::Repeat;
 
-/// What is sent.
+/// Content of a request.
 #[derive(Clone, Debug)]
 pub(crate) enum Content {
     Nothing,
@@ -14,7 +14,7 @@ pub(crate) enum Content {
     Raw { media_type: &'static str, bytes: Bytes },
 }
 
-/// A request; its parts can be sent again.
+/// A request that can be sent repeatedly.
 #[derive(Clone, Debug)]
 pub(crate) struct Request {
     pub(crate) method: Method,
@@ -30,7 +30,7 @@ impl Request {
         Self::new(Method::GET, path, Repeat::Harmless)
     }
 
-    /// A write that says the whole, so that twice is as good as once.
+    /// A request that sets the whole state, so repeating it is harmless.
     pub(crate) fn put<'p>(path: impl IntoIterator<Item = &'p str>) -> Self {
         Self::new(Method::PUT, path, Repeat::Harmless)
     }
@@ -39,12 +39,12 @@ impl Request {
         Self::new(Method::POST, path, Repeat::Harmful)
     }
 
-    /// A change that says what the fields shall be, so that twice is as good as once.
+    /// A request that sets fields, so repeating it is harmless.
     pub(crate) fn patch<'p>(path: impl IntoIterator<Item = &'p str>) -> Self {
         Self::new(Method::PATCH, path, Repeat::Harmless)
     }
 
-    /// Not repeated after an unknown outcome: the second answer would be "not found".
+    /// A request not repeated after an unknown outcome: the second answer would be "not found".
     pub(crate) fn delete<'p>(path: impl IntoIterator<Item = &'p str>) -> Self {
         Self::new(Method::DELETE, path, Repeat::Harmful)
     }
@@ -81,7 +81,7 @@ impl Request {
         self
     }
 
-    /// Where it goes. Names in paths and queries are escaped.
+    /// URL of the request, with escaped names.
     pub(crate) fn url(&self, server: &Url) -> Url {
         let mut url = server.clone();
         url.path_segments_mut()

@@ -1,9 +1,9 @@
-//! When a call is made again: only if that cannot do its work twice.
+//! Retries: only where they cannot do the work twice.
 //!
-//! What may be repeated (reads, writes that say the whole, readings with their robot's
-//! number) is repeated after lost connections, time-outs, 429, 502, 503 and 504. Everything
-//! else only when the server surely did not do it: no connection, or refused with 429 or 503.
-//! The server's `Retry-After` takes precedence over the growing pause.
+//! Repeatable calls (reads, writes of a whole state, readings with ids) are retried after lost
+//! connections, time-outs, 429, 502, 503 and 504. All others are retried only if the server
+//! certainly did nothing: no connection, or a refusal with 429 or 503. The server's `Retry-After`
+//! takes precedence over the growing pause.
 
 use std::time::Duration;
 
@@ -12,14 +12,14 @@ use palpate_schemas::ProblemType;
 
 use crate::error::Error;
 
-/// How often and how patiently calls are made again.
+/// Number of attempts and pauses between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RetryPolicy {
-    /// How often a call is made at most; 1 never tries again.
+    /// Maximum number of attempts; 1 disables retries.
     pub attempts_max: usize,
-    /// The pause before the second attempt; it doubles from then on, with jitter.
+    /// Pause before the second attempt; it doubles from then on, with jitter.
     pub pause_min: Duration,
-    /// The longest pause; a server that asks for a longer one is not asked again.
+    /// Longest pause. If the server asks for a longer one, the call fails.
     pub pause_max: Duration,
 }
 
@@ -34,7 +34,7 @@ impl Default for RetryPolicy {
 }
 
 impl RetryPolicy {
-    /// Every call is made once.
+    /// A policy without retries.
     #[must_use]
     pub fn never() -> Self {
         Self { attempts_max: 1, ..Self::default() }
@@ -48,7 +48,7 @@ impl RetryPolicy {
             .with_jitter()
     }
 
-    /// The pause before the next attempt: the server's wish, if it is not too long.
+    /// Pause before the next attempt: the server's, unless it is too long.
     pub(crate) fn pause(&self, error: &Error, planned: Option<Duration>) -> Option<Duration> {
         let planned = planned?;
         match error.retry_after() {
@@ -59,16 +59,16 @@ impl RetryPolicy {
     }
 }
 
-/// Whether doing a call twice differs from doing it once.
+/// Whether repeating a call is harmless.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Repeat {
-    /// Twice is as good as once.
+    /// Repeating it changes nothing.
     Harmless,
-    /// Twice would do it twice.
+    /// Repeating it does the work twice.
     Harmful,
 }
 
-/// Whether a call that failed is to be made again.
+/// Whether a failed call should be retried.
 pub(crate) fn is_worth_repeating(error: &Error, repeat: Repeat) -> bool {
     // A closing server or a store that takes no writes will not be better in a moment.
     if error.kind() == Some(ProblemType::Unavailable) && error.retry_after().is_none() {

@@ -1,4 +1,4 @@
-//! Calls about sensors.
+//! Sensors and coverings.
 
 use palpate_schemas::{
     AnalyseCoverings, CalibrateSensor, CalibrationQuery, CoveringAnalysis, CreateSensor, PageQuery,
@@ -11,7 +11,7 @@ use crate::request::Request;
 use crate::retry::Repeat;
 
 impl Client {
-    /// Adds a sensor.
+    /// Creates a sensor.
     ///
     /// # Errors
     /// [`Error`].
@@ -19,7 +19,7 @@ impl Client {
         self.send(Request::post(["v1", "sensors"]).json(sensor)).await
     }
 
-    /// A page of the sensors.
+    /// Returns a page of the sensors.
     ///
     /// # Errors
     /// [`Error`].
@@ -27,7 +27,7 @@ impl Client {
         self.send(Request::get(["v1", "sensors"]).page(page)).await
     }
 
-    /// A sensor by its id or name.
+    /// Returns a sensor, by id or name.
     ///
     /// # Errors
     /// [`Error`].
@@ -35,15 +35,15 @@ impl Client {
         self.send(Request::get(["v1", "sensors", sensor])).await
     }
 
-    /// Deletes a sensor that nothing needs.
+    /// Deletes a sensor.
     ///
     /// # Errors
-    /// [`Error`]; status 409 while something needs it.
+    /// [`Error`]; status 409 while something uses it.
     pub async fn delete_sensor(&self, sensor: &str) -> Result<(), Error> {
         self.send_for_nothing(Request::delete(["v1", "sensors", sensor])).await
     }
 
-    /// Asks how the server understands a reading; nothing is stored.
+    /// Returns the server's interpretation of a reading. Nothing is stored.
     ///
     /// # Errors
     /// [`Error`].
@@ -56,7 +56,7 @@ impl Client {
         self.send(request.repeat(Repeat::Harmless)).await
     }
 
-    /// Calibrates a sensor: readings that come after it are corrected.
+    /// Calibrates a sensor. The calibration applies to readings received after it.
     ///
     /// # Errors
     /// [`Error`].
@@ -68,7 +68,7 @@ impl Client {
         self.send(Request::post(["v1", "sensors", sensor, "calibration"]).json(indentations)).await
     }
 
-    /// A sensor's calibration, the newest if no number is asked for.
+    /// Returns a calibration of a sensor; the newest if `query` has no number.
     ///
     /// # Errors
     /// [`Error`].
@@ -81,7 +81,7 @@ impl Client {
         self.send(request.query("number", query.number)).await
     }
 
-    /// Compares coverings; nothing is stored.
+    /// Compares coverings. Nothing is stored.
     ///
     /// # Errors
     /// [`Error`].

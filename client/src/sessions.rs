@@ -1,4 +1,4 @@
-//! Calls about sessions: readings in, beliefs out.
+//! Sessions: readings in, beliefs out.
 
 use palpate_schemas::{
     AddReadings, AskNextTouches, Belief, BeliefQuery, CloseSession, CreateSession, ExtendSession,
@@ -15,7 +15,7 @@ use crate::request::Request;
 use crate::retry::Repeat;
 
 impl Client {
-    /// Begins a session.
+    /// Creates a session.
     ///
     /// # Errors
     /// [`Error`].
@@ -23,7 +23,7 @@ impl Client {
         self.send(Request::post(["v1", "sessions"]).json(session)).await
     }
 
-    /// A page of the sessions.
+    /// Returns a page of the sessions.
     ///
     /// # Errors
     /// [`Error`].
@@ -36,17 +36,17 @@ impl Client {
         self.send(Request::get(["v1", "sessions"]).page(&page).query("state", state)).await
     }
 
-    /// Keeps a session open for so many seconds from now on, though nothing comes.
+    /// Keeps a session open for `seconds` from now without new readings.
     ///
     /// # Errors
-    /// [`Error`]; status 410 when it has ended.
+    /// [`Error`]; status 410 if it has ended.
     pub async fn extend_session(&self, id: Uuid, seconds: u32) -> Result<Session, Error> {
         let path = ["v1", "sessions", &id.to_string(), "lease"];
         let asked = ExtendSession { seconds };
         self.send(Request::post(path).json(&asked).repeat(Repeat::Harmless)).await
     }
 
-    /// A session.
+    /// Returns a session.
     ///
     /// # Errors
     /// [`Error`].
@@ -54,7 +54,7 @@ impl Client {
         self.send(Request::get(["v1", "sessions", &id.to_string()])).await
     }
 
-    /// Closes a session; its belief can still be read.
+    /// Closes a session. Its belief can still be read.
     ///
     /// # Errors
     /// [`Error`].
@@ -62,11 +62,11 @@ impl Client {
         self.close_session_with(id, &CloseSession::default()).await
     }
 
-    /// Closes a session, also one that has ended, and says what its object was: the session's
-    /// `truth` tells how right its belief was.
+    /// Closes a session and reports its true object, even after its end. The session's `truth`
+    /// holds the result.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when something else was said before.
+    /// [`Error`]; status 409 if another truth is already recorded.
     pub async fn close_session_with(
         &self,
         id: Uuid,
@@ -76,7 +76,7 @@ impl Client {
         self.send(Request::post(path).json(truth).repeat(Repeat::Harmless)).await
     }
 
-    /// Removes a session with its readings.
+    /// Deletes a session with its readings.
     ///
     /// # Errors
     /// [`Error`].
@@ -84,8 +84,8 @@ impl Client {
         self.send_for_nothing(Request::delete(["v1", "sessions", &id.to_string()])).await
     }
 
-    /// Adds 1 to 1000 readings and answers the belief after them. Repeated after a lost
-    /// connection only if every reading has its robot's number.
+    /// Adds 1 to 1000 readings and returns the belief after them. Retried after a lost connection
+    /// only if every reading has `robot` and `seq`.
     ///
     /// # Errors
     /// [`Error`].
@@ -103,7 +103,7 @@ impl Client {
         self.send(request).await
     }
 
-    /// What is known of a session's object, or was at its revision `query.at`.
+    /// Returns the belief of a session, now or at revision `query.at`.
     ///
     /// # Errors
     /// [`Error`].
@@ -112,11 +112,10 @@ impl Client {
         self.send(Request::get(path).query("poses", query.poses).query("at", query.at)).await
     }
 
-    /// How probable each value of each coordinate of an object's pose is; of the likeliest
-    /// object if `query` names none.
+    /// Returns the marginals of an object's pose; of the likeliest object if `query` names none.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the session's method keeps no probabilities of poses.
+    /// [`Error`]; status 409 if the session's method has no pose distribution.
     pub async fn marginals(
         &self,
         session: Uuid,
@@ -126,11 +125,11 @@ impl Client {
         self.send(Request::get(path).query("object", query.object.as_ref())).await
     }
 
-    /// Where to touch next: the robot's candidates, or the service's own, best first.
+    /// Ranks the next touches: the robot's candidates, or approaches that the service generates.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the session's method does not say, or nothing was touched
-    /// yet and no workspace is given.
+    /// [`Error`]; status 409 if the session's method cannot, or if there is neither a touch nor a
+    /// workspace yet.
     pub async fn next_touches(
         &self,
         session: Uuid,

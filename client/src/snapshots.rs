@@ -1,4 +1,4 @@
-//! Snapshots: all that a server has stored, as a stream of bytes.
+//! Snapshots: everything a server has stored, as a stream of bytes.
 
 use bytes::Bytes;
 use futures::stream::BoxStream;
@@ -9,11 +9,11 @@ use crate::error::Error;
 use crate::request::Request;
 
 impl Client {
-    /// Takes a snapshot and gives its bytes as they come. It is whole when the stream has ended
-    /// without an error, and `palpate snapshot verify` says so.
+    /// Takes a snapshot and streams its bytes. It is complete when the stream ends without an error
+    /// and `palpate snapshot verify` accepts it.
     ///
     /// # Errors
-    /// [`Error`]; status 503 while another one is taken.
+    /// [`Error`]; status 503 while the maximum number of snapshots is in progress.
     pub async fn snapshot(&self) -> Result<BoxStream<'static, Result<Bytes, Error>>, Error> {
         let request = Request::post(["v1", "snapshots"]);
         let url = self.url(&request).to_string();

@@ -1,27 +1,27 @@
-//! Stamps of a robot's readings by this computer's clock: they rise, also where the clock does
-//! not, and a reading that is sent again keeps its own.
+//! Stamps of a robot's readings by this computer's clock. They always increase, even if the clock
+//! does not, and a repeated reading keeps its stamp.
 
 use std::time::{Duration, SystemTime};
 
 use palpate_schemas::Stamp;
 
-/// The stamps of one robot.
+/// Stamps of one robot.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stamps {
-    /// Since 1970: the newest stamp, and the number of the reading that has it.
+    /// The newest stamp since 1970, and the number of its reading.
     newest: Duration,
     given_to: Option<u64>,
 }
 
 impl Stamps {
-    /// The stamp of the reading of a number.
+    /// Stamp of the reading with a number.
     pub(crate) fn of(&mut self, seq: u64) -> Stamp {
         // A clock before 1970 stands still; the stamps rise all the same.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         self.at(seq, now.unwrap_or_default())
     }
 
-    /// The same by a clock that shows `now` since 1970.
+    /// Stamp of the reading with a number, given the time since 1970.
     fn at(&mut self, seq: u64, now: Duration) -> Stamp {
         if self.given_to != Some(seq) {
             self.newest = now.max(self.newest + Duration::from_nanos(1));
@@ -30,7 +30,7 @@ impl Stamps {
         Stamp { sec: self.newest.as_secs(), nanosec: self.newest.subsec_nanos() }
     }
 
-    /// The newest stamp's reading was not stored: another one gets its number.
+    /// Drops the newest stamp because its reading was not stored and its number will be reused.
     pub(crate) fn forget(&mut self) {
         self.given_to = None;
     }

@@ -1,6 +1,6 @@
-//! A robot's part in a session: it numbers the robot's readings, so that a reading that is
-//! sent again after a lost connection is not counted twice, and stamps them, so that readings
-//! of several robots are folded in the order in which they were taken.
+//! A robot's part in a session. It numbers the robot's readings, so that a repeated reading is not
+//! counted twice, and stamps them, so that the readings of several robots are folded in the order
+//! in which they were taken.
 
 use palpate_schemas::{
     AddReadings, AskNextTouches, Belief, BeliefDetail, CreateSession, NextTouches, Pose, Reading,
@@ -12,7 +12,7 @@ use crate::client::Client;
 use crate::error::Error;
 use crate::stamps::Stamps;
 
-/// One robot's readings of one session.
+/// One robot's readings in one session.
 #[derive(Clone, Debug)]
 pub struct TouchSession {
     client: Client,
@@ -22,25 +22,25 @@ pub struct TouchSession {
     stamps: Stamps,
 }
 
-/// One press as a robot made it.
+/// One press.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Touch {
-    /// The sensor's id or name.
+    /// Id or name of the sensor.
     pub sensor: String,
-    /// `session_from_sensor`; `None` where the session's method needs none.
+    /// `session_from_sensor`; `None` if the session's method needs no poses.
     pub pose: Option<Pose>,
     /// Pressures in pascal, as the driver sends them.
     pub image: Vec<Option<f64>>,
-    /// How far the sensor came along its +z with nothing in touch, metres: worth saying above
-    /// all of a press that met nothing.
+    /// Distance in metres that the sensor travelled along its +z without contact; important for a
+    /// press that met nothing.
     pub approach_m: Option<f64>,
-    /// When it was taken, by a clock that all robots of the session share, such as the simulated
-    /// time; this computer's clock when not given. Sent as it is: let it rise with every touch.
+    /// When the press was made, by a clock shared by all robots of the session, such as the
+    /// simulated time. It must increase with every touch. Default: this computer's clock.
     pub stamp: Option<Stamp>,
 }
 
 impl Client {
-    /// Begins a session for one robot. `robot` is its name, at most 64 bytes.
+    /// Creates a session for one robot. `robot` is its name, at most 64 bytes.
     ///
     /// # Errors
     /// [`Error`].
@@ -55,31 +55,30 @@ impl Client {
 }
 
 impl TouchSession {
-    /// Joins a session that exists; `next_seq` is the robot's next number in it.
+    /// Joins an existing session; `next_seq` is the robot's next number in it.
     #[must_use]
     pub fn join(client: Client, session: Session, robot: &str, next_seq: u64) -> Self {
         let stamps = Stamps::default();
         Self { client, session, robot: robot.to_owned(), next_seq, stamps }
     }
 
-    /// The session as it was when it began or was joined.
+    /// The session as it was when it was created or joined.
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// The session's id.
+    /// Id of the session.
     #[must_use]
     pub fn id(&self) -> Uuid {
         self.session.id
     }
 
-    /// Sends one press and answers the belief after it. `sensor` is an id or a name, `pose`
-    /// is `session_from_sensor` (`None::<Pose>` where the session's method needs none),
-    /// `image` in pascal as the driver sends it.
+    /// Sends one press and returns the belief after it. `sensor` is an id or a name, `pose` is
+    /// `session_from_sensor` (`None::<Pose>` if the session's method needs none), `image` in pascal
+    /// as the driver sends it.
     ///
-    /// A call that fails may be made again with the same arguments: it has the same number and
-    /// stamp.
+    /// A failed call may be repeated with the same arguments: it keeps its number and stamp.
     ///
     /// # Errors
     /// [`Error`].
@@ -92,8 +91,8 @@ impl TouchSession {
         self.touch_after(sensor, pose, image, None).await
     }
 
-    /// As [`TouchSession::touch`], after a way of `approach_m` metres along the sensor's +z on
-    /// which nothing touched: worth saying above all of a press that met nothing.
+    /// Like [`TouchSession::touch`], after `approach_m` metres of travel along the sensor's +z
+    /// without contact; important for a press that met nothing.
     ///
     /// # Errors
     /// [`Error`].
@@ -108,8 +107,7 @@ impl TouchSession {
         self.send(Touch { sensor, pose, image, approach_m, stamp: None }).await
     }
 
-    /// Sends one press and answers the belief after it; as [`TouchSession::touch`], with all
-    /// that can be said of a press.
+    /// Like [`TouchSession::touch`], with all properties of a press.
     ///
     /// # Errors
     /// [`Error`].
@@ -149,7 +147,7 @@ impl TouchSession {
         }
     }
 
-    /// Where to touch next, best first.
+    /// Ranks the next touches.
     ///
     /// # Errors
     /// [`Error`]; status 409 as in [`Client::next_touches`].
@@ -157,7 +155,7 @@ impl TouchSession {
         self.client.next_touches(self.id(), question).await
     }
 
-    /// What is known of the object now.
+    /// Returns the current belief.
     ///
     /// # Errors
     /// [`Error`].

@@ -1,4 +1,4 @@
-//! Calls about catalogues, their versions, and the jobs that train them.
+//! Catalogues, versions and training jobs.
 
 use palpate_schemas::{
     AppearanceReport, Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage,
@@ -12,7 +12,7 @@ use crate::request::Request;
 use crate::retry::Repeat;
 
 impl Client {
-    /// A page of the catalogues.
+    /// Returns a page of the catalogues.
     ///
     /// # Errors
     /// [`Error`].
@@ -20,7 +20,7 @@ impl Client {
         self.send(Request::get(["v1", "catalogues"]).page(page)).await
     }
 
-    /// A catalogue.
+    /// Returns a catalogue.
     ///
     /// # Errors
     /// [`Error`].
@@ -28,25 +28,25 @@ impl Client {
         self.send(Request::get(["v1", "catalogues", name])).await
     }
 
-    /// Deletes a catalogue that nothing needs, with all its versions.
+    /// Deletes a catalogue with all its versions.
     ///
     /// # Errors
-    /// [`Error`]; status 409 while something needs it.
+    /// [`Error`]; status 409 while something uses it.
     pub async fn delete_catalogue(&self, name: &str) -> Result<(), Error> {
         self.send_for_nothing(Request::delete(["v1", "catalogues", name])).await
     }
 
-    /// Deletes a version that nothing needs.
+    /// Deletes a version.
     ///
     /// # Errors
-    /// [`Error`]; status 409 while something needs it.
+    /// [`Error`]; status 409 while something uses it.
     pub async fn delete_version(&self, name: &str, version: u32) -> Result<(), Error> {
         let version = version.to_string();
         let path = ["v1", "catalogues", name, "versions", &version];
         self.send_for_nothing(Request::delete(path)).await
     }
 
-    /// A page of a catalogue's versions.
+    /// Returns a page of a catalogue's versions.
     ///
     /// # Errors
     /// [`Error`].
@@ -58,7 +58,7 @@ impl Client {
         self.send(Request::get(["v1", "catalogues", name, "versions"]).page(page)).await
     }
 
-    /// A version of a catalogue, with its report.
+    /// Returns a version of a catalogue, with its report.
     ///
     /// # Errors
     /// [`Error`].
@@ -71,10 +71,10 @@ impl Client {
         self.send(Request::get(["v1", "catalogues", name, "versions", &version])).await
     }
 
-    /// What held-back readings say of a version's appearance.
+    /// Returns the appearance report of a version.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when the version was trained without appearance.
+    /// [`Error`]; status 409 if the version was trained without appearance.
     pub async fn appearance_report(
         &self,
         name: &str,
@@ -85,7 +85,7 @@ impl Client {
         self.send(Request::get(path)).await
     }
 
-    /// The trained map of one object of a version, with a page of its patches. `object` is
+    /// Returns the trained map of an object of a version, with a page of its patches. `object` is
     /// its id, or its name when it was trained.
     ///
     /// # Errors
@@ -102,19 +102,18 @@ impl Client {
         self.send(Request::get(path).page(page)).await
     }
 
-    /// Which version of a catalogue new sessions use.
+    /// Returns the version that new sessions use.
     ///
     /// # Errors
-    /// [`Error`]; status 409 while there is none.
+    /// [`Error`]; status 409 if there is none.
     pub async fn current_version(&self, name: &str) -> Result<CurrentVersion, Error> {
         self.send(Request::get(["v1", "catalogues", name, "current"])).await
     }
 
-    /// Makes a version the one that new sessions use, if the current one is still of
-    /// `revision`.
+    /// Makes a version current if the current one still has `revision`.
     ///
     /// # Errors
-    /// [`Error`]; status 412 when somebody has switched in between.
+    /// [`Error`]; status 412 if it has changed meanwhile.
     pub async fn set_current_version(
         &self,
         name: &str,
@@ -129,7 +128,7 @@ impl Client {
         self.send(request).await
     }
 
-    /// Asks for a training; the answer is the job that does it.
+    /// Starts a training and returns its job.
     ///
     /// # Errors
     /// [`Error`].
@@ -142,7 +141,7 @@ impl Client {
         self.send(request).await
     }
 
-    /// A page of the jobs.
+    /// Returns a page of the jobs.
     ///
     /// # Errors
     /// [`Error`].
@@ -150,7 +149,7 @@ impl Client {
         self.send(Request::get(["v1", "jobs"]).page(page)).await
     }
 
-    /// A job.
+    /// Returns a job.
     ///
     /// # Errors
     /// [`Error`].
@@ -158,10 +157,10 @@ impl Client {
         self.send(Request::get(["v1", "jobs", &id.to_string()])).await
     }
 
-    /// Asks a job to stop; it does so shortly.
+    /// Cancels a job, which ends shortly after.
     ///
     /// # Errors
-    /// [`Error`]; status 409 when it has ended.
+    /// [`Error`]; status 409 if it has already ended.
     pub async fn cancel_job(&self, id: Uuid) -> Result<Job, Error> {
         self.send(Request::post(["v1", "jobs", &id.to_string(), "cancel"])).await
     }

@@ -233,7 +233,7 @@ async fn a_silent_server_runs_into_the_time_out() {
 
 #[tokio::test]
 async fn the_servers_words_are_kept() {
-    let problem = r#"{"type":"urn:palpate:problem:invalid-value","title":"A value is wrong",
+    let problem = r#"{"type":"urn:palpate:problem:invalid-value","title":"Invalid value",
         "status":422,"detail":"name is empty","instance":"/v1/objects","request_id":"r1",
         "errors":[{"pointer":"/name","detail":"expected 1 to 64 letters"}]}"#;
     let (client, count) =

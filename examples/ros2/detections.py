@@ -1,29 +1,28 @@
 """A belief of Palpate as `vision_msgs/Detection3DArray`: plain dictionaries with its fields.
 
-A session is about one object, so an array has one detection; its `results` are the hypotheses of
-what it is and where, likeliest first. Both sides are right-handed, in metres and radians, with
-quaternions x, y, z, w, and both order a 6 x 6 covariance x, y, z, rotation about x, y, z: numbers
-pass as they are. Not here: ROS (`palpate_node`), HTTP (`palpate_http`).
+A session is one object, so an array has one detection; its `results` are the hypotheses of object
+and pose, likeliest first. Both sides are right-handed, in metres and radians, with quaternions
+x, y, z, w and a 6 x 6 covariance in the order x, y, z, rotation about x, y, z, so numbers are
+copied unchanged. Not here: ROS (`palpate_node`), HTTP (`palpate_http`).
 """
 
 from symmetry import orbit, rotate
 
 UNKNOWN = "unknown"
-"""The class of what is none of the catalogue's objects."""
+"""Class of an object that is not in the catalogue."""
 
 NO_POSE_VARIANCE = 1e6
-"""The variance (m², rad²) on the diagonal of a pose of which nothing is known."""
+"""Variance (m², rad²) on the diagonal of an unknown pose."""
 
 
 def detection_array(belief, frame_id, stamp, boxes=None, orbits=False, probability_min=0.001):
-    """The message of a belief: a dictionary with the fields of Detection3DArray.
+    """Converts a belief to a dictionary with the fields of Detection3DArray.
 
-    `frame_id` is the session's frame, in which all poses are; `stamp` a dictionary of `sec` and
-    `nanosec`, that of the newest reading. `boxes` maps object ids to (low, high), the corners of
-    the object's box in the object frame, in metres; a size of zeros means that it is not known.
-    With `orbits` every pose that looks the same as another by the object's symmetry becomes a
-    result of its own, which share the hypothesis's score. What is less probable than
-    `probability_min` is left out.
+    `frame_id` is the session's frame, in which all poses are given; `stamp` is a dictionary of
+    `sec` and `nanosec`, that of the newest reading. `boxes` maps object ids to (low, high), the
+    corners of the object's bounding box in the object frame, in metres; size zero means unknown.
+    With `orbits`, each pose equivalent under the object's symmetry becomes a result of its own,
+    and they share the hypothesis's score. Results below `probability_min` are dropped.
     """
     header = {"stamp": dict(stamp), "frame_id": frame_id}
     results = [r for r in _results(belief, orbits) if r["hypothesis"]["score"] >= probability_min]
@@ -72,7 +71,7 @@ def _pose(pose):
 
 
 def _box(belief, boxes):
-    """BoundingBox3D of the likeliest hypothesis: its box in its pose."""
+    """BoundingBox3D of the likeliest hypothesis."""
     nothing = {
         "center": _pose({"position": [0.0] * 3, "orientation": [0.0, 0.0, 0.0, 1.0]}),
         "size": {"x": 0.0, "y": 0.0, "z": 0.0},

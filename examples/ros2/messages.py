@@ -1,8 +1,8 @@
-"""Fills a ROS message from a dictionary of its fields; knows no message by name."""
+"""Fills any ROS message from a dictionary of its fields."""
 
 
 def fill(message, fields, types):
-    """The message with these fields. `types` says of which type the items of a list are."""
+    """Fills a message and returns it. `types` gives the item type of each list field."""
     for name, value in fields.items():
         if isinstance(value, dict):
             fill(getattr(message, name), value, types)

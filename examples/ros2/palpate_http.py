@@ -1,7 +1,7 @@
-"""The few calls to Palpate that the node makes, with what Python brings along.
+"""The calls to Palpate that the node makes, with the standard library alone.
 
-A client that is generated (docs/clients.md) does the same with types; here nothing needs to be
-installed on a robot.
+A generated client (docs/clients.md) offers the same with types; this one needs no installation
+on a robot.
 """
 
 import json
@@ -16,7 +16,7 @@ RETRY_AFTER_S = 1.0
 
 
 class Refused(Exception):
-    """What the server said no to: its problem (RFC 9457) as `problem`."""
+    """A refused request, with the problem document (RFC 9457) as `problem`."""
 
     def __init__(self, problem):
         fields = "; ".join(f"{e['pointer']}: {e['detail']}" for e in problem.get("errors", []))
@@ -25,29 +25,29 @@ class Refused(Exception):
 
 
 class Palpate:
-    """A server at a URL, and the key that it asks for, if it does."""
+    """A server at a URL, with a key if it requires one."""
 
     def __init__(self, url, key=None, timeout=10.0):
         self.url, self.timeout = url.rstrip("/"), timeout
         self.headers = {"authorization": f"Bearer {key}"} if key else {}
 
     def open_session(self, frame_id, **options):
-        """The id of a new session whose sensor poses are given in `frame_id`."""
+        """Starts a session with sensor poses in `frame_id` and returns its id."""
         return self._json("POST", "/v1/sessions", {"frame_id": frame_id, **options})["id"]
 
     def add_readings(self, session, readings):
-        """The belief after these readings. Sent again they count once, by robot and seq."""
+        """Adds readings and returns the belief. Repeated readings count once, by robot and seq."""
         path = f"/v1/sessions/{session}/readings"
         return self._json("POST", path, {"readings": readings})["belief"]
 
     def close_session(self, session):
-        """Ends a session; it keeps its belief and takes no more readings."""
+        """Closes a session. Its belief can still be read."""
         return self._json("POST", f"/v1/sessions/{session}/close")
 
     def boxes(self, session):
-        """Corners (low, high) in the object frame of each of the session's objects, in metres.
+        """Returns the bounding box (low, high) of each object in the object frame, in metres.
 
-        From the meshes that are binary STL; others are left out.
+        Only objects with a binary STL mesh are included.
         """
         session = self._json("GET", f"/v1/sessions/{session}")
         name = urllib.parse.quote(session["catalogue"])
@@ -99,7 +99,7 @@ class Palpate:
 
 
 def stl_box(stl):
-    """The corners (low, high) of a binary STL file, in its unit; None of any other file."""
+    """Returns the corners (low, high) of a binary STL file, in its unit; None for other files."""
     if len(stl) < 84 or len(stl) != 84 + 50 * struct.unpack_from("<I", stl, 80)[0]:
         return None
     corners = [

@@ -1,14 +1,14 @@
-"""A ROS 2 node that sends tactile readings to Palpate and publishes what it believes.
+"""A ROS 2 node that sends tactile readings to Palpate and publishes its beliefs.
 
-Subscribes `tactile` (std_msgs/Float64MultiArray: pressures in Pa, row by row, one message a
+Subscribes `tactile` (std_msgs/Float64MultiArray: pressures in Pa, row by row, one message per
 press), looks up the sensor's pose in `frame_id` by tf2, posts both as a reading, and publishes
 `detections` (vision_msgs/Detection3DArray). The service `~/new_object` (std_srvs/Trigger) closes
-the session: the next reading begins a new one.
+the session; the next reading starts a new one.
 
     python3 palpate_node.py --ros-args -p server:=http://127.0.0.1:7411 -p frame_id:=base_link \
         -p sensor_frame:=tactile_link -p sensor:=digitacts-6x6 -p robot:=arm-3
 
-Only this file needs ROS (rclpy, tf2_ros, vision_msgs, std_srvs): what it maps is in `detections`.
+Only this file needs ROS (rclpy, tf2_ros, vision_msgs, std_srvs); the mapping is in `detections`.
 """
 
 import os
@@ -35,10 +35,10 @@ PARAMETERS = {
     "catalogue": "default",
     "orbits": False,
 }
-"""The node's parameters and what they are when not given. The key is in PALPATE_KEY."""
+"""The node's parameters and their defaults. The key is in PALPATE_KEY."""
 
 TYPES = {"detections": Detection3D, "results": ObjectHypothesisWithPose}
-"""What the lists of the message hold."""
+"""Item types of the message's lists."""
 
 
 class PalpateNode(Node):
@@ -61,7 +61,7 @@ class PalpateNode(Node):
         return self.get_parameter(name).value
 
     def press(self, message):
-        """Sends one press with the sensor's pose, publishes the belief after it."""
+        """Sends one press with the sensor's pose and publishes the belief after it."""
         try:
             found = self.buffer.lookup_transform(
                 self.value("frame_id"), self.value("sensor_frame"), Time()
@@ -76,7 +76,7 @@ class PalpateNode(Node):
         self.publisher.publish(fill(Detection3DArray(), answer, TYPES))
 
     def send(self, message, found):
-        """The belief after one press. A session begins with its first."""
+        """Returns the belief after one press. The first press starts a session."""
         if self.session is None:
             options = {"catalogue": self.value("catalogue")}
             self.session = self.palpate.open_session(self.value("frame_id"), **options)
@@ -95,7 +95,7 @@ class PalpateNode(Node):
             raise
 
     def new_object(self, _request, response):
-        """Closes the session: what is touched next is another object."""
+        """Closes the session; the next press touches another object."""
         try:
             if self.session is not None:
                 self.palpate.close_session(self.session)
@@ -106,12 +106,12 @@ class PalpateNode(Node):
 
 
 def stamp_of(found):
-    """The time of a transform as Palpate writes it."""
+    """The time of a transform in the API's format."""
     return {"sec": found.header.stamp.sec, "nanosec": found.header.stamp.nanosec}
 
 
 def main():
-    """Runs the node until it is told to stop."""
+    """Runs the node until it is stopped."""
     rclpy.init()
     node = PalpateNode()
     try:

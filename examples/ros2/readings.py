@@ -1,12 +1,12 @@
-"""One press as a reading of Palpate, from what ROS knows of it. Knows no ROS."""
+"""Builds a reading of Palpate from values of ROS messages, without ROS."""
 
 import math
 
 
 def reading(robot, seq, sensor, frame_id, stamp, position, orientation, pressures):
-    """A reading: `position` (m) and `orientation` (x, y, z, w) are `session_from_sensor`, as tf2
-    answers for the sensor's frame in `frame_id`; `pressures` in Pa, in the driver's order, NaN
-    where a taxel has no value; `stamp` a dictionary of `sec` and `nanosec`.
+    """Returns a reading. `position` (m) and `orientation` (x, y, z, w) are `session_from_sensor`,
+    the tf2 transform of the sensor's frame in `frame_id`; `pressures` are in Pa, in the driver's
+    order, NaN for a taxel without a value; `stamp` is a dictionary of `sec` and `nanosec`.
     """
     return {
         "robot": robot,

@@ -1,21 +1,21 @@
-"""The poses of an object that look the same: turns about its axes of symmetry.
+"""Poses equivalent under an object's symmetry: rotations about its axes.
 
-An axis has a point, a direction of norm 1, both in the frame of the pose, and an order: how many
-equal turns make a full one, None when every turn leaves the object as it is. Such an axis gives
-`TURNS_OF_CONTINUOUS` poses. Several axes are combined, up to `POSES_MAX` poses.
+An axis has a point, a unit direction, both in the frame of the pose, and an order, None for full
+rotational symmetry, which gives `TURNS_OF_CONTINUOUS` poses. Several axes are combined, up to
+`POSES_MAX` poses.
 """
 
 import math
 
 TURNS_OF_CONTINUOUS = 12
-"""How many poses stand for all turns about an axis of which every turn looks the same."""
+"""Number of poses that represent all rotations about an axis of full symmetry."""
 
 POSES_MAX = 144
-"""Where the list ends: 12 turns about one axis by 12 about another."""
+"""Maximum number of poses: 12 rotations about one axis times 12 about another."""
 
 
 def orbit(pose, axes):
-    """The pose and all others that look the same by these axes, itself first, each once."""
+    """Returns the pose and all equivalent poses, each once."""
     found = [pose]
     for pose in found:
         for axis in axes:
@@ -38,14 +38,14 @@ def _turns(pose, axis):
 
 
 def _same(a, b):
-    """Whether two poses are one: to a micrometre and about a thousandth of a degree."""
+    """Whether two poses are equal to a micrometre and about a thousandth of a degree."""
     near = all(abs(p - q) < 1e-6 for p, q in zip(a["position"], b["position"]))
     cosine = abs(sum(p * q for p, q in zip(a["orientation"], b["orientation"])))
     return near and cosine > 1 - 1e-10
 
 
 def multiply(a, b):
-    """The product of two quaternions (x, y, z, w): first turned by `b`, then by `a`."""
+    """The product of two quaternions (x, y, z, w): first `b`, then `a`."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return [
@@ -57,7 +57,7 @@ def multiply(a, b):
 
 
 def rotate(quaternion, vector):
-    """A vector turned by a unit quaternion (x, y, z, w)."""
+    """Rotates a vector by a unit quaternion (x, y, z, w)."""
     x, y, z, w = quaternion
     turned = multiply(multiply(quaternion, [*vector, 0.0]), [-x, -y, -z, w])
     return turned[:3]

@@ -1,8 +1,9 @@
-//! What hostile bytes go through: one function a target, as `cargo fuzz` and the tests call it.
+//! Fuzz targets: one function for each parser of hostile bytes, called by `cargo fuzz` and
+//! the tests.
 //!
-//! Each takes any bytes and panics when something is wrong: the parser's own panics, and
-//! promises that it breaks (what it accepts must be whole, and read back as it was written).
-//! Not here: what to try. Corpora lie in `corpus/`, found crashes among them.
+//! A target takes any bytes and panics when the parser panics or breaks a promise: accepted
+//! input must be complete and read back as it was written. Not here: the inputs. Corpora are
+//! in `corpus/`, with the crashes that were found.
 
 use std::sync::OnceLock;
 
@@ -15,10 +16,10 @@ use palpate_store::memory::MemoryEngine;
 use palpate_store::model_codec;
 use palpate_store::snapshot::{self, SnapshotHeader, SnapshotWriter};
 
-/// A target: its name, which is that of its corpus, and its function.
+/// A target: the name of its corpus, and its function.
 pub type Target = (&'static str, fn(&[u8]));
 
-/// All of them.
+/// All targets.
 pub const TARGETS: [Target; 7] = [
     ("mesh_stl", mesh_stl),
     ("mesh_ply", mesh_ply),
@@ -29,23 +30,23 @@ pub const TARGETS: [Target; 7] = [
     ("readings", readings),
 ];
 
-/// A file as STL, binary or ASCII.
+/// Parses an STL file, binary or ASCII.
 pub fn mesh_stl(bytes: &[u8]) {
     mesh(MeshFormat::Stl, bytes);
 }
 
-/// A file as PLY, binary or ASCII.
+/// Parses a PLY file, binary or ASCII.
 pub fn mesh_ply(bytes: &[u8]) {
     mesh(MeshFormat::Ply, bytes);
 }
 
-/// A file as OFF if it begins like one, else as OBJ.
+/// Parses an OFF file if it begins like one, otherwise an OBJ file.
 pub fn mesh_text(bytes: &[u8]) {
     let format = if bytes.starts_with(b"OFF") { MeshFormat::Off } else { MeshFormat::Obj };
     mesh(format, bytes);
 }
 
-/// What is accepted can be touched, and reads back as it is when it is written.
+/// Parses a mesh; an accepted mesh can be touched, and reads back unchanged after it is written.
 fn mesh(format: MeshFormat, bytes: &[u8]) {
     let Ok(mesh) = Mesh::from_bytes(format, bytes, 1e-3) else { return };
     assert!(!mesh.triangles().is_empty(), "a mesh without triangles was accepted");
@@ -56,7 +57,7 @@ fn mesh(format: MeshFormat, bytes: &[u8]) {
     assert!(again.is_ok(), "a mesh that was accepted is refused when it is written: {again:?}");
 }
 
-/// A file as a snapshot: what verifies is restored, whole.
+/// Restores a snapshot; every snapshot that verifies restores completely.
 pub fn snapshot(bytes: &[u8]) {
     let verified = snapshot::verify(bytes);
     let engine = MemoryEngine::new();
@@ -67,13 +68,13 @@ pub fn snapshot(bytes: &[u8]) {
             let checked = check(&engine).expect("a memory engine does not fail");
             assert_eq!(checked, report, "the restored store is another one than the snapshot");
         }
-        // One without a layout is whole, and no database.
+        // A snapshot without a layout is valid, but is not a database.
         (_, Err(_)) => {}
         (Err(error), Ok(_)) => panic!("restored though it does not verify: {error}"),
     }
 }
 
-/// Kinds of records by the letters of their spaces.
+/// Kinds of records by the letters of their key spaces.
 pub const SPACES: [(u8, Kind, usize); 20] = [
     (b'!', Kind::Layout, 1),
     (b's', Kind::Sensor, 17),
@@ -97,10 +98,10 @@ pub const SPACES: [(u8, Kind, usize); 20] = [
     (b'l', Kind::Audit, 9),
 ];
 
-/// Stored records: bytes as an envelope, and as payloads of envelopes that are whole.
+/// Reads stored records: bytes as an envelope, and as payloads of valid envelopes.
 ///
-/// The form is `(space u8, schema u8, length u16 little-endian, payload)` again and again. All
-/// records together are a store, which is checked, and makes the journey through a snapshot.
+/// The input repeats `(space u8, schema u8, length u16 little-endian, payload)`. All records
+/// together form a store, which is checked and sent through a snapshot.
 pub fn record(bytes: &[u8]) {
     let _ = envelope::open_any(bytes);
     let engine = MemoryEngine::new();
@@ -129,8 +130,8 @@ pub fn record(bytes: &[u8]) {
     assert_eq!(found, report);
 }
 
-/// Blocks of a trained version, as hostile as a snapshot may bring them: the first byte says
-/// which one, and its bytes follow.
+/// Decodes a block of a trained version, as a hostile snapshot could contain it. The first
+/// byte selects the block; the rest are its bytes.
 pub fn model(bytes: &[u8]) {
     let Some((which, block)) = bytes.split_first() else { return };
     match which % 3 {
@@ -140,7 +141,7 @@ pub fn model(bytes: &[u8]) {
     }
 }
 
-/// Readings as robots send them, in JSON and in MessagePack.
+/// Parses readings as robots send them, in JSON and in MessagePack.
 pub fn readings(bytes: &[u8]) {
     static INTAKE: OnceLock<Intake> = OnceLock::new();
     let intake = INTAKE.get_or_init(Intake::new);

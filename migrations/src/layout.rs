@@ -1,4 +1,4 @@
-//! The number of a database's layout: the one record whose form never changes.
+//! The layout number of a database, the one record whose form never changes.
 
 use palpate_store::engine::{Commit, Engine, Expected};
 use palpate_store::envelope::{self, Kind};
@@ -6,12 +6,12 @@ use palpate_store::envelope::{self, Kind};
 use crate::MigrateError;
 use crate::raw::hex;
 
-/// The key of the layout's record.
+/// Key of the layout record.
 const KEY: &[u8] = b"!";
-/// Its schema.
+/// Schema of the layout record.
 const SCHEMA: u16 = 1;
 
-/// The number of the layout; `None` where there is nothing at all.
+/// The layout number; `None` in an empty database.
 ///
 /// # Errors
 /// [`MigrateError::NoLayout`], [`MigrateError::Damaged`]; the engine's.
@@ -24,7 +24,7 @@ pub fn layout(engine: &dyn Engine) -> Result<Option<u32>, MigrateError> {
     Ok(Some(number))
 }
 
-/// Writes another number; who made the database stays.
+/// Writes a new number; the creator of the database, in the same record, stays.
 pub(crate) fn set(engine: &dyn Engine, number: u32) -> Result<(), MigrateError> {
     let before = engine.get(KEY)?.ok_or(MigrateError::NoLayout)?;
     let (_, made_by) = parts(&before)?;
@@ -34,7 +34,7 @@ pub(crate) fn set(engine: &dyn Engine, number: u32) -> Result<(), MigrateError> 
     Ok(engine.commit(commit.put(KEY.to_vec(), record)).wait()?)
 }
 
-/// The number, and the bytes behind it.
+/// The number, and the bytes after it.
 fn parts(record: &[u8]) -> Result<(u32, &[u8]), MigrateError> {
     let key = || hex(KEY);
     let opened = envelope::open(Kind::Layout, record)

@@ -1,10 +1,10 @@
 //! Upgrades of the stored layout: one numbered, frozen file for each change of it.
 //!
-//! A migration knows keys as bytes and the envelope, never today's records: what it reads and
-//! writes stays as it was when it was released. It writes in small commits, each of which
-//! leaves a database that it can go on from, and the layout's number last. It runs while the
-//! database's lock is held, so nobody else writes.
-//! Not here: going back. An older Palpate refuses a newer layout.
+//! A migration knows keys as bytes and the envelope, never today's records: the forms that it
+//! reads and writes stay as they were when it was released. It writes in small commits, each
+//! of which leaves a database from which it can resume, and the layout's number last. It runs
+//! while the database's lock is held, so there is no other writer. Not here: downgrades. An
+//! older Palpate refuses a newer layout.
 
 mod layout;
 mod m0002_journal_entries;
@@ -18,35 +18,35 @@ pub use layout::layout;
 
 /// One change of the layout.
 struct Migration {
-    /// The layout that it makes, from the one before.
+    /// The layout that it produces, from the one before.
     to: u32,
-    /// What it does, for the log.
+    /// Description for the log.
     what: &'static str,
     run: fn(&dyn Engine) -> Result<u64, MigrateError>,
 }
 
-/// All changes, in order. Layout 1 was the first.
+/// All migrations, in order. Layout 1 was the first.
 const MIGRATIONS: [Migration; 1] = [Migration {
     to: 2,
     what: "journal entries of schemas 1 to 3 become schema 4",
     run: m0002_journal_entries::run,
 }];
 
-/// The layout that [`migrate`] leads to.
+/// The layout that [`migrate`] produces.
 pub const NEWEST: u32 = MIGRATIONS[MIGRATIONS.len() - 1].to;
 
-/// What a migration did.
+/// Result of a migration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Migrated {
-    /// The layout before.
+    /// Layout before.
     pub from: u32,
-    /// The layout now.
+    /// Layout after.
     pub to: u32,
-    /// How many records were written anew.
+    /// Number of records rewritten.
     pub n_records: u64,
 }
 
-/// Why a migration did not come to its end. What it did so far stays, and it can be run again.
+/// Error of an incomplete migration. Completed commits stay, and it can be run again.
 #[derive(Debug, Error)]
 pub enum MigrateError {
     /// There is data but no layout number.
@@ -58,7 +58,7 @@ pub enum MigrateError {
          newer version"
     )]
     TooNew {
-        /// Its layout.
+        /// The database's layout.
         found: u32,
     },
     /// A record is damaged.
@@ -66,10 +66,10 @@ pub enum MigrateError {
     Damaged {
         /// Its key in hexadecimal.
         key: String,
-        /// What is wrong.
+        /// The fault.
         source: EnvelopeError,
     },
-    /// A record is whole but not what it should be.
+    /// A record is undamaged but not of the expected form.
     #[error("the record under key {key} cannot be understood as schema {schema}")]
     Unreadable {
         /// Its key in hexadecimal.
@@ -77,7 +77,7 @@ pub enum MigrateError {
         /// Its schema.
         schema: u16,
     },
-    /// Somebody else writes at the same time.
+    /// Another writer changed the database at the same time.
     #[error("the database was written by someone else at the same time")]
     Changed,
     /// The engine failed.
@@ -94,11 +94,11 @@ impl From<CommitError> for MigrateError {
     }
 }
 
-/// Brings a database to the newest layout. An empty one, and one that is there already, is left
-/// as it is. Blocks.
+/// Migrates a database to the newest layout. Does nothing to an empty database or one that
+/// has it. Blocks.
 ///
 /// # Errors
-/// [`MigrateError`]; run again, it goes on where it was.
+/// [`MigrateError`]; a repeated call resumes.
 pub fn migrate(engine: &dyn Engine) -> Result<Migrated, MigrateError> {
     let Some(from) = layout(engine)? else {
         return Ok(Migrated { from: NEWEST, to: NEWEST, n_records: 0 });

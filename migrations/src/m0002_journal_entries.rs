@@ -1,9 +1,9 @@
 //! Layout 1 to 2: journal entries of schemas 1, 2 and 3 become schema 4.
 //!
 //! Schema 2 added the calibration's number, 3 made the pose optional and added the client's
-//! feature, 4 added the approach and how far the object may have moved. What was not known is
-//! written as such: no calibration (0), no feature, no approach (0 m), no motion. With layout 2
-//! the engine also keeps its tally, which an older Palpate would not.
+//! feature, 4 added the approach and the possible motion of the object. Missing values are
+//! written as such: no calibration (0), no feature, no approach (0 m), no motion. With layout
+//! 2 the engine also keeps its tally, which an older Palpate would not update.
 
 use palpate_store::engine::{Commit, Engine, Pair};
 use palpate_store::envelope::{self, Kind};
@@ -11,18 +11,18 @@ use palpate_store::envelope::{self, Kind};
 use crate::MigrateError;
 use crate::raw::{hex, replace, whole};
 
-/// Entries of training and of sessions.
+/// Key spaces of journal entries: training and sessions.
 const SPACES: [u8; 2] = [b't', b'r'];
 /// An entry's key: letter, owner (16), number (8).
 const KEY_BYTES: usize = 25;
-/// The schema that is written.
+/// The schema written.
 const SCHEMA: u16 = 4;
-/// How many keys are read at once.
+/// Number of keys per read.
 const KEYS_PER_READ: usize = 256;
-/// How many entries a commit changes.
+/// Number of entries per commit.
 const ENTRIES_PER_COMMIT: usize = 64;
 
-/// Bytes of positions and of quaternions.
+/// Bytes of a position and a quaternion.
 const POSE_BYTES: usize = 7 * 8;
 
 pub(crate) fn run(engine: &dyn Engine) -> Result<u64, MigrateError> {
@@ -66,13 +66,13 @@ fn change(engine: &dyn Engine, heads: &[Pair]) -> Result<u64, MigrateError> {
     Ok(n_changed)
 }
 
-/// A payload of schema 4 from one of an earlier schema; `None` when it is not one.
+/// A payload of schema 4 from one of an earlier schema; `None` when it is malformed.
 fn upgraded(payload: &[u8], schema: u16) -> Option<Vec<u8>> {
     if !(1..SCHEMA).contains(&schema) {
         return None;
     }
     let mut copy = Copying { rest: payload, written: Vec::with_capacity(payload.len() + 32) };
-    // The entry's number and when it came.
+    // The entry's number and its time of arrival.
     copy.bytes(16)?;
     if copy.option()? {
         copy.list()?;
@@ -114,7 +114,7 @@ fn reading(copy: &mut Copying<'_>, schema: u16) -> Option<()> {
     Some(())
 }
 
-/// Fields that are copied one after the other.
+/// A cursor that copies fields one after the other.
 struct Copying<'a> {
     rest: &'a [u8],
     written: Vec<u8>,
@@ -128,14 +128,14 @@ impl Copying<'_> {
         Some(())
     }
 
-    /// A length (u64) and so many bytes.
+    /// Copies a length (u64) and that many bytes.
     fn list(&mut self) -> Option<()> {
         let length = u64::from_le_bytes(*self.rest.first_chunk::<8>()?);
         self.bytes(8)?;
         self.bytes(usize::try_from(length).ok()?)
     }
 
-    /// Whether a value follows.
+    /// Copies the tag of an option; whether a value follows.
     fn option(&mut self) -> Option<bool> {
         let is_there = match self.rest.first()? {
             0 => false,
@@ -152,7 +152,7 @@ impl Copying<'_> {
         Some(variant)
     }
 
-    /// Writes what was not there; true, since something is there now.
+    /// Writes the bytes of a missing value; always true, since a value is present afterwards.
     fn write(&mut self, bytes: &[u8]) -> bool {
         self.written.extend_from_slice(bytes);
         true

@@ -1,11 +1,11 @@
-//! Records as bytes under keys: pieces put together and taken apart, as layouts 1 and 2 have it.
+//! Records as bytes under keys, joined from and split into pieces as in layouts 1 and 2.
 
 use palpate_store::engine::{Commit, Engine, Expected};
 use palpate_store::envelope;
 
 use crate::MigrateError;
 
-/// The longest value.
+/// Longest value of a key, in bytes.
 const PIECE_BYTES: usize = 4096;
 
 /// The record whose first piece lies under `head`.
@@ -27,8 +27,8 @@ pub(crate) fn whole(
     Ok(record)
 }
 
-/// Adds to a commit that the record under `head`, with this first piece, becomes another one
-/// that is not shorter.
+/// Adds to a commit the replacement of the record under `head`, with this first piece, by a
+/// record that is not shorter.
 pub(crate) fn replace(commit: Commit, head: &[u8], first: Vec<u8>, record: &[u8]) -> Commit {
     let commit = commit.expect(head.to_vec(), Expected::Value(first));
     (0u32..).zip(record.chunks(PIECE_BYTES)).fold(commit, |commit, (number, piece)| {

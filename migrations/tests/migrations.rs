@@ -1,9 +1,8 @@
-//! From a database of each layout before: forwards, interrupted at every commit and resumed,
-//! twice, and refused where there is no way.
+//! Migrations from every earlier layout: forwards, resumed after each commit, repeated, refused.
 //!
-//! `golden/layout1.txt` holds a database of layout 1, key and value a line in hexadecimal, with
-//! journal entries of every schema that layout 1 had; `golden/layout2.txt` is what becomes of
-//! it, written by the decoders that read those schemas before there were migrations.
+//! `golden/layout1.txt` holds a database of layout 1, one key and value a line in
+//! hexadecimal, with journal entries of every schema of layout 1. `golden/layout2.txt` is the
+//! expected result, written by the decoders of those schemas before there were migrations.
 #![allow(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -42,7 +41,7 @@ fn all(engine: &dyn Engine) -> Vec<Pair> {
     engine.scan(&[], None, 10_000).unwrap()
 }
 
-/// An engine that takes so many more commits and then fails, as one whose process is killed.
+/// An engine that accepts this many more commits and then fails, like a killed process.
 struct Interrupted {
     inner: MemoryEngine,
     left: AtomicU64,
@@ -85,7 +84,7 @@ impl Engine for Interrupted {
 }
 
 #[test]
-fn a_database_of_layout_1_becomes_one_of_layout_2() {
+fn layout_1_migrates_to_layout_2() {
     let engine = MemoryEngine::new();
     fill(&engine, LAYOUT_1);
     let migrated = migrate(&engine).unwrap();
@@ -100,7 +99,7 @@ fn a_database_of_layout_1_becomes_one_of_layout_2() {
 }
 
 #[test]
-fn interrupted_at_every_commit_it_goes_on_and_comes_to_the_same() {
+fn a_migration_interrupted_at_any_commit_resumes() {
     let mut n_interrupted = 0;
     for n_commits in 0.. {
         let engine = Interrupted { inner: MemoryEngine::new(), left: AtomicU64::new(1) };
@@ -121,7 +120,7 @@ fn interrupted_at_every_commit_it_goes_on_and_comes_to_the_same() {
 }
 
 #[test]
-fn twice_is_once_also_on_disk() {
+fn a_repeated_migration_changes_nothing_on_disk() {
     let folder = tempfile::tempdir().unwrap();
     {
         let engine = SledEngine::open(folder.path(), &SledOptions::default()).unwrap();

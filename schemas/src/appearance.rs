@@ -1,4 +1,5 @@
-//! Chapter 4 on the wire: training bags of features, and what held-back readings say of them.
+//! Appearance on the wire (chapter 4): training bags of features, and the report on held-back
+//! readings.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -6,149 +7,148 @@ use uuid::Uuid;
 
 use crate::training::Descriptor;
 
-/// What a training is to learn for the methods `appearance…`.
+/// Training options of the methods `appearance…`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AppearanceTraining {
-    /// What is compared: the readings' images or the features that clients send with them;
-    /// `images` when not given.
+    /// What is compared: images of readings, or features that clients send. Default: `images`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<FeatureSource>,
-    /// How an image becomes a feature; `mnti` when not given. Only with `images`.
+    /// Descriptor that turns an image into a feature. Only with `images`. Default: `mnti`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub descriptor: Option<Descriptor>,
-    /// Principal components are kept until they hold this share of the features' variance,
-    /// 0.5 to 1; 0.99 when not given (the dissertation: 0.9).
+    /// Share of the features' variance that the kept principal components hold, 0.5 to 1. Default:
+    /// 0.99 (the dissertation: 0.9).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.5, maximum = 1.0)]
     pub variance_share: Option<f64>,
-    /// How classes are found; `mixture` when not given.
+    /// Clustering method for the appearance classes. Default: `mixture`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clustering: Option<ClusteringKind>,
-    /// 1 to 10 candidates for the number of classes, each 2 to 400: the one that recognises
-    /// the held-back readings best is taken. 48 alone when not given.
+    /// 1 to 10 candidates for the number of classes, each 2 to 400. The candidate that recognises
+    /// the held-back readings best wins. Default: 48 alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_items = 1, max_items = 10, example = json!([24, 48, 96]))]
     pub n_classes: Option<Vec<u32>>,
-    /// At most this many axes that tell the objects apart, 1 to 1000, after the principal
-    /// components (beyond the dissertation); none when not given.
+    /// Maximum number of discriminant axes after the principal components, 1 to 1000 (beyond the
+    /// dissertation). Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 1000)]
     pub discriminant_axes: Option<u32>,
-    /// How many held-back readings a trial of the report draws, 1 to 1000; 20 when not given.
+    /// Number of held-back readings in each trial of the report, 1 to 1000. Default: 20.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 1000)]
     pub report_readings: Option<u32>,
 }
 
-/// What features are made of.
+/// Source of the features.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FeatureSource {
-    /// The images of readings, by a descriptor.
+    /// Images of readings, through a descriptor.
     #[default]
     Images,
-    /// The `feature` that clients send with each reading: a code of their own.
+    /// The `feature` that clients send with each reading: their own code.
     Features,
 }
 
-/// How classes of appearance are found.
+/// Clustering method for the appearance classes.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ClusteringKind {
     /// A Gaussian mixture with full covariances.
     #[default]
     Mixture,
-    /// A Gaussian mixture with one covariance for all classes: for few readings.
+    /// A Gaussian mixture with one covariance for all classes; for few readings.
     SharedMixture,
-    /// One Gaussian for each training object: for few readings of a large array.
+    /// One Gaussian per training object; for few readings of a large array.
     PerObject,
-    /// k-means: a feature belongs to one class.
+    /// k-means: each feature belongs to one class.
     KMeans,
 }
 
-/// What a training learnt of the objects' appearance, in short.
+/// Summary of the appearance part of a training.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct AppearanceSummary {
-    /// Names the vocabulary: versions with the same name share it, bit by bit.
+    /// Identifier of the vocabulary. Versions with the same identifier share it bit for bit.
     pub vocabulary: String,
-    /// How many values a feature has after reduction.
+    /// Number of feature components after reduction.
     pub n_components: u32,
-    /// How many classes there are.
+    /// Number of appearance classes.
     pub n_classes: u32,
-    /// How many held-back readings each trial drew.
+    /// Number of held-back readings in each trial.
     pub n_readings: u32,
-    /// Share of the trials whose likeliest object was the true one.
+    /// Share of trials in which the likeliest object was the true one.
     pub accuracy: f64,
-    /// What users should know, such as objects that are nearly the same.
+    /// Warnings for users, such as objects that are nearly identical.
     pub warnings: Vec<String>,
 }
 
-/// What held-back readings say of a version's appearance (figures 4.9 and 4.10). It never
-/// changes. Rows and columns of the matrices are the `objects` in their order.
+/// Appearance report of a version, computed on held-back readings (figures 4.9 and 4.10). It never
+/// changes. Rows and columns of the matrices follow the order of `objects`.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct AppearanceReport {
     /// The catalogue's name.
     pub catalogue: String,
-    /// The version.
+    /// Number of the version.
     pub version: u32,
-    /// Names the vocabulary: versions with the same name share it, bit by bit.
+    /// Identifier of the vocabulary. Versions with the same identifier share it bit for bit.
     pub vocabulary: String,
-    /// What features are made of.
+    /// Source of the features.
     pub source: FeatureSource,
-    /// How images become features; null with the clients' own.
+    /// Descriptor that turns images into features; null with features of clients.
     pub descriptor: Option<Descriptor>,
-    /// How many values a feature has as it comes.
+    /// Number of feature components before reduction.
     pub feature_length: u32,
-    /// How many values it has after reduction.
+    /// Number of feature components after reduction.
     pub n_components: u32,
-    /// How many classes there are.
+    /// Number of appearance classes.
     pub n_classes: u32,
-    /// The candidates for the number of classes, and how they did.
+    /// Accuracy of each candidate for the number of classes.
     pub candidates: Vec<ClassCandidate>,
-    /// The power of the likelihoods that fits held-back readings best, 0.01 to 1: touches of
-    /// one object are not independent.
+    /// Exponent on the likelihoods that fits the held-back readings best, 0.01 to 1. It accounts
+    /// for the dependence between touches of one object.
     pub exponent: f64,
-    /// How many held-back readings each trial drew.
+    /// Number of held-back readings in each trial.
     pub n_readings: u32,
-    /// Share of the trials whose likeliest object was the true one.
+    /// Share of trials in which the likeliest object was the true one.
     pub accuracy: f64,
     /// The objects.
     pub objects: Vec<ObjectAppearance>,
-    /// Mean probability of each object (column) when the row's object was touched; a row of an
-    /// object without held-back readings is all 0.
+    /// Confusion matrix: mean probability of each object (column) when the row's object was
+    /// touched. The row of an object without held-back readings is all 0.
     pub confusion: Vec<Vec<f64>>,
-    /// How alike the objects' histograms are, 0 to 1 (their cosine).
+    /// Cosine similarity of the objects' histograms, 0 to 1.
     pub affinity: Vec<Vec<f64>>,
-    /// Pairs that touch can hardly tell apart, most alike first.
+    /// Object pairs that touch barely separates, most similar first.
     pub near_duplicates: Vec<NearDuplicate>,
-    /// The same in words, and what else users should know.
+    /// The near duplicates in words, and other warnings for users.
     pub warnings: Vec<String>,
 }
 
-/// How well a number of classes recognised the held-back readings.
+/// Accuracy of one number of classes on the held-back readings.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ClassCandidate {
-    /// How many classes.
+    /// Number of appearance classes.
     pub n_classes: u32,
-    /// Share of the trials whose likeliest object was the true one.
+    /// Share of trials in which the likeliest object was the true one.
     pub accuracy: f64,
-    /// Mean probability of the true object: breaks ties.
+    /// Mean probability of the true object; breaks ties.
     pub reliability: f64,
 }
 
-/// What is known of one object's appearance.
+/// Appearance of one object.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ObjectAppearance {
     /// The object's id.
     pub id: Uuid,
     /// The object's name when it was trained.
     pub name: String,
-    /// How many readings made its histogram.
+    /// Number of readings in the histogram.
     pub n_readings: u32,
-    /// How many were held back.
+    /// Number of held-back readings.
     pub n_held_back: u32,
-    /// How many of its readings fell into each class; shares count in part.
+    /// Number of readings in each class; soft assignments count in part.
     pub histogram: Vec<f64>,
 }
 
@@ -159,6 +159,6 @@ pub struct NearDuplicate {
     pub first: String,
     /// The name of the later object.
     pub second: String,
-    /// How alike their histograms are, 0 to 1.
+    /// Cosine similarity of their histograms, 0 to 1.
     pub affinity: f64,
 }

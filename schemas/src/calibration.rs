@@ -1,17 +1,17 @@
-//! Calibrations of sensors on the wire: indentations in, fits with their goodness out.
+//! Sensor calibrations on the wire: indentations in, fits and their quality out.
 
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
-/// Indentations of a sensor, to fit its calibration to.
+/// Indentations to calibrate a sensor with.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CalibrateSensor {
-    /// Presses at the centre of every taxel, each to two depths or more, best to five.
+    /// Presses at the centre of every taxel, each to at least two depths, better five.
     #[schema(min_items = 8, max_items = 100_000)]
     pub response: Vec<ResponsePress>,
-    /// Presses on a fine grid, to fit the point spread to.
+    /// Presses on a fine grid, for fitting the point spread.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spread: Option<SpreadPresses>,
 }
@@ -26,10 +26,10 @@ pub struct ResponsePress {
     /// The taxel's column in the sensor's frame (along +x), from 0.
     #[schema(example = 3)]
     pub col: u32,
-    /// How deep the covering's surface was displaced, in metres.
+    /// Displacement of the covering's surface, in metres.
     #[schema(example = 0.0004)]
     pub depth: f64,
-    /// The image as the driver sends it, in pascal; null for a taxel without a value.
+    /// The image in pascal, as the driver sends it; null for a taxel without a value.
     pub pressures: Vec<Option<f64>>,
 }
 
@@ -40,7 +40,7 @@ pub struct SpreadPresses {
     /// Diameter of the flat round indenter, in metres.
     #[schema(example = 0.001)]
     pub indenter_diameter: f64,
-    /// Thickness of the covering that was pressed, in metres; the sensor's own if not given.
+    /// Thickness of the pressed covering, in metres. Default: the sensor's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(example = 0.00254)]
     pub covering_thickness: Option<f64>,
@@ -53,129 +53,129 @@ pub struct SpreadPresses {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpreadPress {
-    /// Where the indenter's axis met the covering, along +x in the sensor's frame, in metres.
+    /// Where the indenter's axis meets the covering, along +x in the sensor's frame, in metres.
     #[schema(example = 0.0012)]
     pub x: f64,
-    /// The same along +y.
+    /// Where the indenter's axis meets the covering, along +y in the sensor's frame, in metres.
     #[schema(example = 0.0009)]
     pub y: f64,
-    /// How deep the covering's surface was displaced, in metres.
+    /// Displacement of the covering's surface, in metres.
     #[schema(example = 0.00127)]
     pub depth: f64,
-    /// The image as the driver sends it, in pascal; null for a taxel without a value.
+    /// The image in pascal, as the driver sends it; null for a taxel without a value.
     pub pressures: Vec<Option<f64>>,
 }
 
-/// Which calibration of a sensor is wanted.
+/// Selects a calibration of a sensor.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct CalibrationQuery {
-    /// Its number, from 1; the newest if not given.
+    /// Number of the calibration, from 1. Default: the newest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub number: Option<u32>,
 }
 
-/// A calibration of a sensor. It applies to readings that come after it.
+/// A calibration of a sensor. It applies to readings received after it.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SensorCalibration {
     /// The sensor.
     pub sensor: Uuid,
-    /// Its number among the sensor's calibrations, from 1.
+    /// Number of the calibration, from 1 per sensor.
     pub number: u32,
-    /// The line that every usable taxel is corrected to.
+    /// The response line to which every usable taxel is corrected.
     pub target: ResponseLine,
-    /// How the usable taxels' responses lie on the target line as measured.
+    /// Fit of the measured responses to the target line.
     pub before: ResponseGoodness,
-    /// How they lie on it after the correction.
+    /// Fit of the corrected responses to the target line.
     pub after: ResponseGoodness,
-    /// How many presses the responses were fitted to.
+    /// Number of presses in the fit.
     pub n_presses: u32,
     /// Every taxel, row by row in the sensor's frame.
     pub taxels: Vec<TaxelCalibration>,
-    /// How many taxels cannot be used; their neighbours stand in for them.
+    /// Number of unusable taxels. Their values are interpolated from their neighbours.
     pub n_unusable: u32,
-    /// The point spread; null when it was not measured.
+    /// The fitted point spread; null if it was not measured.
     pub spread: Option<SpreadCalibration>,
-    /// When it was made.
+    /// When the calibration was created.
     #[schema(format = DateTime)]
     pub created_at: String,
 }
 
-/// Pressure over depth of indentation.
+/// Linear response: pressure over depth of indentation.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ResponseLine {
-    /// Pascal a metre.
+    /// Slope in pascal per metre.
     pub slope: f64,
-    /// Pascal without indentation.
+    /// Pressure without indentation, in pascal.
     pub offset: f64,
 }
 
-/// How well responses lie on a line.
+/// Quality of a linear fit.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ResponseGoodness {
-    /// Coefficient of determination; 1 is perfect.
+    /// Coefficient of determination; 1 is a perfect fit.
     pub r_squared: f64,
-    /// Root mean square of the residuals, in pascal.
+    /// Root mean square residual, in pascal.
     pub residual: f64,
 }
 
-/// How one taxel responds.
+/// Response of one taxel.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct TaxelCalibration {
-    /// Its row, from 0.
+    /// Row of the taxel, from 0.
     pub row: u32,
-    /// Its column, from 0.
+    /// Column of the taxel, from 0.
     pub col: u32,
-    /// Pascal a metre of its own indentation.
+    /// Slope in pascal per metre of its own indentation.
     pub slope: f64,
-    /// Pascal without indentation.
+    /// Pressure without indentation, in pascal.
     pub offset: f64,
     /// Coefficient of determination of its line.
     pub r_squared: f64,
-    /// Whether it can be used.
+    /// State of the taxel.
     pub state: TaxelState,
-    /// The taxel whose presses it answers; null unless it is cross-wired.
+    /// The taxel to whose presses this one responds; null unless it is cross-wired.
     pub answers: Option<TaxelPlace>,
 }
 
-/// What a taxel does when it is pressed.
+/// State of a taxel.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TaxelState {
-    /// It responds to what presses it.
+    /// Responds to its own presses.
     Ok,
-    /// It responds to nothing.
+    /// Responds to no press.
     Dead,
-    /// It responds more to what presses another taxel.
+    /// Responds more to the presses of another taxel.
     CrossWired,
 }
 
 /// A taxel, by row and column in the sensor's frame.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct TaxelPlace {
-    /// Its row, from 0.
+    /// Row of the taxel, from 0.
     pub row: u32,
-    /// Its column, from 0.
+    /// Column of the taxel, from 0.
     pub col: u32,
 }
 
-/// A fitted point spread. The sensor's description does not change: to use it, add a sensor
+/// A fitted point spread. The sensor's description does not change: to use the fit, create a sensor
 /// with it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SpreadCalibration {
     /// Standard deviation of the Gaussian, in metres.
     pub sigma: f64,
-    /// The same in element widths (the sensor's pitch).
+    /// The standard deviation in element widths (the sensor's pitch).
     pub sigma_in_widths: f64,
-    /// What the sensor's description says, in metres.
+    /// Standard deviation in the sensor's description, in metres.
     pub described: f64,
-    /// What equation 2.5 says of the covering, in metres.
+    /// Standard deviation that equation 2.5 gives for the covering, in metres.
     pub published: f64,
     /// Mean cosine of measured and modelled images; 1 is perfect.
     pub cosine: f64,
-    /// Mean Pearson correlation of the same.
+    /// Mean Pearson correlation of measured and modelled images.
     pub pearson: f64,
-    /// How many presses it was fitted to.
+    /// Number of presses in the fit.
     pub n_presses: u32,
 }

@@ -1,53 +1,53 @@
-//! What a supervisor asks: alive, ready, and which version.
+//! Health and version, for load balancers and supervisors.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// The process answers.
+/// Answer of a live process.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Liveness {
-    /// Always true: an answer is all there is to know.
+    /// Always true.
     pub alive: bool,
 }
 
-/// What a compaction of the stored data did.
+/// Result of a compaction.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Compacted {
-    /// Bytes on the disk before.
+    /// Bytes on the disk before compaction.
     pub before_bytes: u64,
-    /// Bytes on the disk after.
+    /// Bytes on the disk after compaction.
     pub after_bytes: u64,
-    /// Bytes of what is stored: keys and records.
+    /// Bytes of live keys and records.
     pub live_bytes: u64,
 }
 
-/// Whether the server does its work, check by check.
+/// Readiness of the server, check by check.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Readiness {
-    /// All checks passed.
+    /// Whether all checks passed.
     pub ready: bool,
     /// The checks.
     pub checks: Vec<Check>,
 }
 
-/// One thing that must be in order.
+/// One readiness check.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Check {
-    /// What was checked, such as `store`.
+    /// Name of the check, such as `store`.
     pub name: String,
-    /// Whether it is in order.
+    /// Whether the check passed.
     pub passed: bool,
-    /// What was found.
+    /// The finding, in words.
     pub detail: String,
 }
 
-/// Which server this is.
+/// Name and version of the server.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Version {
-    /// The name of the service, `palpate`.
+    /// Name of the service: `palpate`.
     pub name: String,
-    /// Its version.
+    /// Version of the server.
     pub version: String,
-    /// The version of the API, as in its path.
+    /// Version of the API, as in its path.
     pub api: String,
 }

@@ -1,5 +1,4 @@
-//! The history of a session on the wire: its readings one by one, what it believed when, and
-//! what each reading contributed.
+//! Session history on the wire: readings, replay, and the contribution of each reading.
 
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
@@ -10,118 +9,120 @@ use crate::belief::Belief;
 use crate::pose::Pose;
 use crate::reading::{Looseness, Stamp};
 
-/// A reading of a session, as it came.
+/// A stored reading of a session.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SessionReading {
-    /// Its number within the session: it was the entry that made revision `number` + 1.
+    /// Number of the reading within the session. Its arrival made revision `number` + 1.
     pub number: u32,
-    /// The robot that took it; null when it came without an id.
+    /// The robot that took the reading; null if it came without an id.
     pub robot: Option<String>,
-    /// The robot's number of it.
+    /// The robot's sequence number of the reading.
     pub seq: Option<u64>,
-    /// The id of its sensor.
+    /// Id of the sensor.
     pub sensor: Uuid,
-    /// When it was taken, by the robot's clock.
+    /// When the reading was taken, by the robot's clock.
     pub stamp: Option<Stamp>,
-    /// When it came, by the server's clock.
+    /// When the reading arrived, by the server's clock.
     #[schema(format = DateTime)]
     pub received_at: String,
-    /// The key that it was written with; null when that was not recorded, or nobody was asked
-    /// for a key.
+    /// The key the reading was written with; null if not recorded, or if the server required no
+    /// keys.
     #[serde(default)]
     pub written_by: Option<Writer>,
-    /// The revision that withdrew it; null while it counts.
+    /// The revision that retracted the reading; null while it counts.
     pub retracted_by: Option<u32>,
-    /// The key that withdrew it; null as above, and while it counts.
+    /// The key the retraction was written with; null as for `written_by`, and while the reading
+    /// counts.
     #[serde(default)]
     pub retraction_written_by: Option<Writer>,
-    /// The sensor's pose in the session frame; null when it was not known.
+    /// The sensor's pose in the session frame; null if unknown.
     pub pose: Option<Pose>,
-    /// Pressures in pascal, as they were sent.
+    /// Pressures in pascal, as sent.
     pub image: Vec<Option<f64>>,
-    /// The number of the sensor's calibration that corrects them; null when there was none.
+    /// Number of the sensor calibration applied to the pressures; null if there was none.
     pub calibration: Option<u32>,
-    /// The client's own code of the press; null when it sent none.
+    /// The client's own feature of the press; null if not sent.
     pub feature: Option<Vec<f64>>,
-    /// How far the sensor came along its +z with nothing in touch, metres; 0 when not said.
+    /// Distance in metres that the sensor travelled along its +z without contact; 0 if not sent.
     pub approach_m: f64,
-    /// How far the object may have moved since the reading before; null when it may not.
+    /// How far the object may have moved since the previous reading; null if it was announced as
+    /// resting.
     pub object_moved: Option<Looseness>,
 }
 
 /// A page of a session's readings.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SessionReadingPage {
-    /// The readings in the order in which they came, withdrawn ones included.
+    /// The readings in the order of arrival, including retracted ones.
     pub items: Vec<SessionReading>,
     /// The cursor of the next page; null on the last.
     pub next_cursor: Option<String>,
 }
 
-/// What became of a reading that is withdrawn.
+/// Result of a retraction.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ReadingRetracted {
-    /// The session.
+    /// Id of the session.
     pub session: Uuid,
-    /// The reading's number within the session.
+    /// Number of the reading within the session.
     pub number: u32,
-    /// The revision that withdrew it.
+    /// The revision that retracted the reading.
     pub revision: u32,
-    /// How many readings count now.
+    /// Number of readings that still count.
     pub n_readings: u32,
     /// The belief of that revision; null with `belief=none`.
     pub belief: Option<Belief>,
 }
 
-/// Which part of a session's history to answer.
+/// Selects a part of a session's history.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct ReplayQuery {
-    /// The last revision; the newest when not given.
+    /// Last revision to return. Default: the newest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 0)]
     pub upto: Option<u32>,
-    /// The revision behind which the steps begin; 0 when not given: all of them.
+    /// Return the steps after this revision. Default: 0, which returns all of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 0)]
     pub after: Option<u32>,
-    /// How many steps at most, 1 to 1000; 100 when not given.
+    /// Maximum number of steps, 1 to 1000. Default: 100.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 1, maximum = 1000)]
     pub limit: Option<u32>,
-    /// How many pose hypotheses of the belief at most, 0 to 100; 5 when not given.
+    /// Maximum number of pose hypotheses in the belief, 0 to 100. Default: 5.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 0, maximum = 100)]
     pub poses: Option<u32>,
 }
 
-/// What a session believed, revision by revision.
+/// Replay of a session: its answer at each revision.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Replay {
-    /// The session.
+    /// Id of the session.
     pub session: Uuid,
-    /// The last revision.
+    /// Last revision of the replay.
     pub upto: u32,
-    /// The steps behind `after`, oldest first.
+    /// The steps after `after`, oldest first.
     pub steps: Vec<ReplayStep>,
-    /// Ask again with this `after` for the steps that are missing; null when none are.
+    /// Pass this as `after` to get the remaining steps; null if there are none.
     pub next_after: Option<u32>,
-    /// The belief of `upto`.
+    /// The belief of revision `upto`.
     pub belief: Belief,
 }
 
-/// What one revision brought.
+/// One step of a replay.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ReplayStep {
-    /// The revision.
+    /// Revision of the step.
     pub revision: u32,
-    /// What made it.
+    /// The change that made the revision.
     pub change: SessionChange,
-    /// When it came, by the server's clock.
+    /// When the change arrived, by the server's clock.
     #[schema(format = DateTime)]
     pub at: String,
-    /// How many readings counted.
+    /// Number of readings that counted.
     pub n_readings: u32,
     /// The likeliest object and its probability.
     pub best: Option<BestObject>,
@@ -129,32 +130,32 @@ pub struct ReplayStep {
     #[serde(default)]
     #[schema(max_items = 10)]
     pub objects: Vec<BestObject>,
-    /// How probable it was that the object is none of the catalogue's.
+    /// Probability that the object was not in the catalogue.
     pub unknown: f64,
-    /// Uncertainty about the identity in bits, "none of these" included.
+    /// Entropy of the identity in bits, including "none of these".
     pub entropy_bits: f64,
 }
 
-/// What makes a revision.
+/// A change that makes a revision.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum SessionChange {
-    /// A reading came.
+    /// A reading arrived.
     #[schema(title = "ReadingChange")]
     Reading {
-        /// Its number within the session.
+        /// Number of the reading within the session.
         number: u32,
-        /// The robot that took it.
+        /// The robot that took the reading.
         robot: Option<String>,
-        /// The robot's number of it.
+        /// The robot's sequence number of the reading.
         seq: Option<u64>,
-        /// Whether it was folded before readings that had come earlier.
+        /// Whether the reading was folded in before readings that arrived earlier.
         late: bool,
     },
-    /// A reading was withdrawn.
+    /// A reading was retracted.
     #[schema(title = "RetractionChange")]
     Retraction {
-        /// The reading's number within the session.
+        /// Number of the reading within the session.
         number: u32,
     },
     /// The session was closed.
@@ -162,77 +163,78 @@ pub enum SessionChange {
     Closed,
 }
 
-/// The likeliest object.
+/// An object and its probability.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct BestObject {
     /// The object's id.
     pub object: Uuid,
     /// The object's name when it was trained.
     pub name: String,
-    /// Its probability, 0 to 1.
+    /// Probability of the object, 0 to 1.
     pub probability: f64,
 }
 
-/// Which belief to explain.
+/// Selects the belief to explain.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct ExplainQuery {
-    /// The revision; the newest when not given.
+    /// Revision to explain. Default: the newest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[param(minimum = 0)]
     pub at: Option<u32>,
 }
 
-/// What each reading contributed to a belief: it is compared with the belief of all others.
+/// Contribution of each reading to a belief, measured against the belief without it.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Explanation {
-    /// The session.
+    /// Id of the session.
     pub session: Uuid,
-    /// The revision that is explained.
+    /// The explained revision.
     pub revision: u32,
-    /// The answer that is explained: the likeliest object, or "none of these".
+    /// The explained answer: the likeliest object, or "none of these".
     pub answer: ExplainedAnswer,
-    /// The readings that count, in the order in which they are folded.
+    /// The readings that count, in the order of folding.
     pub readings: Vec<ReadingContribution>,
-    /// Whether all readings were compared; false when time ran out, ask again then.
+    /// Whether all readings were compared. False if time ran out: ask again.
     pub complete: bool,
 }
 
-/// The answer that is explained.
+/// The explained answer.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ExplainedAnswer {
-    /// The likeliest object's id; null when "none of these" is likelier than any.
+    /// Id of the likeliest object; null if "none of these" is likelier than any.
     pub object: Option<Uuid>,
-    /// Its name when it was trained.
+    /// Name of the object when it was trained.
     pub name: Option<String>,
-    /// The answer's probability.
+    /// Probability of the answer.
     pub probability: f64,
 }
 
-/// What one reading contributed.
+/// Contribution of one reading.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ReadingContribution {
-    /// The reading's number within the session.
+    /// Number of the reading within the session.
     pub number: u32,
-    /// The robot that took it.
+    /// The robot that took the reading.
     pub robot: Option<String>,
-    /// The robot's number of it.
+    /// The robot's sequence number of the reading.
     pub seq: Option<u64>,
-    /// By how many bits it makes the answer more probable: log2 of its probability with all
-    /// readings, less that without this one. Null when it was not compared.
+    /// Gain in log2 probability of the answer from this reading, in bits. Null if it was not
+    /// compared.
     pub bits: Option<f64>,
-    /// How much it says about which object it is: the Kullback–Leibler divergence of the belief
-    /// without it from the belief with all, in bits, "none of these" included. Never negative.
+    /// Information about the identity in bits: the Kullback–Leibler divergence of the belief
+    /// without the reading from the belief with it, including "none of these". Never negative.
     pub information_bits: Option<f64>,
-    /// By how many bits it supports what the others say: log2 of the odds of their answer with
-    /// all readings, less that without this one. Odds beyond 1024 to 1 count as that.
+    /// Support for the answer of the other readings, in bits: the gain in log2 odds of that answer
+    /// from this reading. Odds are capped at 1024 to 1.
     pub support_bits: Option<f64>,
-    /// By how many bits the others, where they have the object, expect this reading more than a
-    /// touch anywhere; negative when it fits nowhere. With `surface`, once three others touched it
-    /// and for readings since it last moved; null otherwise.
+    /// Fit of the reading to the object in the pose found by the others, in bits: log2 of its
+    /// likelihood there over that of a touch at a random place. Negative if it fits nowhere. Only
+    /// with `surface`, after three other touches and for readings since the object last moved; null
+    /// otherwise.
     pub fit_bits: Option<f64>,
-    /// Whether it disagrees with the rest, of three readings or more. With `surface`:
-    /// `fit_bits` is −8 or less. With the other methods: `support_bits` is −4 or less.
+    /// Whether the reading disagrees with the rest, given at least three readings. With `surface`:
+    /// `fit_bits` is at most −8. With other methods: `support_bits` is at most −4.
     pub disagrees: bool,
 }

@@ -1,8 +1,8 @@
-//! The wire contract of Palpate's HTTP API: what travels between robots and the service.
+//! Wire types of Palpate's HTTP API.
 //!
-//! Everything is SI: metres, pascals, seconds, radians; quaternions are x, y, z, w. Requests
-//! refuse unknown fields, because a robot's typo must not be ignored; answers may gain fields.
-//! Ids are `UUIDv7` strings. Not here: checking values (the server's `wire`), HTTP itself.
+//! Units are SI: metres, pascals, seconds, radians; quaternions are x, y, z, w. Requests with
+//! unknown fields are refused, so that a typo is never ignored; answers may gain fields. Ids are
+//! `UUIDv7` strings. Not here: validation (the server's `wire`) and HTTP.
 
 pub mod access;
 pub mod analysis;
@@ -81,5 +81,5 @@ pub use training::{
 };
 pub use warning::{Warning, WarningCode};
 
-/// The `openapi.json` that belongs to these types.
+/// The OpenAPI description of these types.
 pub const OPENAPI_JSON: &str = include_str!("../openapi.json");

@@ -1,4 +1,4 @@
-//! Where to touch next on the wire: approaches that a robot can make, and what each is worth.
+//! Next touches on the wire: candidate approaches and their expected information.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -6,51 +6,50 @@ use uuid::Uuid;
 
 use crate::pose::Pose;
 
-/// What a robot asks that wants to know where to touch next.
+/// Request to rank the next touches.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AskNextTouches {
-    /// The sensor that will touch: id or name.
+    /// Id or name of the sensor that will touch.
     pub sensor: String,
-    /// 1 to 1000 approaches that the robot can make; when not given, the service proposes its
-    /// own from all sides of the object, whatever the robot can reach.
+    /// 1 to 1000 approaches that the robot can make. Default: the service generates approaches from
+    /// all sides of the object, without regard to the robot's reach.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_items = 1, max_items = 1000)]
     pub candidates: Option<Vec<TouchCandidate>>,
-    /// How many are answered at most, 1 to 1000; 5 when not given.
+    /// Maximum number of approaches to return, 1 to 1000. Default: 5.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 1000)]
     pub n: Option<u32>,
-    /// When to stop evaluating, milliseconds from the request's arrival, 1 to 10000; 100 when
-    /// not given. At least one approach is evaluated.
+    /// Time limit of the evaluation in milliseconds from the request's arrival, 1 to 10000. At
+    /// least one approach is evaluated. Default: 100.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1, maximum = 10_000)]
     pub deadline_ms: Option<u32>,
-    /// Whether the robot re-centres: touches, reads where contact began, lifts, shifts there
-    /// and touches again. False when not given.
+    /// Whether the robot re-centres: it touches, finds the centre of contact, lifts, moves there
+    /// and touches again. Default: false.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recenters: Option<bool>,
-    /// Where the object is, as far as is known; needed before the first touch.
+    /// Where the object is, roughly; required before the first touch.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub workspace: Option<TouchWorkspace>,
-    /// Decides what is drawn at random, 0 to 2⁵³ − 1; 0 when not given.
+    /// Seed of random choices, 0 to 2⁵³ − 1. Default: 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
     pub seed: Option<u64>,
 }
 
-/// An approach that a robot can make: from a pose straight along the sensor's +z until it feels
-/// something.
+/// A candidate approach: a straight move from a pose along the sensor's +z until contact.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TouchCandidate {
-    /// The sensor's pose in the session frame where the approach begins, outside of the object.
+    /// Start of the approach, outside the object: the sensor's pose in the session frame.
     pub pose: Pose,
-    /// How far it goes at most, in metres, above 0 to 10.
+    /// Maximum travel in metres, above 0 and at most 10.
     #[schema(exclusive_minimum = 0.0, maximum = 10.0)]
     pub reach_m: f64,
-    /// What trying it costs, above 0: seconds, or metres of travel, or any other unit that is
-    /// the same for all candidates. Given with all of them or with none.
+    /// Cost of the approach, above 0, in a unit common to all candidates, such as seconds or metres
+    /// of travel. Give it for all candidates or for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(exclusive_minimum = 0.0, maximum = 1e9)]
     pub cost: Option<f64>,
@@ -60,47 +59,47 @@ pub struct TouchCandidate {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TouchWorkspace {
-    /// Its middle in the session frame, in metres.
+    /// Centre in the session frame, in metres.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub center: [f64; 3],
-    /// Its radius in metres, above 0 to 10.
+    /// Radius in metres, above 0 and at most 10.
     #[schema(exclusive_minimum = 0.0, maximum = 10.0)]
     pub radius: f64,
 }
 
-/// Where to touch next, best first.
+/// Ranked next touches.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct NextTouches {
-    /// The session.
+    /// Id of the session.
     pub session: Uuid,
-    /// The revision of the belief that the answer rests on.
+    /// Revision of the belief used.
     pub revision: u32,
-    /// Uncertainty about the identity now in bits, "none of these" included.
+    /// Current entropy of the identity in bits, including "none of these".
     pub entropy_bits: f64,
-    /// How many approaches were evaluated.
+    /// Number of approaches evaluated.
     pub evaluated: u32,
-    /// False when the deadline came before all approaches were evaluated.
+    /// False if the deadline came before all approaches were evaluated.
     pub complete: bool,
-    /// The best approaches of those evaluated, best first.
+    /// The best evaluated approaches, best first.
     pub touches: Vec<NextTouch>,
 }
 
-/// An approach and what it is worth.
+/// An approach and its expected information.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct NextTouch {
-    /// The sensor's pose in the session frame where the approach begins; it moves along its +z.
+    /// Start of the approach: the sensor's pose in the session frame. It moves along its +z.
     pub pose: Pose,
-    /// How far it goes at most, in metres.
+    /// Maximum travel in metres.
     pub reach_m: f64,
-    /// Its place in `candidates`, from 0; null for the service's own.
+    /// Index into `candidates`; null for an approach that the service generated.
     pub candidate: Option<u32>,
-    /// What its outcome is expected to say about which object it is, in bits.
+    /// Expected information about the object's identity, in bits.
     pub information_bits: f64,
-    /// What it is expected to say about the object's pose, given which object it is, in bits.
+    /// Expected information about the object's pose given its identity, in bits.
     pub pose_bits: f64,
-    /// The probability of a contact from which a reading can be taken.
+    /// Probability of a contact that yields a reading.
     pub contact_probability: f64,
-    /// What it is worth for its cost, in bits per unit of `cost`: what candidates with costs are
-    /// ranked by. Null without a cost.
+    /// Score by which candidates with costs are ranked, in bits per unit of `cost`; null without a
+    /// cost.
     pub bits_per_cost: Option<f64>,
 }

@@ -9,23 +9,23 @@ use crate::pose::Pose;
 use crate::reading::{Reading, Stamp};
 use crate::warning::Warning;
 
-/// A thing that robots are to recognise.
+/// An object to recognise.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ObjectInfo {
     /// The object's id.
     pub id: Uuid,
-    /// Its unique name.
+    /// Unique name of the object.
     pub name: String,
-    /// What people say about it.
+    /// Description for people.
     pub description: String,
-    /// The mesh that was uploaded, if any.
+    /// The uploaded mesh, if any.
     pub mesh: Option<MeshInfo>,
-    /// How many training readings are stored.
+    /// Number of stored training readings.
     pub n_readings: u32,
-    /// When it was created.
+    /// When the object was created.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// When its name or description last changed.
+    /// When the name or description last changed.
     #[schema(format = DateTime)]
     pub updated_at: String,
 }
@@ -43,16 +43,16 @@ pub struct ObjectPage {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CreateObject {
-    /// Its unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
+    /// Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
     #[schema(min_length = 1, max_length = 64, example = "mug")]
     pub name: String,
-    /// What people say about it; for people only.
+    /// Description for people; the service ignores it.
     #[serde(default)]
     #[schema(max_length = 2000)]
     pub description: String,
 }
 
-/// What to change of an object; what is not given stays.
+/// Changes to an object. Omitted fields stay as they are.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UpdateObject {
@@ -66,7 +66,7 @@ pub struct UpdateObject {
     pub description: Option<String>,
 }
 
-/// What the coordinates in a mesh file mean. STL, OBJ, PLY and OFF do not say it.
+/// Unit of the coordinates in a mesh file. STL, OBJ, PLY and OFF do not record it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MeshUnit {
@@ -81,7 +81,7 @@ pub enum MeshUnit {
 }
 
 impl MeshUnit {
-    /// Metres in one of it.
+    /// Length of the unit in metres.
     #[must_use]
     pub fn metres(self) -> f64 {
         match self {
@@ -92,7 +92,7 @@ impl MeshUnit {
         }
     }
 
-    /// Its name, as on the wire.
+    /// Name of the unit on the wire.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -104,7 +104,7 @@ impl MeshUnit {
     }
 }
 
-/// The file formats of meshes.
+/// File format of a mesh.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MeshFormat {
@@ -118,38 +118,38 @@ pub enum MeshFormat {
     Off,
 }
 
-/// How to read an uploaded mesh.
+/// Parameters of a mesh upload.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct MeshQuery {
-    /// What one unit of the file's coordinates is. Mandatory: guessing would be silent.
+    /// Unit of the file's coordinates. Mandatory, because a wrong guess would go unnoticed.
     pub unit: MeshUnit,
-    /// The file's format, when the content type is `application/octet-stream`.
+    /// Format of the file, if the content type is `application/octet-stream`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub format: Option<MeshFormat>,
 }
 
-/// An object's mesh, as it was uploaded.
+/// An uploaded mesh.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct MeshInfo {
-    /// The file's format.
+    /// Format of the file.
     pub format: MeshFormat,
-    /// The unit that was given with it.
+    /// Unit given at upload.
     pub unit: MeshUnit,
-    /// The file's length in bytes.
+    /// Length of the file in bytes.
     pub bytes: u64,
-    /// The blake3 hash of the file, in hexadecimal.
+    /// BLAKE3 hash of the file, in hexadecimal.
     pub hash: String,
-    /// When it was uploaded.
+    /// When the mesh was uploaded.
     #[schema(format = DateTime)]
     pub uploaded_at: String,
 }
 
-/// How the server understands an uploaded mesh.
+/// The server's interpretation of an uploaded mesh.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct MeshReport {
-    /// The mesh, as it was uploaded.
+    /// The uploaded mesh.
     pub mesh: MeshInfo,
     /// Number of triangles.
     pub n_triangles: u32,
@@ -158,7 +158,7 @@ pub struct MeshReport {
     /// Extent along x, y and z in metres.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub size: [f64; 3],
-    /// What is unusual about it, such as a size that suggests the other unit.
+    /// Anything unusual about the mesh, such as a size that suggests another unit.
     pub warnings: Vec<String>,
 }
 
@@ -166,52 +166,52 @@ pub struct MeshReport {
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AddTrainingReadings {
-    /// 1 to 1000 readings, all in one frame in which the object is at rest. All are taken or
-    /// none.
+    /// 1 to 1000 readings in one frame in which the object is at rest. The list is stored whole or
+    /// not at all.
     #[schema(min_items = 1, max_items = 1000)]
     pub readings: Vec<Reading>,
 }
 
-/// What became of training readings.
+/// Result of adding training readings.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct TrainingReadingsAdded {
-    /// How many are new.
+    /// Number of new readings.
     pub n_new: u32,
-    /// How many were there already (same robot and seq, same content).
+    /// Number of readings already stored (same robot, `seq` and content).
     pub n_repeated: u32,
-    /// How many the object has now.
+    /// Number of readings the object has now.
     pub n_readings: u32,
-    /// What is probably a mistake, such as pressures in kPa or positions in millimetres; at most
-    /// one of a kind. The readings are stored all the same.
+    /// Probable mistakes, such as pressures in kPa or positions in millimetres; at most one of a
+    /// kind. The readings are stored nevertheless.
     #[serde(default)]
     pub warnings: Vec<Warning>,
 }
 
-/// A training reading as it is stored.
+/// A stored training reading.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct StoredReading {
-    /// Its number within the object, from 0.
+    /// Number of the reading within the object, from 0.
     pub index: u32,
-    /// The robot that took it.
+    /// The robot that took the reading.
     pub robot: Option<String>,
-    /// The robot's number of it.
+    /// The robot's sequence number of the reading.
     pub seq: Option<u64>,
-    /// The key that it was written with; null when that was not recorded, or nobody was asked
-    /// for a key.
+    /// The key the reading was written with; null if not recorded, or if the server required no
+    /// keys.
     #[serde(default)]
     pub written_by: Option<Writer>,
-    /// The id of its sensor.
+    /// Id of the sensor.
     pub sensor: Uuid,
-    /// When it was taken, by the robot's clock.
+    /// When the reading was taken, by the robot's clock.
     pub stamp: Option<Stamp>,
-    /// The sensor's pose in the frame of the object's readings; null when it was not known.
+    /// The sensor's pose in the frame of the object's readings; null if unknown.
     pub pose: Option<Pose>,
-    /// Pressures in pascal, as they were sent.
+    /// Pressures in pascal, as sent.
     pub image: Vec<Option<f64>>,
-    /// The number of the sensor's calibration that corrects them; null when there was none.
+    /// Number of the sensor calibration applied to the pressures; null if there was none.
     #[serde(default)]
     pub calibration: Option<u32>,
-    /// The client's own code of the press; null when it sent none.
+    /// The client's own feature of the press; null if not sent.
     #[serde(default)]
     pub feature: Option<Vec<f64>>,
 }
@@ -219,7 +219,7 @@ pub struct StoredReading {
 /// A page of training readings.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct StoredReadingPage {
-    /// The readings in the order in which they arrived.
+    /// The readings in the order of arrival.
     pub items: Vec<StoredReading>,
     /// The cursor of the next page; null on the last.
     pub next_cursor: Option<String>,

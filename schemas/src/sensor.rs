@@ -1,4 +1,4 @@
-//! Sensors on the wire: where taxels are and how they respond, and the dry-run of a reading.
+//! Sensors on the wire: taxel geometry, response, and the dry run of a reading.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -6,22 +6,21 @@ use uuid::Uuid;
 
 use crate::warning::Warning;
 
-/// A tactile array sensor that the server knows.
+/// A tactile array sensor.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Sensor {
     /// The sensor's id.
     pub id: Uuid,
-    /// Its unique name.
+    /// Unique name of the sensor.
     pub name: String,
-    /// The preset that it was made from, if any.
+    /// The preset the sensor was created from, if any.
     pub preset: Option<String>,
-    /// Its geometry and response. Does not change: readings rely on it.
+    /// Geometry and response. Immutable, because stored readings rely on it.
     pub description: SensorDescription,
-    /// The number of its newest calibration, which applies to readings that come now; null
-    /// when it has none.
+    /// Number of the newest calibration, which applies to new readings; null if there is none.
     #[serde(default)]
     pub calibration: Option<u32>,
-    /// When it was created.
+    /// When the sensor was created.
     #[schema(format = DateTime)]
     pub created_at: String,
 }
@@ -35,56 +34,56 @@ pub struct SensorPage {
     pub next_cursor: Option<String>,
 }
 
-/// A new sensor: a preset or a description.
+/// A new sensor, from a preset or a description.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CreateSensor {
-    /// Its unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
+    /// Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
     #[schema(min_length = 1, max_length = 64, example = "left-finger")]
     pub name: String,
-    /// A known sensor. Give either this or `description`.
+    /// Preset of a known sensor. Excludes `description`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<SensorPreset>,
-    /// A description. Give either this or `preset`.
+    /// Description of the sensor. Excludes `preset`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<DescribeSensor>,
-    /// How the driver's images are turned; replaces that of the preset or description.
+    /// Orientation of the driver's images; overrides that of the preset or description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_order: Option<ImageOrder>,
 }
 
-/// The geometry and response of a new sensor, in metres and pascals, as far as its data sheet
-/// says. The answer has everything, defaults filled in.
+/// Geometry and response of a new sensor, in metres and pascals. The answer contains the defaults
+/// of omitted fields.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DescribeSensor {
-    /// Where the taxels are.
+    /// Layout of the taxels.
     pub grid: TaxelGrid,
-    /// Thickness of the covering in metres: the deepest indentation it takes.
+    /// Thickness of the covering in metres, which is also the deepest indentation.
     #[schema(example = 0.00254)]
     pub covering_thickness: f64,
-    /// Standard deviation of the Gaussian point spread in metres; when not given, that of the
-    /// covering: 2.22 mm + 0.497 times its thickness (equation 2.5, as `analyses/covering`).
+    /// Standard deviation of the Gaussian point spread in metres. Default: from the covering, 2.22
+    /// mm + 0.497 × thickness (equation 2.5, as in `analyses/covering`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(example = 0.003482)]
     pub point_spread: Option<f64>,
-    /// Blurred displacement to pressure: 2 to 64 knots that start at (0, 0) and rise; when not
-    /// given, a straight line to the saturation at the covering's full thickness.
+    /// Maps blurred displacement to pressure: 2 to 64 rising knots from (0, 0). Default: a straight
+    /// line up to `saturation` at the full thickness of the covering.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_items = 2, max_items = 64)]
     pub force_curve: Option<Vec<ForceKnot>>,
-    /// No taxel reads more than this, in pascal.
+    /// Largest pressure that a taxel reports, in pascal.
     #[schema(example = 20_000.0)]
     pub saturation: f64,
-    /// Standard deviation of a reading's additive noise, in pascal; when not given, half a
-    /// percent of the saturation, or a step of the converter where that is more.
+    /// Standard deviation of a reading's additive noise, in pascal. Default: 0.5 % of `saturation`,
+    /// or one step of the converter if that is more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(example = 100.0)]
     pub noise: Option<f64>,
     /// Step of the analogue-to-digital converter in pascal; 0 for a continuous sensor.
     #[schema(example = 78.125)]
     pub quantisation: f64,
-    /// How the driver's images are turned; not at all when not given.
+    /// Orientation of the driver's images. Default: that of the sensor frame.
     #[serde(default)]
     pub image_order: ImageOrder,
 }
@@ -104,13 +103,13 @@ impl From<SensorDescription> for DescribeSensor {
     }
 }
 
-/// Sensors that the server knows by name.
+/// A sensor that the server knows by name.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub enum SensorPreset {
-    /// 6 × 6 taxels at 2 mm, 0–20 kPa, under a 2.54 mm covering.
+    /// 6 × 6 taxels at 2 mm, 0–20 kPa, under a covering of 2.54 mm.
     #[serde(rename = "digitacts-6x6")]
     Digitacts6x6,
-    /// The same under the thinnest covering, 1.016 mm: for letters and other fine shapes.
+    /// `Digitacts6x6` under the thinnest covering, 1.016 mm: for letters and other fine shapes.
     #[serde(rename = "digitacts-6x6-thin")]
     Digitacts6x6Thin,
     /// 6 × 8 taxels at 2 mm: two physical modules.
@@ -134,7 +133,7 @@ impl SensorPreset {
         Self::Tekscan26x26,
     ];
 
-    /// The preset's name, as on the wire.
+    /// Name of the preset on the wire.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -147,25 +146,25 @@ impl SensorPreset {
     }
 }
 
-/// The geometry and response of a sensor, in metres and pascals.
+/// Geometry and response of a sensor, in metres and pascals.
 ///
-/// Frame: origin at the centre of the covering's free surface, +z out of the sensor towards
-/// the object, +x along columns, +y along rows.
+/// Frame: origin at the centre of the covering's free surface, +z out of the sensor towards the
+/// object, +x along columns, +y along rows.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorDescription {
-    /// Where the taxels are.
+    /// Layout of the taxels.
     pub grid: TaxelGrid,
-    /// Thickness of the covering in metres: the deepest indentation it takes.
+    /// Thickness of the covering in metres, which is also the deepest indentation.
     #[schema(example = 0.00254)]
     pub covering_thickness: f64,
     /// Standard deviation of the Gaussian point spread in metres.
     #[schema(example = 0.003482)]
     pub point_spread: f64,
-    /// Blurred displacement to pressure: 2 to 64 knots that start at (0, 0) and rise.
+    /// Maps blurred displacement to pressure: 2 to 64 rising knots from (0, 0).
     #[schema(min_items = 2, max_items = 64)]
     pub force_curve: Vec<ForceKnot>,
-    /// No taxel reads more than this, in pascal.
+    /// Largest pressure that a taxel reports, in pascal.
     #[schema(example = 20_000.0)]
     pub saturation: f64,
     /// Standard deviation of a reading's additive noise, in pascal.
@@ -174,7 +173,7 @@ pub struct SensorDescription {
     /// Step of the analogue-to-digital converter in pascal; 0 for a continuous sensor.
     #[schema(example = 78.125)]
     pub quantisation: f64,
-    /// How the driver's images are turned; not at all when not given.
+    /// Orientation of the driver's images. Default: that of the sensor frame.
     #[serde(default)]
     pub image_order: ImageOrder,
 }
@@ -203,65 +202,63 @@ pub struct TaxelGrid {
 pub struct ForceKnot {
     /// Displacement of the covering in metres.
     pub displacement: f64,
-    /// The pressure that a taxel reports there, in pascal.
+    /// Pressure that a taxel reports at this displacement, in pascal.
     pub pressure: f64,
 }
 
-/// How the driver's image relates to the sensor frame's row-major order.
+/// Orientation of the driver's image relative to the row-major order of the sensor frame.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageOrder {
-    /// The driver sends columns where we expect rows.
+    /// Whether the driver sends columns as rows.
     #[serde(default)]
     pub transposed: bool,
-    /// The driver's first row is our last.
+    /// Whether the driver's first row is the frame's last.
     #[serde(default)]
     pub rows_reversed: bool,
-    /// The driver's first column is our last.
+    /// Whether the driver's first column is the frame's last.
     #[serde(default)]
     pub cols_reversed: bool,
 }
 
-/// How the server understands a reading; nothing is stored.
+/// The server's interpretation of a reading.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ReadingCheck {
-    /// Rows of the image below.
+    /// Number of rows of `image`.
     pub rows: u32,
-    /// Columns of the image below.
+    /// Number of columns of `image`.
     pub cols: u32,
-    /// The image in the sensor frame's order, row-major, in pascal: turned as the sensor's
-    /// `image_order` says, missing taxels filled in from their neighbours.
+    /// The image in the order of the sensor frame, row-major, in pascal: oriented by the sensor's
+    /// `image_order`, with missing taxels interpolated from their neighbours.
     pub image: Vec<f64>,
     /// Taxels without a value, as indices into `image`.
     pub missing: Vec<u32>,
-    /// Taxels at the sensor's saturation, as indices into `image`.
+    /// Saturated taxels, as indices into `image`.
     pub saturated: Vec<u32>,
-    /// Taxels that touch something: above half of the largest pressure, and above the noise.
+    /// Taxels in contact: above half the largest pressure and above the noise.
     pub contact: Vec<u32>,
     /// The largest pressure in pascal.
     pub max_pressure: f64,
-    /// The centre of pressure in the sensor frame (z = 0); null without contact.
+    /// Centre of pressure in the sensor frame (z = 0); null without contact.
     pub centroid_in_sensor: Option<Point>,
-    /// The same point in the session frame; null without contact or without a pose.
+    /// Centre of pressure in the session frame; null without contact or without a pose.
     pub centroid_in_session: Option<Point>,
-    /// Where the sensor looks: its +z, towards the object, in the session frame; null without
-    /// a pose.
+    /// The sensor's +z direction, towards the object, in the session frame; null without a pose.
     pub sensor_z_in_session: Option<Point>,
-    /// The number of the calibration that would correct the reading, as it did `image`; null
-    /// when the sensor has none.
+    /// Number of the calibration applied to `image`; null if the sensor has none.
     #[serde(default)]
     pub calibration: Option<u32>,
-    /// Taxels that the calibration leaves out (dead or cross-wired), as indices into `image`.
+    /// Taxels that the calibration excludes (dead or cross-wired), as indices into `image`.
     #[serde(default)]
     pub unusable: Vec<u32>,
-    /// What is unusual about the reading, in words; `warnings` are among them.
+    /// Anything unusual about the reading, in words, including `warnings`.
     pub hints: Vec<String>,
-    /// What is probably a mistake, such as pressures in kPa or positions in millimetres.
+    /// Probable mistakes, such as pressures in kPa or positions in millimetres.
     #[serde(default)]
     pub warnings: Vec<Warning>,
 }
 
-/// A point in metres, or a direction of length 1.
+/// A point in metres, or a unit direction.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Point {
     /// Along +x.

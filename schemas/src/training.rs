@@ -1,4 +1,4 @@
-//! Catalogues on the wire: their versions, the jobs that train them, and what came out.
+//! Catalogues on the wire: versions, training jobs and their reports.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -10,71 +10,70 @@ use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
 use crate::warning::Warning;
 
-/// A named line of trained models, one of whose versions new sessions use.
+/// A catalogue: a named series of trained versions, one of which new sessions use.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Catalogue {
-    /// The catalogue's unique name; `default` when nobody names another.
+    /// Unique name of the catalogue. Requests that name none use `default`.
     pub name: String,
-    /// What new sessions use; null until a training has succeeded.
+    /// The version that new sessions use; null until a training has succeeded.
     pub current: Option<CurrentVersion>,
-    /// The number of its newest version; 0 before there is one.
+    /// Number of the newest version; 0 if there is none.
     pub latest_version: u32,
-    /// What was current when, newest first; at most 100 entries.
+    /// Past and present current versions, newest first; at most 100 entries.
     pub history: Vec<CurrentVersion>,
 }
 
 /// A page of catalogues.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct CataloguePage {
-    /// The catalogues in the order of their names.
+    /// The catalogues, sorted by name.
     pub items: Vec<Catalogue>,
     /// The cursor of the next page; null on the last.
     pub next_cursor: Option<String>,
 }
 
-/// Which version new sessions use, and since when.
+/// The version that new sessions use, and since when.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct CurrentVersion {
-    /// The version.
+    /// Number of the version.
     pub version: u32,
-    /// Counts the switches of this catalogue; its value is the `ETag`.
+    /// Number of switches of this catalogue. Its value is the `ETag`.
     pub revision: u32,
-    /// When it was switched.
+    /// When the version became current.
     #[schema(format = DateTime)]
     pub changed_at: String,
 }
 
-/// Which version new sessions are to use.
+/// The version to make current.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SetCurrent {
-    /// A version of this catalogue.
+    /// Number of a version of this catalogue.
     #[schema(minimum = 1)]
     pub version: u32,
 }
 
-/// One trained model. It never changes.
+/// A version of a catalogue: one trained model. It never changes.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct CatalogueVersion {
     /// The catalogue's name.
     pub catalogue: String,
-    /// The version, from 1.
+    /// Number of the version, from 1.
     pub version: u32,
-    /// Whether new sessions use it.
+    /// Whether new sessions use the version.
     pub is_current: bool,
-    /// When it was trained.
+    /// When the version was trained.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// The job that trained it; null when it was merged.
+    /// The job that trained the version; null if it was merged.
     pub job: Option<Uuid>,
-    /// The two versions whose maps were merged into it; empty when it was trained.
+    /// The two versions merged into this one; empty if it was trained.
     pub merged_from: Vec<VersionReference>,
-    /// What was asked for, defaults filled in.
+    /// The training request, with defaults.
     pub training: StartTraining,
-    /// What came out.
+    /// The training report.
     pub report: TrainingReport,
-    /// Why it cannot be recognised with, when what is stored of it is damaged; null when
-    /// nothing is known to be.
+    /// Why the version cannot be used, if its stored data is damaged; null if no damage is known.
     #[serde(default)]
     pub damage: Option<String>,
 }
@@ -88,126 +87,124 @@ pub struct CatalogueVersionPage {
     pub next_cursor: Option<String>,
 }
 
-/// What a training made, and what it cost.
+/// Report of a training: results and cost.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct TrainingReport {
-    /// The objects that it knows.
+    /// The objects in the version.
     pub objects: Vec<ObjectReport>,
-    /// Number of appearance classes in the vocabulary of pair maps; 0 without pair maps.
+    /// Number of appearance classes in the vocabulary of the pair maps; 0 without pair maps.
     pub n_classes: u32,
     /// Memory of the pair index, in bytes.
     pub index_bytes: u64,
     /// Memory of all surfaces, in bytes; 0 without surfaces.
     #[serde(default)]
     pub surface_bytes: u64,
-    /// How long the training took, in seconds.
+    /// Duration of the training, in seconds.
     pub seconds: f64,
-    /// The seed of all its random choices.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// What was learnt for the methods `appearance…`; null when nothing was asked for.
+    /// Summary of the appearance part; null if not requested.
     #[serde(default)]
     pub appearance: Option<AppearanceSummary>,
-    /// Objects that nothing could be learnt of, and why. They are not in the version.
+    /// Objects that could not be trained, with reasons. They are not in the version.
     #[serde(default)]
     pub skipped: Vec<SkippedObject>,
-    /// What is probably a mistake in the training as a whole; those of one object are in its own
-    /// `warnings`.
+    /// Probable mistakes in the training as a whole. Those of one object are in its own `warnings`.
     #[serde(default)]
     pub warnings: Vec<Warning>,
-    /// Whether the probabilities of `surface` were calibrated on readings that were held back;
-    /// null without surfaces, and of versions that were trained before this was reported.
+    /// Whether the probabilities of `surface` were calibrated on held-back readings; null without
+    /// surfaces, and for versions trained before this was reported.
     #[serde(default)]
     pub calibrated: Option<bool>,
-    /// How many objects the readings are of that the calibration was learnt on: those of the
-    /// extended version, when it is kept.
+    /// Number of objects whose readings the calibration was fitted to; that of the extended
+    /// version, if its calibration is kept.
     #[serde(default)]
     pub calibrated_on: u32,
-    /// Why the probabilities are not calibrated; null when they are, or it is not known.
+    /// Why the probabilities are not calibrated; null if they are, or if it is unknown.
     #[serde(default)]
     pub uncalibrated_reason: Option<UncalibratedReason>,
 }
 
-/// An object that a training left out.
+/// An object that the training skipped.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct SkippedObject {
     /// The object's id.
     pub id: Uuid,
-    /// The object's name when it was left out.
+    /// Name of the object when it was skipped.
     pub name: String,
-    /// Why nothing could be learnt of it.
+    /// Why the object could not be trained.
     pub reason: String,
 }
 
-/// What a training made of one object.
+/// Training report of one object.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ObjectReport {
     /// The object's id.
     pub id: Uuid,
     /// The object's name when it was trained.
     pub name: String,
-    /// How many readings it was trained from.
+    /// Number of readings the object was trained from.
     pub n_readings: u32,
-    /// How many patches its map has; 0 without pair maps.
+    /// Number of patches in the map; 0 without pair maps.
     pub n_patches: u32,
-    /// Memory of its pair index, in bytes.
+    /// Memory of the pair index, in bytes.
     pub index_bytes: u64,
-    /// Where the origin of the object's frame is in its mesh (or in the frame of its training
-    /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
-    /// Zeros without pair maps and surfaces.
+    /// Origin of the object frame in the mesh frame (or in the frame of the training readings), in
+    /// metres. The axes are the same: `mesh point = object point + origin`. Zeros without pair maps
+    /// and surfaces.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub origin_in_mesh: [f64; 3],
-    /// Its surface; null when none was learnt.
+    /// Report of the surface; null without one.
     #[serde(default)]
     pub surface: Option<SurfaceReport>,
-    /// What was learnt of its geometry; null when nothing was asked for.
+    /// Report of the contact map; null if not requested.
     #[serde(default)]
     pub geometry: Option<GeometryReport>,
-    /// Which turns leave it as it is: axes in the object frame, highest order first, empty when
-    /// it only looks like itself or when touches cannot tell. Null when it was not sought:
-    /// without surfaces.
+    /// Symmetry axes in the object frame, highest order first; empty if there are none or if the
+    /// touches cannot tell. Null without surfaces.
     #[serde(default)]
     pub symmetry: Option<Vec<SymmetryAxis>>,
-    /// What `symmetry` was decided by; null when it was not sought.
+    /// Source of `symmetry`; null without surfaces.
     #[serde(default)]
     pub symmetry_by: Option<SymmetryBy>,
-    /// About how many more touches would settle a symmetry that is `undetermined`; else null.
+    /// Approximate number of further touches that would settle an `undetermined` symmetry; null
+    /// otherwise.
     #[serde(default)]
     pub symmetry_touches_needed: Option<u32>,
-    /// What is probably a mistake in what it was trained from, such as positions in millimetres
-    /// or too few touches.
+    /// Probable mistakes in the training data, such as positions in millimetres or too few touches.
     #[serde(default)]
     pub warnings: Vec<Warning>,
 }
 
-/// The surface of an object, as the method `surface` knows it.
+/// Report of an object's surface, as `surface` uses it.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct SurfaceReport {
-    /// How many touches it keeps.
+    /// Number of touches kept.
     pub n_patches: u32,
-    /// How many pairs of them propose poses.
+    /// Number of touch pairs that propose poses.
     pub n_pairs: u32,
-    /// Its memory, in bytes.
+    /// Memory of the surface, in bytes.
     pub bytes: u64,
 }
 
-/// The trained map of one object, a page of its patches at a time.
+/// Trained map of one object, with one page of its patches.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct ObjectMap {
     /// The object's id.
     pub id: Uuid,
     /// The object's name when it was trained.
     pub name: String,
-    /// Where the origin of the object's frame is in its mesh (or in the frame of its training
-    /// readings), in metres: the axes are the same. `mesh point = object point + origin`.
+    /// Origin of the object frame in the mesh frame (or in the frame of the training readings), in
+    /// metres. The axes are the same: `mesh point = object point + origin`.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub origin_in_mesh: [f64; 3],
-    /// The distances between patches whose pairs are indexed.
+    /// Distances between patches whose pairs are indexed.
     pub distances: MapDistances,
-    /// How many pairs of patches the index lists.
+    /// Number of patch pairs in the index.
     pub n_postings: u64,
     /// Memory of the index, in bytes.
     pub index_bytes: u64,
-    /// How many patches the map has, on all pages together.
+    /// Number of patches on all pages together.
     pub n_patches: u32,
     /// The patches in the order of training.
     #[schema(max_items = 1000)]
@@ -219,122 +216,120 @@ pub struct ObjectMap {
 /// A range of distances in bins of equal width.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct MapDistances {
-    /// The smallest distance in metres.
+    /// Smallest distance in metres.
     pub min: f64,
-    /// The end of the last bin in metres.
+    /// End of the last bin in metres.
     pub max: f64,
-    /// How many bins.
+    /// Number of bins.
     pub n_bins: u32,
 }
 
-/// A trained piece of an object's surface, in the object frame.
+/// A patch: a trained piece of an object's surface, in the object frame.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct MapPatch {
-    /// Its position in metres.
+    /// Position in metres.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub position: [f64; 3],
-    /// The outward normal, of length 1.
+    /// Outward normal, a unit vector.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]
     pub normal: [f64; 3],
-    /// How well the contact fixed the normal, 0 to 1.
+    /// Confidence of the normal, 0 to 1: how well the contact determined it.
     pub normal_confidence: f64,
-    /// The class of appearance that it most likely belongs to, from 0; null when it is in no
-    /// pair.
+    /// Likeliest appearance class, from 0; null if the patch is in no pair.
     #[serde(default)]
     pub class: Option<u32>,
 }
 
-/// What to train.
+/// Training request.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StartTraining {
-    /// Ids or names of the objects; when not given, every object that has a mesh or readings.
+    /// Ids or names of the objects. Default: every object that has a mesh or readings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(min_items = 1, max_items = 10_000)]
     pub objects: Option<Vec<String>>,
-    /// Id or name of the sensor that touches meshes in simulation; `digitacts-6x6` when not
-    /// given. Objects with readings of their own are trained from those.
+    /// Id or name of the sensor that touches meshes in simulation. Objects with readings of their
+    /// own are trained from those. Default: `digitacts-6x6`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<String>,
-    /// Simulated readings for an object with a mesh only, 20 to 20000; 1000 when not given.
+    /// Number of simulated readings per object that has only a mesh, 20 to 20000. Default: 1000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 20, maximum = 20_000)]
     pub readings_per_object: Option<u32>,
-    /// The seed of all random choices, up to 2⁵³ − 1; 1 when not given.
+    /// Seed of all random choices, at most 2⁵³ − 1. Default: 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 9_007_199_254_740_991_u64)]
     pub seed: Option<u64>,
-    /// Number of appearance classes, 2 to 255; 25 when not given.
+    /// Number of appearance classes, 2 to 255. Default: 25.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 2, maximum = 255)]
     pub n_classes: Option<u32>,
-    /// How a press becomes a feature; `mnti` when not given.
+    /// Descriptor that turns a press into a feature. Default: `mnti`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub descriptor: Option<Descriptor>,
-    /// Which pairs of touches to learn, by their distance; from 8 mm to the object's size
-    /// when not given.
+    /// Distances of the touch pairs to learn. Default: from 8 mm to the object's size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_range: Option<DistanceRange>,
-    /// What to learn for the methods `geometric…`; nothing when not given.
+    /// Contact maps for the methods `geometric…`. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<GeometryTraining>,
-    /// What to learn for the methods `appearance…`; nothing when not given.
+    /// Training options for the methods `appearance…`. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub appearance: Option<AppearanceTraining>,
-    /// Whether to learn the surfaces that `surface` needs; when not given, as `pair_maps`.
+    /// Whether to learn the surfaces that `surface` needs. Default: the value of `pair_maps`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surfaces: Option<bool>,
-    /// Whether to learn the maps of pairs of touches that `sva` needs; true when not given.
-    /// False suits readings without poses, of which only `appearance` is learnt, and large
-    /// catalogues for `surface` alone, with `surfaces`.
+    /// Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
+    /// only train `appearance`, and, together with `surfaces`, large catalogues for `surface` alone.
+    /// Default: true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pair_maps: Option<bool>,
-    /// A version of the same catalogue to add to: its vocabularies and what it knows of its
-    /// objects are kept bit by bit, only `objects` (those it does not know, when not given)
-    /// are trained. How they are trained is the version's matter: `n_classes`, `descriptor`,
-    /// `distance_range`, `geometry`, `appearance`, `surfaces` and `pair_maps` must not be given.
+    /// Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;
+    /// only `objects` are trained (default: those it does not know). `n_classes`, `descriptor`,
+    /// `distance_range`, `geometry`, `appearance`, `surfaces` and `pair_maps` are taken from that
+    /// version and must not be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
     pub extend: Option<u32>,
-    /// Whether new sessions use the version as soon as it is trained; true when not given.
+    /// Whether to make the version current as soon as it is trained. Default: true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub activate: Option<bool>,
-    /// Whether an object that nothing can be learnt of fails the training; when false (not
-    /// given), it is left out and named in the report's `skipped`. A training that is left
-    /// without objects fails either way.
+    /// Whether one object that cannot be trained fails the training. If false, the object is
+    /// skipped and listed under `skipped` in the report. A training left without objects always
+    /// fails. Default: false.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strict: Option<bool>,
 }
 
-/// How a press becomes a feature.
+/// Descriptor that turns a press into a feature.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Descriptor {
-    /// The pressures themselves: neither turns nor shifts are removed.
+    /// The raw pressures; neither rotation nor shift is removed.
     Vectorize,
-    /// Histograms of gradients, turned to the dominant orientation.
+    /// Histograms of gradients, rotated to the dominant orientation.
     Sift,
-    /// Largest responses of oriented filters in four windows: several features a press, so not
-    /// for methods that give each touch one appearance (`sva`, `sva_literal`).
+    /// Largest responses of oriented filters in four windows. Yields several features per press, so
+    /// it is not for `sva` and `sva_literal`, which assign one appearance to each touch.
     Mr8,
-    /// The image turned to its principal axes.
+    /// The image rotated to its principal axes.
     MomentNormalized,
-    /// Fourier magnitudes of rings: does not change when the press is turned.
+    /// Fourier magnitudes of rings; invariant to rotation of the press.
     PolarFourier,
-    /// `polar_fourier` with each row divided by the root of its radius.
+    /// `polar_fourier` with each row divided by the square root of its radius.
     PolarFourierRw,
-    /// `polar_fourier` without the relations of neighbouring rings.
+    /// `polar_fourier` without the relations between neighbouring rings.
     PolarFourierNi,
-    /// `polar_fourier` and what tells a press from its mirror image.
+    /// `polar_fourier` plus components that distinguish a press from its mirror image.
     PolarFourierSigned,
-    /// Fourier magnitudes of the image turned to its principal axes: changes little when the
-    /// press is turned or shifted.
+    /// Fourier magnitudes of the image rotated to its principal axes; nearly invariant to rotation
+    /// and shift of the press.
     Mnti,
-    /// Derivatives at the centre along the gradient: a control.
+    /// Derivatives at the centre, along the gradient; a control.
     Steerable,
-    /// Responses of round filters: a control.
+    /// Responses of isotropic filters; a control.
     Schmid,
-    /// Strengths of spatial frequencies without place and direction, for large arrays.
+    /// Energy per spatial frequency, without place and direction; for large arrays.
     PolarSpectrum,
 }
 
@@ -342,43 +337,43 @@ pub enum Descriptor {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DistanceRange {
-    /// The smallest distance in metres.
+    /// Smallest distance in metres.
     pub min: f64,
-    /// The largest distance in metres; the largest that is trained when not given.
+    /// Largest distance in metres. Default: the largest in the training data.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
-/// Long work: a training.
+/// A training job.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 pub struct Job {
     /// The job's id.
     pub id: Uuid,
-    /// The catalogue that it trains.
+    /// Name of the catalogue.
     pub catalogue: String,
-    /// How far it is.
+    /// State of the job.
     pub state: JobState,
-    /// What it does at the moment; null unless it runs.
+    /// Current stage; null unless the job is running.
     pub stage: Option<JobStage>,
-    /// Steps done of this stage.
+    /// Number of steps done in this stage.
     pub done: u32,
-    /// Steps of this stage; 0 when not known.
+    /// Number of steps in this stage; 0 if unknown.
     pub total: u32,
-    /// Seconds until the stage is done, as far as can be told.
+    /// Estimated seconds until the stage is done.
     pub eta_s: Option<f64>,
-    /// What was asked for, defaults filled in.
+    /// The training request, with defaults.
     pub training: StartTraining,
-    /// The version that it made; null unless it succeeded.
+    /// The version that the job made; null unless it succeeded.
     pub version: Option<u32>,
-    /// Why it failed or was cancelled; null otherwise.
+    /// Why the job failed or was cancelled; null otherwise.
     pub reason: Option<String>,
-    /// When it was asked for.
+    /// When the job was requested.
     #[schema(format = DateTime)]
     pub created_at: String,
-    /// When it began.
+    /// When the job started.
     #[schema(format = DateTime)]
     pub started_at: Option<String>,
-    /// When it ended.
+    /// When the job ended.
     #[schema(format = DateTime)]
     pub finished_at: Option<String>,
 }
@@ -392,24 +387,24 @@ pub struct JobPage {
     pub next_cursor: Option<String>,
 }
 
-/// How far a job is.
+/// State of a job.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JobState {
-    /// It waits for the jobs before it.
+    /// Waiting for earlier jobs.
     Queued,
-    /// It is being done.
+    /// Running.
     Running,
-    /// It is done; `version` is what it made.
+    /// Done; `version` is the result.
     Succeeded,
-    /// It could not be done; `reason` says why.
+    /// Failed; `reason` says why.
     Failed,
-    /// Somebody cancelled it.
+    /// Cancelled by a client.
     Cancelled,
 }
 
 impl JobState {
-    /// Its name, as on the wire.
+    /// Name of the state on the wire.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -421,14 +416,14 @@ impl JobState {
         }
     }
 
-    /// Whether the job will change no more.
+    /// Whether the state is final.
     #[must_use]
     pub fn is_final(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
     }
 }
 
-/// What a running training does.
+/// Stage of a running training.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JobStage {
@@ -436,15 +431,15 @@ pub enum JobStage {
     Sampling,
     /// Learning the appearance classes.
     Vocabulary,
-    /// Building the objects' maps; steps are objects.
+    /// Building the pair maps; steps are objects.
     Mapping,
-    /// Learning the objects' surfaces, then how far they can be believed; steps are objects
-    /// and one for the latter.
+    /// Learning the surfaces, then the calibration; steps are objects, plus one for the
+    /// calibration.
     Surface,
-    /// Learning maps of contact and pressure; steps are objects.
+    /// Learning contact and pressure maps; steps are objects.
     Geometry,
-    /// Learning classes of appearance, then the objects' histograms; steps are the candidates
-    /// for the number of classes and the objects.
+    /// Learning the appearance classes, then the histograms; steps are the candidates for the
+    /// number of classes and the objects.
     Appearance,
     /// Writing the version.
     Storing,

@@ -1,47 +1,47 @@
-//! Warnings on the wire: what was accepted, and is probably a mistake all the same.
+//! Warnings on the wire: input that was accepted but is probably a mistake.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Something that is probably a mistake. It changes nothing: what it is about was accepted.
+/// A probable mistake in accepted input. It does not change the result.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Warning {
-    /// What kind of mistake: for programs, it does not change between releases.
+    /// Kind of mistake, for programs; stable between releases.
     pub code: WarningCode,
-    /// What it is about: a JSON pointer into the request, such as `/readings/3/image` (the first
-    /// reading that it is about), or into the report; empty for the whole.
+    /// Location: a JSON pointer into the request (to the first reading concerned, such as
+    /// `/readings/3/image`) or into the report; empty for the whole.
     #[schema(example = "/readings/0/image")]
     pub pointer: String,
-    /// What was found and what was expected, in a sentence.
+    /// What was found and what was expected.
     pub detail: String,
 }
 
-/// The kind of a warning.
+/// Kind of a warning.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, PartialOrd, Ord, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WarningCode {
-    /// Pressures are probably in another unit than pascal.
+    /// Pressures are probably not in pascal.
     PressureUnit,
-    /// The largest pressure is a contact, but below 1 % of the sensor's range.
+    /// The largest pressure indicates contact but is below 1 % of the sensor's range.
     PressureLow,
-    /// Pressures are clearly negative: the sensor was not tared.
+    /// Pressures are clearly negative: the sensor was probably not tared.
     NotTared,
     /// Most taxels are saturated.
     Saturated,
     /// A position is probably in millimetres.
     PositionUnit,
-    /// A position is further from the origin of its frame than an arm reaches.
+    /// A position is further from the frame's origin than an arm reaches.
     PositionFar,
-    /// Readings that touch one object lie further apart than an object is large.
+    /// Readings that touch one object are further apart than an object is large.
     PositionsApart,
-    /// An object is larger than objects that are touched: probably in another unit.
+    /// An object is larger than objects that robots touch: probably the wrong unit.
     ObjectLarge,
-    /// An object is smaller than a sensor feels: probably in another unit.
+    /// An object is too small for the sensor: probably the wrong unit.
     ObjectSmall,
     /// Objects of one catalogue differ in size as metres and millimetres do.
     SizesDiffer,
-    /// Too few readings touched the object to know its surface.
+    /// Too few readings touched the object to determine its surface.
     FewTouches,
-    /// Objects were left out of the version.
+    /// The training skipped objects.
     ObjectsSkipped,
 }

@@ -26,7 +26,7 @@ use crate::routes;
 #[response(
     status = 409,
     content_type = "application/problem+json",
-    description = "It does not fit the state of things, or something else has its name or number"
+    description = "The request conflicts with the current state, or its name or number is taken"
 )]
 pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents")] Problem);
 
@@ -56,8 +56,8 @@ pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents"
 
 /// What the description calls keys.
 const SCHEME: &str = "key";
-const KEY: &str = "An API key, `palpate_…`, where the server asks for one. `x-palpate-roles` of \
-    an operation lists the roles that may call it; operations without need no key.";
+const KEY: &str = "An API key, `palpate_…`, if the server requires one. `x-palpate-roles` of \
+    an operation lists the roles that may call it; operations without it need no key.";
 
 #[derive(utoipa::OpenApi)]
 #[openapi(
@@ -71,13 +71,13 @@ const KEY: &str = "An API key, `palpate_…`, where the server asks for one. `x-
     servers((url = "/", description = "This server")),
     tags(
         (name = "sensors", description = "Tactile sensors: geometry and response"),
-        (name = "analyses", description = "Questions about sensors, answered without storing"),
-        (name = "objects", description = "Things to recognise: meshes and training readings"),
+        (name = "analyses", description = "Computations about sensors; nothing is stored"),
+        (name = "objects", description = "Objects to recognise: their meshes and training readings"),
         (name = "training", description = "Catalogues: trained versions, and the current one"),
-        (name = "jobs", description = "Trainings under way"),
-        (name = "sessions", description = "Recognising: readings in, beliefs out"),
-        (name = "keys", description = "API keys, and who changed what"),
-        (name = "admin", description = "Copies of all that is stored"),
+        (name = "jobs", description = "Training jobs"),
+        (name = "sessions", description = "Recognition: readings in, beliefs out"),
+        (name = "keys", description = "API keys, robot names and the audit log"),
+        (name = "admin", description = "Snapshots and compaction of the stored data"),
         (name = "site", description = "Health, metrics, version"),
     ),
     components(schemas(Problem, FieldError, SessionEvent, Job, BeliefDetail, PlyForm)),
@@ -149,8 +149,8 @@ fn add_roles(operation: &mut Operation) {
     let named: Vec<&str> = roles.iter().map(|role| roles::name(*role)).collect();
     operation.extensions = Some(Extensions::from_iter([("x-palpate-roles", named)]));
     let responses = &mut operation.responses.responses;
-    let needed = format!("The key has none of the roles that this needs: {}", roles::listed(roles));
-    responses.insert("401".to_owned(), problem("No API key came, or none that is let in"));
+    let needed = format!("The key has none of the required roles: {}", roles::listed(roles));
+    responses.insert("401".to_owned(), problem("The API key is missing or not valid"));
     responses.insert("403".to_owned(), problem(&needed));
 }
 
@@ -159,7 +159,7 @@ fn add_location(operation: &mut Operation) {
     for made in ["201", "202"] {
         if let Some(RefOr::T(response)) = operation.responses.responses.get_mut(made) {
             let mut location = Header::default();
-            location.description = Some("The path of what was made".to_owned());
+            location.description = Some("The path of the new resource".to_owned());
             response.headers.insert("location".to_owned(), location.into());
         }
     }
@@ -180,7 +180,7 @@ fn add_problems(operation: &mut Operation, writes: bool) {
         responses.entry(status.to_owned()).or_insert_with(|| problem(description));
     };
     if in_path {
-        add("404", "There is nothing with this id or name");
+        add("404", "Nothing has this id or name");
     }
     if has_body {
         add("400", "The body cannot be read");
@@ -189,14 +189,14 @@ fn add_problems(operation: &mut Operation, writes: bool) {
         add("415", "The content type is not one of those expected");
     }
     if has_body || in_query {
-        add("422", "A value is wrong; `errors` names it");
+        add("422", "A value is invalid; `errors` names it");
     }
     if writes {
         add("507", "The disk is full: nothing was stored");
     }
-    add("429", "More than the client's share; `Retry-After` says when there is more");
-    add("500", "The server is at fault, or what is stored is damaged");
-    add("503", "Too much at once, or stopping; `Retry-After` says when to ask again");
+    add("429", "The client exceeds its share; `Retry-After` says when to try again");
+    add("500", "Internal error, or the stored data is damaged");
+    add("503", "Overloaded or shutting down; `Retry-After` says when to try again");
     for status in ["429", "503"] {
         if let Some(RefOr::T(response)) = operation.responses.responses.get_mut(status) {
             response.headers.extend(bound_headers());
@@ -207,9 +207,12 @@ fn add_problems(operation: &mut Operation, writes: bool) {
 /// What answers over a bound say of it; `RateLimit` is missing where there is no single bound.
 fn bound_headers() -> impl Iterator<Item = (String, RefOr<Header>)> {
     let headers = [
-        ("Retry-After", "Whole seconds to wait; missing when waiting does not help"),
-        ("RateLimit-Policy", "The bound: its name, `q` how much there may be, `qu` of what"),
-        ("RateLimit", "The bound's name, `r` what is left of it, `t` seconds until there is more"),
+        ("Retry-After", "Whole seconds to wait; absent if waiting does not help"),
+        ("RateLimit-Policy", "The limit: its name, quota `q` and unit `qu`"),
+        (
+            "RateLimit",
+            "The limit's name, the remaining quota `r` and the seconds `t` until it is replenished",
+        ),
     ];
     headers.into_iter().map(|(name, description)| {
         let mut header = Header::default();

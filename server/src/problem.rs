@@ -44,7 +44,7 @@ impl IntoResponse for Refusal {
             tracing::error!(error = %words, "Refused a request: {words}");
         }
         let detail = match kind {
-            ProblemType::Internal => "the server is at fault; its log has the reason".to_owned(),
+            ProblemType::Internal => "internal error; the server's log has the reason".to_owned(),
             _ => redacted(&self.to_string()).into_owned(),
         };
         let mut response = status(kind).into_response();
@@ -163,22 +163,22 @@ fn framework_draft(found: StatusCode, path: &str) -> Draft {
                 without if without == path => String::new(),
                 without => format!(": paths end without a slash, as {without}"),
             };
-            (ProblemType::NotFound, format!("there is nothing at {path}{hint}"))
+            (ProblemType::NotFound, format!("nothing exists at {path}{hint}"))
         }
         StatusCode::METHOD_NOT_ALLOWED => (
             ProblemType::MethodNotAllowed,
             format!("{path} exists, but not with this method; the header `Allow` lists which"),
         ),
         StatusCode::PAYLOAD_TOO_LARGE => {
-            (ProblemType::BodyTooLarge, "the body is too long".to_owned())
+            (ProblemType::BodyTooLarge, "the body exceeds the size limit".to_owned())
         }
         StatusCode::UNSUPPORTED_MEDIA_TYPE => {
-            (ProblemType::UnsupportedMediaType, "the content type is not expected here".to_owned())
+            (ProblemType::UnsupportedMediaType, "the content type is not supported here".to_owned())
         }
         other if other.is_client_error() => {
             (ProblemType::MalformedRequest, format!("the request cannot be read ({other})"))
         }
-        _ => (ProblemType::Internal, "the server is at fault; its log has the reason".to_owned()),
+        _ => (ProblemType::Internal, "internal error; the server's log has the reason".to_owned()),
     };
     Draft { kind, detail, errors: Vec::new() }
 }
@@ -321,26 +321,26 @@ fn status(kind: ProblemType) -> StatusCode {
 
 fn title(kind: ProblemType) -> &'static str {
     match kind {
-        ProblemType::MalformedRequest => "The request cannot be read",
-        ProblemType::Unauthenticated => "A key is needed",
-        ProblemType::Forbidden => "This is not allowed",
-        ProblemType::NotFound => "There is no such thing",
-        ProblemType::MethodNotAllowed => "The method does not exist here",
-        ProblemType::Timeout => "The request did not arrive in time",
-        ProblemType::WrongState => "The request does not fit the state",
-        ProblemType::Conflict => "Something else is there already",
+        ProblemType::MalformedRequest => "Malformed request",
+        ProblemType::Unauthenticated => "Authentication required",
+        ProblemType::Forbidden => "Forbidden",
+        ProblemType::NotFound => "Not found",
+        ProblemType::MethodNotAllowed => "Method not allowed",
+        ProblemType::Timeout => "Request timeout",
+        ProblemType::WrongState => "State does not allow the request",
+        ProblemType::Conflict => "Conflict",
         ProblemType::QuotaExceeded => "Storage quota exceeded",
-        ProblemType::SessionEnded => "The session has ended",
-        ProblemType::TooManyRequests => "That is more than your share",
-        ProblemType::PreconditionFailed => "It has changed in between",
-        ProblemType::PreconditionRequired => "A precondition is missing",
-        ProblemType::BodyTooLarge => "The body is too large",
-        ProblemType::UnsupportedMediaType => "The content type is not expected",
-        ProblemType::InvalidValue => "A value is wrong",
-        ProblemType::Overloaded => "Too much at once",
-        ProblemType::Unavailable => "Not available at the moment",
-        ProblemType::StorageFull => "No room to store it",
-        ProblemType::Damaged => "What is stored is damaged",
-        ProblemType::Internal => "The server is at fault",
+        ProblemType::SessionEnded => "Session ended",
+        ProblemType::TooManyRequests => "Rate limit exceeded",
+        ProblemType::PreconditionFailed => "Precondition failed",
+        ProblemType::PreconditionRequired => "Precondition required",
+        ProblemType::BodyTooLarge => "Body too large",
+        ProblemType::UnsupportedMediaType => "Unsupported media type",
+        ProblemType::InvalidValue => "Invalid value",
+        ProblemType::Overloaded => "Server overloaded",
+        ProblemType::Unavailable => "Service unavailable",
+        ProblemType::StorageFull => "Storage full",
+        ProblemType::Damaged => "Stored data damaged",
+        ProblemType::Internal => "Internal error",
     }
 }

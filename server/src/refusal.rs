@@ -1,4 +1,4 @@
-//! Why the service does not do what it was asked. What that means in HTTP is `problem`'s.
+//! Reasons for which the service refuses a request. `problem` maps them to HTTP.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::limits::Bound;
 use crate::wire::life::End;
 use crate::{roles, wire};
 
-/// Why something was not done.
+/// Why a request was refused.
 #[derive(Debug, Error)]
 pub(crate) enum Refusal {
     #[error("there is no {what} {reference:?}")]
@@ -40,17 +40,17 @@ pub(crate) enum Refusal {
     #[error("{}", summary(.0))]
     Invalid(Vec<FieldError>),
     #[error(
-        "session {session} {end}; it takes no more readings, keeps those that it has, and its \
-         belief can still be read"
+        "session {session} {end}; it accepts no more readings, but its readings and its belief can \
+         still be read"
     )]
     SessionEnded { session: Uuid, end: End },
     #[error(
-        "{max} sessions are open, and no more may be: close those that are done, or let them \
-         expire (`ttl_s`)"
+        "{max} sessions are open, which is the maximum: close finished ones, or let them expire \
+         (`ttl_s`)"
     )]
     SessionsFull { max: usize, wait: Option<Duration> },
     #[error(
-        "{waiting} requests wait for this session already: send several readings in one request, \
+        "{waiting} requests already wait for this session: send several readings in one request, \
          or fewer requests at once"
     )]
     SessionBusy { waiting: usize },
@@ -72,35 +72,37 @@ pub(crate) enum Refusal {
     )]
     NoSva { catalogue: String, version: u32 },
     #[error(
-        "session {session} has no marginals: its method keeps no probabilities of poses, or its \
+        "session {session} has no marginals: its method keeps no pose distribution, or its \
          readings rule the object out"
     )]
     NoMarginals { session: Uuid },
     #[error(
-        "session {session} has the method {method}, which does not say where to touch next: \
-         expected `surface`"
+        "session {session} has the method {method}, which cannot rank next touches: expected \
+         `surface`"
     )]
     NoNextTouches { session: Uuid, method: &'static str },
     #[error(
         "session {session} has no touch yet: expected a `workspace` (center and radius of a ball \
-         in which the object lies), or a first reading that touches it"
+         that contains the object), or a reading that touches the object"
     )]
     NoTouch { session: Uuid },
     #[error(
-        "session {session} rests on {found} readings, and at most {max} are compared: name an \
+        "session {session} rests on {found} readings, and at most {max} can be explained: name an \
          earlier revision with `?at=`"
     )]
     TooManyToExplain { session: Uuid, found: usize, max: usize },
-    #[error("reading {seq} of robot {robot:?} was stored with other content")]
+    #[error("reading {seq} of robot {robot:?} is already stored with different content")]
     ReadingConflict { pointer: String, robot: String, seq: u64 },
     #[error(
-        "the robot's name {robot:?} belongs to another key: post as another robot, or let an \
-         administrator give the name to this key (`PUT /v1/robots/…`)"
+        "the robot name {robot:?} belongs to another key: use another name, or have an \
+         administrator assign this one to your key (`PUT /v1/robots/…`)"
     )]
     RobotHeld { pointer: String, robot: String },
-    #[error("this key holds {held} names of robots and may hold {max}")]
+    #[error("this key holds {held} robot names, and at most {max} are allowed")]
     RobotsFull { held: usize, max: usize },
-    #[error("the {what} has {found} readings and may have {max}: these {more} do not fit")]
+    #[error(
+        "the {what} has {found} readings, and at most {max} are allowed: {more} more do not fit"
+    )]
     ReadingsFull { what: &'static str, found: u64, more: usize, max: usize },
     #[error(
         "version {version} of catalogue {catalogue:?} was trained without surfaces: train it \
@@ -108,44 +110,44 @@ pub(crate) enum Refusal {
     )]
     NoSurface { catalogue: String, version: u32 },
     #[error(
-        "the {part} of version {version} of catalogue {catalogue:?} need {} of memory, and models \
-         may have {}: raise `--model-memory-mb`",
+        "the {part} of version {version} of catalogue {catalogue:?} need {} of memory, more than \
+         the {} for models: raise `--model-memory-mb`",
         megabytes(*.needed), megabytes(*.budget)
     )]
     ModelTooLarge { catalogue: String, version: u32, part: &'static str, needed: u64, budget: u64 },
     #[error(
-        "version {version} of catalogue {catalogue:?} needs {} of memory, and models that \
-         sessions work with have {} of {}",
+        "version {version} of catalogue {catalogue:?} needs {} of memory, and the models in use \
+         already take {} of {}",
         megabytes(*.needed), megabytes(*.in_use), megabytes(*.budget)
     )]
     ModelsInUse { catalogue: String, version: u32, needed: u64, in_use: u64, budget: u64 },
     #[error(transparent)]
     Unauthenticated(KeyFault),
     #[error(
-        "the key {:?} has the role {}; this needs {}", key.name, role_name(key.role), needed(roles)
+        "the key {:?} has the role {}, expected {}", key.name, role_name(key.role), needed(roles)
     )]
     Forbidden { key: Box<AccessKey>, roles: &'static [Role] },
     #[error("this path exists, but not with this method; the header `Allow` lists which")]
     OtherMethod { allow: String },
     #[error(
-        "the server was asked for as {host:?}: without keys it answers to its own names only, such \
-         as 127.0.0.1 or localhost; in a network also to addresses, and to names that \
-         `--host-name` lists"
+        "the request addresses the host {host:?}: a server without keys answers only to its own \
+         names, such as 127.0.0.1 or localhost; in a network also to its addresses and to the \
+         names that `--host-name` lists"
     )]
     ForeignHost { host: String },
     #[error("pages of {origin} may not use this server: allow them with `--cors-origin {origin}`")]
     ForeignOrigin { origin: String },
-    #[error("{name:?} is the last admin's key that is let in: create another one first")]
+    #[error("{name:?} is the last valid admin key: create another one first")]
     LastAdmin { name: String },
     #[error("the key {name:?} was revoked or has expired: create a new one")]
     KeyRefused { name: String },
-    #[error("session {session} was closed with {before:?} as the truth already")]
+    #[error("session {session} was already closed with {before:?} as the truth")]
     OtherTruth { session: Uuid, before: String },
-    #[error("there are {found} keys, and none that was revoked and could be forgotten")]
+    #[error("there are {found} keys, which is the maximum, and none of them is revoked")]
     KeysFull { found: usize },
-    #[error("the operating system has no random bits")]
+    #[error("the operating system provides no random bits")]
     NoRandom,
-    #[error("job {job} has ended already: {}", state.name())]
+    #[error("job {job} has already ended: {}", state.name())]
     JobFinished { job: Uuid, state: JobState },
     #[error("{what} is needed: {by}")]
     Needed { what: String, by: String },
@@ -153,42 +155,42 @@ pub(crate) enum Refusal {
     ObjectInTraining { object: String, job: Uuid },
     #[error("the revision is {found}, `If-Match` expects {expected}")]
     RevisionChanged { expected: String, found: u64 },
-    #[error("the request needs the header `If-Match` with the `ETag` of what it changes")]
+    #[error("the header `If-Match` is missing: expected the `ETag` of the resource to change")]
     RevisionMissing,
-    #[error("{waiting} trainings are waiting already")]
+    #[error("{waiting} trainings are already waiting, which is the maximum")]
     TrainingQueueFull { waiting: usize },
     #[error(
-        "{} requests a second are each client's share: ask again in {:.1} s", bound.limit,
+        "each client may send {} requests a second: try again in {:.1} s", bound.limit,
         wait.as_secs_f64()
     )]
     RateExceeded { bound: Bound, wait: Duration },
     #[error(
-        "{} changes of one key may fail within a minute, and as many did: find out why, and ask \
-         again in {:.1} s", bound.limit, wait.as_secs_f64()
+        "{} changes with one key have failed within a minute, which is the maximum: find the \
+         cause, and try again in {:.1} s", bound.limit, wait.as_secs_f64()
     )]
     FailuresExceeded { bound: Bound, wait: Duration },
-    #[error("bodies that are under way have {used} of {max} bytes: this one has no room")]
+    #[error("bodies in transit take {used} of {max} bytes: this one does not fit")]
     BodiesFull { used: usize, max: usize },
     #[error(
-        "beliefs that are worked with have {} of memory, and all may have {}",
+        "beliefs in use take {} of memory, and at most {} are allowed",
         megabytes(*bytes as u64), megabytes(*max as u64)
     )]
     BeliefsFull { bytes: usize, max: usize },
-    #[error("answers that are not read yet have {used} of {max} bytes: this one has no room")]
+    #[error("unread answers take {used} of {max} bytes: this one does not fit")]
     AnswersFull { used: usize, max: usize },
-    #[error("{open} connections are open, and no more may be: health checks alone are answered")]
+    #[error("{open} connections are open, which is the maximum: only health checks are answered")]
     ConnectionsFull { open: usize },
     #[error(
         "this client holds its share of the server's {name}: all clients hold {used} of {total} \
-         {unit}, and one may hold at most three times what is free"
+         {unit}, and one client at most three times what is free"
     )]
     ShareFull { name: &'static str, unit: &'static str, used: usize, total: usize },
-    #[error("{open} event streams are open already")]
+    #[error("{open} event streams are open, which is the maximum")]
     StreamsFull { open: usize },
-    #[error("{under_way} requests are under way already")]
+    #[error("{under_way} requests are in progress, which is the maximum")]
     RequestsFull { under_way: usize },
     #[error(
-        "no answer within {within:?}; what was sent may be stored, repeat readings with the \
+        "no answer within {within:?}; the request may have been stored: repeat readings with the \
          same robot and seq"
     )]
     TooSlow { within: Duration },
@@ -196,11 +198,11 @@ pub(crate) enum Refusal {
     Compute(#[from] ComputeError),
     #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("what is stored of {what} {id} cannot be used: {reason}")]
+    #[error("the stored data of {what} {id} cannot be used: {reason}")]
     Unusable { what: &'static str, id: String, reason: String },
     #[error(
-        "version {version} of catalogue {catalogue:?} is damaged and cannot be recognised with \
-         ({reason}): use another version, train a new one, or restore a snapshot"
+        "version {version} of catalogue {catalogue:?} is damaged ({reason}): use another version, \
+         train a new one, or restore a snapshot"
     )]
     Quarantined { catalogue: String, version: u32, reason: String },
     #[error("the server is not ready")]
@@ -255,7 +257,7 @@ pub(crate) fn megabytes(bytes: u64) -> String {
 
 fn summary(errors: &[FieldError]) -> String {
     match errors {
-        [] => "a value is wrong".to_owned(),
+        [] => "a value is invalid".to_owned(),
         [only] => only.detail.clone(),
         [first, rest @ ..] => format!("{} (and {} more)", first.detail, rest.len()),
     }

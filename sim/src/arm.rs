@@ -1,11 +1,11 @@
-//! The simulated articulated arm: a chain of links with a tactile sensor at its end.
+//! The simulated articulated arm: a chain of links that carries a tactile sensor.
 //!
-//! Source: section 4.4.1.1. The first link stands on the session's xy-plane; any two links
-//! are joined by a rotation about y and then one about z; a universal wrist, also y then z,
-//! carries the sensor. With all angles at 0, the initial configuration, all links but the
-//! first lie along x and the sensor faces +x. Lengths in metres, angles in radians; the
-//! dissertation gives neither the number of links nor their sizes.
-//! Not here: what the arm may run into besides itself (`explore`).
+//! Source: section 4.4.1.1. The first link stands on the session's xy-plane. Two neighbouring
+//! links are joined by a rotation about y and then one about z; a universal wrist, also y
+//! then z, carries the sensor. In the initial configuration all angles are 0: every link but
+//! the first lies along x and the sensor faces +x. Lengths in metres, angles in radians; the
+//! dissertation gives neither the number of links nor their sizes. Not here: collisions with
+//! anything but the arm itself (`explore`).
 
 mod inverse;
 
@@ -18,31 +18,31 @@ use crate::distance::segment_to_segment_squared;
 use crate::press::HOUSING_DEPTH;
 pub use inverse::{InverseConfig, Target};
 
-/// The fewest links: their joints and the wrist have the six axes that a pose needs.
+/// Minimum number of links: their joints and the wrist give the six axes that a pose needs.
 pub const LINKS_MIN: usize = 3;
-/// The most links.
+/// Maximum number of links.
 pub const LINKS_MAX: usize = 32;
 
-/// The sizes of an arm.
+/// Sizes of an arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArmConfig {
-    /// How many links, the standing one included.
+    /// Number of links, the standing one included.
     pub n_links: usize,
-    /// The foot of the first link in the session frame.
+    /// Foot of the first link in the session frame.
     pub foot: DVec3,
-    /// The length of the first link.
+    /// Length of the first link.
     pub first_link_length: f64,
-    /// The length of every other link.
+    /// Length of every other link.
     pub link_length: f64,
-    /// How far a link's surface is from its axis.
+    /// Distance from a link's axis to its surface.
     pub link_radius: f64,
-    /// From the wrist to the free surface of the sensor's covering.
+    /// Distance from the wrist to the free surface of the sensor's covering.
     pub sensor_mount: f64,
-    /// The radius of what holds the sensor's housing.
+    /// Radius of the stem that holds the sensor's housing.
     pub stem_radius: f64,
-    /// How far each axis of a joint turns either way.
+    /// Range of each joint axis in either direction.
     pub joint_max: f64,
-    /// How far each axis of the wrist turns either way.
+    /// Range of each wrist axis in either direction.
     pub wrist_max: f64,
 }
 
@@ -73,29 +73,29 @@ impl ArmConfig {
     }
 }
 
-/// Why sizes are not an arm.
+/// Error for sizes that do not make an arm.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ArmError {
-    /// Too few links for a pose, or too many.
+    /// The number of links is out of range.
     #[error("n_links is {found}, expected {LINKS_MIN} to {LINKS_MAX}")]
     Links {
-        /// What was given.
+        /// The given number.
         found: usize,
     },
     /// A length or an angle is not positive.
     #[error("{name} is {found}, expected a finite number above {min}")]
     Size {
-        /// The field.
+        /// The field's name.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         found: f64,
-        /// What it must exceed.
+        /// The lower bound, which the value must exceed.
         min: f64,
     },
-    /// The foot is nowhere.
+    /// The foot has a coordinate that is not finite.
     #[error("foot is {found}, expected finite coordinates in metres")]
     Foot {
-        /// What was given.
+        /// The given foot.
         found: DVec3,
     },
 }
@@ -105,20 +105,20 @@ pub enum ArmError {
 pub struct Configuration(Vec<f64>);
 
 impl Configuration {
-    /// The angles, radians.
+    /// The angles in radians.
     #[must_use]
     pub fn angles(&self) -> &[f64] {
         &self.0
     }
 
-    /// The configuration `share` of the way to another one of the same arm.
+    /// Interpolates linearly: the configuration at `share` (0 to 1) of the way to `other`.
     #[must_use]
     pub fn towards(&self, other: &Self, share: f64) -> Self {
         Self(self.0.iter().zip(&other.0).map(|(from, to)| from + share * (to - from)).collect())
     }
 }
 
-/// A cylinder with round ends: everything nearer than `radius` to a segment. Session frame.
+/// A cylinder with round ends: all points within `radius` of a segment. Session frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capsule {
     /// One end of the segment, metres.
@@ -130,7 +130,7 @@ pub struct Capsule {
 }
 
 impl Capsule {
-    /// Whether two capsules share a point.
+    /// Whether two capsules intersect.
     #[must_use]
     pub fn meets(&self, other: &Self) -> bool {
         let squared = segment_to_segment_squared(self.from, self.to, other.from, other.to);
@@ -138,7 +138,7 @@ impl Capsule {
     }
 }
 
-/// Where a configuration puts the arm, in the session frame.
+/// The arm's position in the session frame at one configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
     /// The foot, every joint and the wrist: the ends of the links, metres.
@@ -190,7 +190,7 @@ impl Arm {
         &self.config
     }
 
-    /// How many angles a configuration has: two for each joint and for the wrist.
+    /// The number of angles of a configuration: two for each joint and two for the wrist.
     #[must_use]
     pub fn n_axes(&self) -> usize {
         2 * self.config.n_links
@@ -202,8 +202,8 @@ impl Arm {
         Configuration(vec![0.0; self.n_axes()])
     }
 
-    /// The configuration of given angles (radians), each brought within its axis's limits.
-    /// `None` unless there are [`Arm::n_axes`] finite angles.
+    /// The configuration with the given angles (radians), each clamped to its axis's limits.
+    /// `None` unless there are exactly [`Arm::n_axes`] finite angles.
     #[must_use]
     pub fn configuration(&self, angles: &[f64]) -> Option<Configuration> {
         let valid = angles.len() == self.n_axes() && angles.iter().all(|angle| angle.is_finite());
@@ -214,13 +214,13 @@ impl Arm {
         valid.then(|| Configuration(angles.iter().enumerate().map(within).collect()))
     }
 
-    /// How far an axis turns either way, radians.
+    /// The limit of an axis in either direction, radians.
     fn limit(&self, axis: usize) -> f64 {
         let is_wrist = axis >= self.n_axes() - 2;
         if is_wrist { self.config.wrist_max } else { self.config.joint_max }
     }
 
-    /// Forward kinematics: where a configuration puts the arm.
+    /// Forward kinematics: the arm's position at a configuration.
     #[must_use]
     pub fn forward(&self, configuration: &Configuration) -> Placement {
         let config = &self.config;
@@ -240,13 +240,13 @@ impl Arm {
                 points.push(session_from_link.translation);
             }
         }
-        // The last frame is the hand's: the sensor's +z is its x.
+        // The last frame is the hand's; the sensor's +z is its x.
         let hand_from_sensor =
             Pose::from_parts(DQuat::from_rotation_y(90.0 * DEG), DVec3::X * config.sensor_mount);
         Placement { points, axes, session_from_sensor: session_from_link * hand_from_sensor }
     }
 
-    /// The arm's bodies: every link from the foot on, the stem, and the sensor's housing.
+    /// The arm's bodies: every link from the foot on, then the stem and the sensor's housing.
     #[must_use]
     pub fn capsules(&self, placement: &Placement) -> Vec<Capsule> {
         let config = &self.config;
@@ -264,7 +264,7 @@ impl Arm {
         capsules
     }
 
-    /// Whether bodies that are not neighbours meet, as [`Arm::capsules`] gives them.
+    /// Whether two bodies that are not neighbours intersect; `capsules` from [`Arm::capsules`].
     #[must_use]
     pub fn meets_itself(&self, capsules: &[Capsule]) -> bool {
         // Stem and housing are one rigid hand: the last link is the neighbour of both.
@@ -278,14 +278,14 @@ impl Arm {
     }
 }
 
-/// The ball that stands for the sensor's housing where the arm might hit itself or a wall.
+/// Radius of the ball that stands for the sensor's housing in collision checks.
 const SENSOR_RADIUS: f64 = 8.0 * MM;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Four links: 0.2 m upright, then three of 0.1 m; the sensor 0.05 m before the wrist.
+    /// Four links, 0.2 m upright and three of 0.1 m; the sensor is 0.05 m before the wrist.
     pub(super) fn small_arm() -> Arm {
         let config = ArmConfig {
             n_links: 4,
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn the_initial_configuration_is_upright_and_then_along_x() {
+    fn initial_configuration_is_upright_and_then_along_x() {
         // 0.3 m of links and 0.05 m of hand along x, 0.2 m up; the sensor's x points down.
         check([0.0; 8], [0.35, 0.0, 0.2], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]);
         let arm = small_arm();
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_kept_within_their_limits() {
+    fn angles_are_clamped_to_their_limits() {
         let arm = small_arm();
         let wild = arm.configuration(&[9.0; 8]).unwrap();
         assert!((wild.angles()[0] - 110.0 * DEG).abs() < 1e-12);
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arm_that_folds_onto_itself_is_noticed() {
+    fn a_folded_arm_meets_itself() {
         let arm = small_arm();
         let meets = |angles: [f64; 8]| {
             let configuration = arm.configuration(&angles.map(f64::to_radians)).unwrap();
@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_that_make_no_arm_are_named() {
+    fn invalid_sizes_are_refused_by_name() {
         let config = ArmConfig::around(0.1, 8);
         let error = |config| Arm::new(config).unwrap_err();
         assert_eq!(error(ArmConfig { n_links: 2, ..config }), ArmError::Links { found: 2 });

@@ -1,9 +1,9 @@
-//! Contact control: Approach, then Press and Orient by turns until neither has a command.
+//! Contact control: Approach, then Press and Orient in turn until neither has a command.
 //!
 //! Source: section 4.2.2, figure 4.3 and algorithm 1, with the corrections in
-//! `docs/equations.md`: Press also stops on the raw depth, and every way is bounded. Poses
-//! are `object_from_sensor`; the sensor moves along its own z and turns about its origin.
-//! Not here: choosing where to touch (`sampler`).
+//! `docs/equations.md`: Press also stops on the raw depth, and every motion is bounded. Poses
+//! are `object_from_sensor`; the sensor moves along its own z and turns about its origin. Not
+//! here: choosing where to touch (`sampler`).
 
 mod orient;
 mod recenter;
@@ -21,46 +21,47 @@ pub use recenter::{
     touch_recentered_carried,
 };
 
-/// When Press and Orient count as both idle; without noise the two are one.
+/// When Press and Orient both count as idle; without noise the two rules agree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Idle {
     /// Orient has no command on the reading at which Press came to rest.
     OneReading,
-    /// Each looks at a reading of its own, and one after the other has no command. As printed;
-    /// under noise a touch takes longer and may never end.
+    /// Each controller takes a reading of its own, and both in succession have no command. As
+    /// printed; under noise a touch takes longer and may never end.
     Consecutive,
 }
 
-/// When the controllers command, and when they give up.
+/// Thresholds at which the controllers act, and limits at which they give up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactConfig {
-    /// How far Approach looks for the object along +z, metres.
+    /// Longest approach along +z, metres.
     pub approach_max: f64,
-    /// A taxel above this pressure (pascal) is in contact.
+    /// Pressure above which a taxel is in contact, pascal.
     pub contact_threshold: f64,
-    /// The mean pressure at which Press stops, pascal.
+    /// Mean pressure at which Press stops, pascal.
     pub target_pressure: f64,
-    /// How far from the target the mean may stay, pascal.
+    /// Tolerance of the mean pressure about its target, pascal.
     pub pressure_tolerance: f64,
-    /// The raw depth at which Press stops in any case, metres.
+    /// Raw depth at which Press always stops, metres.
     pub penetration_max: f64,
-    /// How far Press may move in all, forth and back, metres.
+    /// Maximum total path of Press, forth and back, metres.
     pub travel_max: f64,
-    /// The part of the way to the surface's normal that one Orient command takes.
+    /// Fraction of the angle to the surface's normal that one Orient command turns.
     pub orient_step: f64,
-    /// The angle (radians) to the surface's normal below which Orient is content.
+    /// Angle to the surface's normal below which Orient has no command, radians.
     pub orient_tolerance: f64,
-    /// How often Press and Orient may take turns.
+    /// Maximum number of rounds of Press and Orient.
     pub rounds_max: usize,
-    /// How far the sensor may get from its first contact, metres.
+    /// Largest distance of the sensor from its first contact, metres.
     pub walk_max: f64,
-    /// What ends the turns.
+    /// The rule that ends the rounds.
     pub idle: Idle,
 }
 
 impl ContactConfig {
     /// A quarter of the sensing range as the target, 90 % of the covering as the depth, 14 mm
-    /// of travel and Orient's step 0.3 as printed. The contact threshold lies above the noise.
+    /// of travel and Orient's fraction 0.3 as printed. The contact threshold lies above the
+    /// noise.
     #[must_use]
     pub fn for_sensor(sensor: &SensorDescription, noise_level: NoiseLevel) -> Self {
         let parameters = sensor.parameters();
@@ -85,34 +86,34 @@ impl ContactConfig {
 /// A press at which the controllers came to rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
-    /// Where the sensor rests.
+    /// The sensor's pose at rest.
     pub object_from_sensor: Pose,
-    /// The press there, without noise.
+    /// The press at that pose, without noise.
     pub press: Press,
-    /// What the sensor reports there, pascal, row-major in the sensor frame's order.
+    /// The reported pressures, pascal, row-major in the sensor frame's order.
     pub pressures: Vec<f64>,
-    /// How often Press and Orient took turns.
+    /// Number of rounds of Press and Orient.
     pub rounds: usize,
-    /// Moves of Press and turns of Orient that were commanded.
+    /// Number of moves of Press and turns of Orient.
     pub commands: usize,
 }
 
-/// How a touch ended.
+/// Result of a touch.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// Press and Orient both have no command.
     Converged(Contact),
     /// Approach met nothing that the sensor feels.
     Missed,
-    /// A bound was reached before the controllers came to rest, or the contact was lost.
+    /// A limit was reached before the controllers came to rest, or the contact was lost.
     NoConvergence,
-    /// What carries the sensor could not follow a command.
+    /// The carrier of the sensor could not follow a command.
     Unreachable,
 }
 
 /// Touches the object from `object_from_sensor` along the sensor's +z; noise from `stream`.
 ///
-/// The sensor goes wherever it is commanded, as if nothing carried it.
+/// The sensor follows every command, as if nothing carried it.
 #[must_use]
 pub fn touch(
     simulator: &PressSimulator,
@@ -123,10 +124,10 @@ pub fn touch(
     touch_carried(simulator, object_from_sensor, config, stream, &mut |_| true)
 }
 
-/// Touches like [`touch`] with a sensor that something carries.
+/// Like [`touch`], but with a sensor that an arm carries.
 ///
-/// `carry` hears every commanded `object_from_sensor` and answers whether the sensor got
-/// there; the first command that is not followed ends the touch.
+/// `carry` receives every commanded `object_from_sensor` and returns whether the sensor got
+/// there; the first command that fails ends the touch.
 #[must_use]
 pub fn touch_carried(
     simulator: &PressSimulator,
@@ -142,7 +143,7 @@ pub fn touch_carried(
     }
 }
 
-/// Press and Orient by turns from the first contact.
+/// Alternates Press and Orient from the first contact.
 fn settle(
     simulator: &PressSimulator,
     first_contact: Pose,
@@ -198,30 +199,31 @@ fn settle(
     Outcome::NoConvergence
 }
 
-/// A pose moved along its own z, metres.
+/// A pose moved by `travel` metres along its own z.
 pub(crate) fn advanced(object_from_sensor: Pose, travel: f64) -> Pose {
     object_from_sensor * Pose::from_parts(glam::DQuat::IDENTITY, glam::DVec3::Z * travel)
 }
 
-/// How a guarded move ended.
+/// Result of a guarded move.
 enum Approached {
     /// A taxel is above the contact threshold.
     Felt(FirstContact),
-    /// Nothing was felt as far as the sensor went, metres along +z.
+    /// Nothing was felt on the whole path, metres along +z.
     Ended { travel: f64 },
 }
 
-/// Where something is felt first.
+/// The first contact of an approach.
 struct FirstContact {
     object_from_sensor: Pose,
-    /// What the sensor reports there, pascal, row-major in the sensor frame's order.
+    /// The reported pressures, pascal, row-major in the sensor frame's order.
     pressures: Vec<f64>,
 }
 
 /// Approach: a guarded move until a taxel is above the contact threshold.
 ///
-/// The move through free air is taken at once; a sensor that begins inside the object backs
-/// out first. It ends without contact where nothing is ahead, or at the raw depth's limit.
+/// The path through free air is one move; a sensor that starts inside the object backs out
+/// first. The move ends without contact if nothing is ahead, or at the limit of the raw
+/// depth.
 fn approach(
     simulator: &PressSimulator,
     object_from_sensor: Pose,
@@ -247,28 +249,28 @@ fn approach(
     Approached::Ended { travel: lowest + config.penetration_max }
 }
 
-/// Where Press came to rest.
+/// The state in which Press came to rest.
 struct Pressed {
     /// The sum of its moves, metres along +z.
     travel: f64,
     /// The sum of their lengths, metres.
     travelled: f64,
-    /// How many they were.
+    /// Number of moves.
     moves: usize,
     press: Press,
     pressures: Vec<f64>,
 }
 
-/// The longest single move of Press, metres, and how far ahead one drawing serves it.
+/// Longest single move of Press and the range ahead that one height map serves, metres.
 const PRESS_STEP_MAX: f64 = 0.8 * MM;
 const PRESS_REACH: f64 = 3.0 * MM;
 const PRESS_STEPS_MAX: usize = 30;
 
-/// Press: moves along z until the mean pressure is at its target, or a taxel is close to
+/// Press: moves along z until the mean pressure is at its target, a taxel is close to
 /// saturation, or the raw depth is at its limit.
 ///
-/// A proportional move, scaled by how the displacement answered the last one. `None` when
-/// the travel is used up or there is nothing to press.
+/// Each move is proportional to the error, scaled by the response to the last one. `None`
+/// when the travel is used up or there is nothing to press.
 fn press(
     simulator: &PressSimulator,
     object_from_sensor: Pose,
@@ -321,12 +323,12 @@ fn redraw_if_beyond(
 ) {
     let needs_more = travel > heights.reach() || !heights.lowest().is_finite();
     if needs_more && heights.reach() <= PRESS_REACH {
-        // Once, as far as any press may travel.
+        // Drawn once, for the longest possible press.
         *heights = simulator.heights(object_from_sensor, 14.0 * MM);
     }
 }
 
-/// How much mean displacement one metre of travel gives, estimated from the last move.
+/// Mean displacement per metre of travel, estimated from the last move.
 #[derive(Default)]
 struct Slope {
     last: Option<(f64, f64)>,

@@ -1,9 +1,9 @@
-//! How well the contact controllers converge under noise, and how alike their results are.
+//! Convergence of the contact controllers under noise, and the repeatability of their results.
 //!
-//! Source: section 4.4.3, figure 4.17: touches from random starts until so many converge; the
-//! level of the noise is the total width of a uniform distribution as a part of the observed
-//! range of forces (`docs/equations.md`). Added: how far the noise moves the sensor's rest
-//! from where it rests without noise.
+//! Source: section 4.4.3, figure 4.17: touches from random starts until a given number
+//! converge. The noise level is the total width of a uniform distribution as a fraction of
+//! the observed range of forces (`docs/equations.md`). Added: the displacement of the
+//! sensor's rest by noise.
 
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
@@ -15,27 +15,27 @@ use crate::noise::NoiseLevel;
 use crate::press::PressSimulator;
 use crate::sampler::{SamplerConfig, start_at};
 
-/// From what pressure on the controllers take a taxel for touching.
+/// Pressure above which the controllers take a taxel to be in contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ContactRule {
-    /// As without noise: they do not know of it. The dissertation's, as far as it says.
+    /// The threshold without noise, as far as the dissertation says: noise is not considered.
     Unaware,
-    /// Above what the noise alone can reach, as touches of noisy sensors are made elsewhere.
+    /// A threshold above what noise alone can reach, as elsewhere for noisy sensors.
     AboveNoise,
 }
 
-/// How often the controllers are tried.
+/// Number and kind of the touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConvergenceConfig {
-    /// Touches that must converge; the dissertation's 100.
+    /// Touches that must converge; 100 in the dissertation.
     pub successes: usize,
-    /// How many touches there may be in all.
+    /// Maximum number of touches.
     pub attempts_max: usize,
-    /// The largest tilt of a start away from the surface's normal, radians.
+    /// Largest tilt of a start away from the surface's normal, radians.
     pub tilt_max: f64,
-    /// What the controllers know of the noise.
+    /// The controllers' contact threshold.
     pub rule: ContactRule,
-    /// What ends a touch.
+    /// The rule that ends a touch.
     pub idle: Idle,
 }
 
@@ -52,43 +52,43 @@ impl Default for ConvergenceConfig {
     }
 }
 
-/// What became of touches at one level of noise.
+/// Results of the touches at one noise level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Convergence {
-    /// The noise's width as a part of the observed range of forces.
+    /// Width of the noise as a fraction of the observed range of forces.
     pub level: f64,
-    /// Touches that were begun.
+    /// Number of touches.
     pub attempts: usize,
-    /// Touches that converged.
+    /// Number of touches that converged.
     pub converged: usize,
-    /// Of these, those at which the object is in the covering; the others came to rest on
-    /// noise alone.
+    /// Number of converged touches with the object in the covering; the others came to rest
+    /// on noise alone.
     pub touching: usize,
-    /// The mean number of turns of Press and Orient of those that converged.
+    /// Mean rounds of Press and Orient of the converged touches.
     pub rounds_mean: f64,
-    /// The mean number of commands of Press and Orient of those that converged.
+    /// Mean commands of Press and Orient of the converged touches.
     pub commands_mean: f64,
-    /// The median angle between where a sensor looks at rest with and without noise, radians.
+    /// Median angle between the sensor's directions at rest with and without noise, radians.
     pub angle_median: f64,
-    /// The median distance between where it is with and without noise, metres.
+    /// Median distance between its positions at rest with and without noise, metres.
     pub distance_median: f64,
 }
 
 impl Convergence {
-    /// The part of the touches that converged; 0 without touches.
+    /// Fraction of the touches that converged; 0 without touches.
     #[must_use]
     pub fn share(&self) -> f64 {
         self.converged as f64 / self.attempts.max(1) as f64
     }
 
-    /// The part of the touches that converged on the object; 0 without touches.
+    /// Fraction of the touches that converged on the object; 0 without touches.
     #[must_use]
     pub fn touching_share(&self) -> f64 {
         self.touching as f64 / self.attempts.max(1) as f64
     }
 }
 
-/// The largest pressure (Pa) that converged touches without added noise have shown.
+/// The largest pressure (Pa) of converged touches without added noise.
 ///
 /// Forces begin at 0, so this is their observed range. 0 when no touch converges.
 #[must_use]
@@ -107,7 +107,7 @@ pub fn observed_range(simulator: &PressSimulator, seed: u64, config: &Convergenc
         .fold(0.0, f64::max)
 }
 
-/// Touches from random starts at one level of noise (a part of `observed_range`, Pa).
+/// Touches from random starts at one noise level (a fraction of `observed_range`, Pa).
 ///
 /// `None` when the level is negative or above twice the sensor's range.
 #[must_use]
@@ -166,7 +166,7 @@ pub fn convergence(
     })
 }
 
-/// Touches that are all made in the same way.
+/// Touches under equal conditions.
 struct Trial {
     simulator: PressSimulator,
     places: SamplerConfig,
@@ -188,8 +188,8 @@ impl Trial {
         Self { simulator: simulator.clone().with_noise(noise), places, contact }
     }
 
-    /// The outcome of one attempt; `None` when the sensor does not fit where it would begin.
-    /// Equal attempts begin equally at every level of noise.
+    /// The result of one attempt; `None` when the sensor does not fit at its start. An
+    /// attempt starts equally at every noise level.
     fn outcome(&self, seed: u64, attempt: u64) -> Option<Outcome> {
         let mut stream = Stream::new(seed, Purpose::Exploration, attempt);
         let place = self.simulator.surface().draw(None, &mut stream);
@@ -202,7 +202,7 @@ fn angle_between_facings(a: Pose, b: Pose) -> f64 {
     a.turn(glam::DVec3::Z).angle_between(b.turn(glam::DVec3::Z))
 }
 
-/// The middle value; 0 of none.
+/// The median; 0 for an empty list.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
@@ -217,7 +217,7 @@ mod tests {
     use crate::mesh::tests_support::sphere;
 
     #[test]
-    fn controllers_converge_alike_with_little_noise_and_worse_with_much() {
+    fn noise_lowers_the_share_that_converges() {
         let simulator =
             PressSimulator::new(sphere(30.0 * MM, 60), SensorDescription::digitacts_6x6());
         let config = ConvergenceConfig { successes: 40, attempts_max: 400, ..Default::default() };

@@ -1,7 +1,7 @@
-//! Distances between segments and triangles: what collision checks are made of.
+//! Distances between segments and triangles, for collision checks.
 //!
-//! Metres throughout; distances are squared, as they come. Source: Ericson (2005), *Real-Time
-//! Collision Detection*, sections 5.1.5 and 5.1.9.
+//! Metres throughout; distances are squared. Source: Ericson (2005), *Real-Time Collision
+//! Detection*, sections 5.1.5 and 5.1.9.
 
 use glam::DVec3;
 
@@ -45,7 +45,7 @@ pub(crate) fn segment_meets_box(from: DVec3, to: DVec3, half: DVec3) -> bool {
     if middle.abs().cmpgt(half + reach).any() {
         return false;
     }
-    // The axes across the segment; a margin keeps rounding from parting what touches.
+    // The axes across the segment; the margin absorbs rounding where the two just touch.
     let across = middle.cross(way).abs();
     let room = DVec3::new(
         half.y * reach.z + half.z * reach.y,
@@ -55,8 +55,8 @@ pub(crate) fn segment_meets_box(from: DVec3, to: DVec3, half: DVec3) -> bool {
     !across.cmpgt(room + 1e-12 * half.length_squared()).any()
 }
 
-/// The squared distance of a point to a triangle's plane if it lies straight above or below
-/// the triangle; infinite if not.
+/// The squared distance of a point to a triangle's plane if it projects into the triangle,
+/// otherwise infinity.
 fn above_triangle_squared(point: DVec3, &[a, b, c]: &[DVec3; 3]) -> f64 {
     let normal = (b - a).cross(c - a);
     let inside = |from: DVec3, to: DVec3| (to - from).cross(point - from).dot(normal) >= 0.0;
@@ -119,7 +119,7 @@ mod tests {
 
     use super::*;
 
-    /// The naive form: the least distance between points taken along both.
+    /// The naive form: the least distance between points sampled along both.
     fn sampled(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
         let n = 200;
         let along = |from: DVec3, to: DVec3, step: i32| from.lerp(to, f64::from(step) / 200.0);
@@ -129,20 +129,20 @@ mod tests {
     }
 
     #[test]
-    fn segments_are_as_far_apart_as_their_nearest_points() {
+    fn segment_distance_is_that_of_the_nearest_points() {
         let mut stream = Stream::new(1, Purpose::Shape, 0);
         for _ in 0..100 {
             let mut point = || stream.direction() * stream.uniform(0.1, 1.0);
             let [a, b, c, d] = [point(), point(), point(), point()];
             let distance = segment_to_segment_squared(a, b, c, d).sqrt();
             let naive = sampled(a, b, c, d);
-            // Points are taken 0.01 apart at most.
+            // Neighbouring samples are at most 0.01 apart.
             assert!(distance <= naive + 1e-12 && naive < distance + 0.01, "{distance} {naive}");
         }
     }
 
     #[test]
-    fn the_nearest_point_of_a_triangle_is_nearer_than_any_that_was_sampled() {
+    fn nearest_point_of_a_triangle_beats_every_sampled_one() {
         let mut stream = Stream::new(4, Purpose::Shape, 0);
         for _ in 0..200 {
             let mut draw = || stream.direction() * stream.uniform(0.1, 1.0);
@@ -155,13 +155,13 @@ mod tests {
                 .map(|(u, v)| a + (b - a) * f64::from(u) / 100.0 + (c - a) * f64::from(v) / 100.0)
                 .map(|at| at.distance(point))
                 .fold(f64::INFINITY, f64::min);
-            // Points are taken 0.02 apart at most.
+            // Neighbouring samples are at most 0.02 apart.
             assert!(distance <= sampled + 1e-12 && sampled < distance + 0.02);
         }
     }
 
     #[test]
-    fn parallel_segments_and_points_have_their_distances() {
+    fn degenerate_and_parallel_segments_have_distances() {
         let x = DVec3::X;
         let y = DVec3::Y;
         let square = segment_to_segment_squared;
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_meets_a_box_when_a_point_of_it_is_inside() {
+    fn a_segment_meets_a_box_if_a_point_of_it_is_inside() {
         let half = DVec3::new(0.2, 0.3, 0.4);
         let mut stream = Stream::new(2, Purpose::Shape, 0);
         let mut n_met = 0;
@@ -186,7 +186,8 @@ mod tests {
                 })
             };
             let meets = segment_meets_box(from, to, half);
-            // Points are taken 2 mm apart at most, so a grazing segment may have none inside.
+            // Neighbouring samples are at most 2 mm apart, so a grazing segment may have none
+            // inside.
             assert!(meets || !inside(0.0), "{from} to {to}");
             assert!(!meets || inside(0.002), "{from} to {to}");
             n_met += usize::from(meets);
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_is_nearest_to_a_triangles_face_edge_or_inside() {
+    fn segment_to_triangle_covers_face_edge_and_crossing() {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let squared = |from: [f64; 3], to: [f64; 3]| {
             segment_to_triangle_squared(from.into(), to.into(), &corners)

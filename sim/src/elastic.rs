@@ -1,11 +1,11 @@
-//! The linear-elastic reference of a covering: what a point load on top gives at the bottom.
+//! The linear-elastic reference of a covering: the response at the bottom to a point load on top.
 //!
-//! Source: section 2.3.1. Cubic 8-node elements of unit size, the bottom bonded to the sensor,
-//! sides and top free, a vertical point load at the top's centre; the answer is the vertical
-//! force of every bottom node. The load is symmetric about both planes through it, so a
-//! quarter is computed. Small deformations only. Lengths in elements, the load is 1.
-//! Poisson's ratio is an argument; pressures of nearly incompressible solids would lock plain
-//! elements, so the volumetric part is averaged over each element (`hexahedron`).
+//! Source: section 2.3.1. Cubic 8-node elements of unit size, the bottom bonded to the
+//! sensor, sides and top free, a vertical point load at the top's centre; the result is the
+//! vertical force of every bottom node. The load is symmetric about both planes through it,
+//! so a quarter is computed. Small deformations only. Lengths in elements, the load is 1.
+//! Poisson's ratio is an argument; the pressure in a nearly incompressible solid would lock
+//! plain elements, so the volumetric part is averaged over each element (`hexahedron`).
 
 pub mod covering;
 mod hexahedron;
@@ -17,16 +17,17 @@ use thiserror::Error;
 pub use solve::SolveError;
 use solve::{Quarter, solve};
 
-/// Polyurethane rubber is nearly incompressible (0.5). At 0.45 the bulk modulus is ten times
-/// the shear modulus, and at ten layers the spread fitted with the averaged volume (0.463
-/// thicknesses) and with plain elements (0.454) agree. At 0.49 plain elements lock (0.405 and
-/// falling with fewer layers) and averaged ones show the point load as a checkerboard.
+/// Poisson's ratio of the covering. Polyurethane rubber is nearly incompressible (0.5). At
+/// 0.45 the bulk modulus is ten times the shear modulus, and at ten layers the spread fitted
+/// with the averaged volume (0.463 thicknesses) and with plain elements (0.454) agree. At
+/// 0.49 plain elements lock (0.405 and falling with fewer layers) and averaged ones show the
+/// point load as a checkerboard.
 pub const POISSON_RATIO: f64 = 0.45;
 
 /// A covering to compute.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slab {
-    /// Elements from the centre to each side; the dissertation's 100 nodes a side are 50.
+    /// Elements from the centre to each side; 50 for the dissertation's 100 nodes a side.
     pub half_width: usize,
     /// Layers of elements.
     pub n_layers: usize,
@@ -34,25 +35,25 @@ pub struct Slab {
     pub poisson_ratio: f64,
 }
 
-/// Why a slab cannot be computed.
+/// Error of a slab that cannot be computed.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum SlabError {
-    /// There are too few elements, or too many.
+    /// The number of elements is out of range.
     #[error("{field} is {found}, expected {low} to {high}")]
     Size {
-        /// The field.
+        /// The field's name.
         field: &'static str,
-        /// What was given.
+        /// The given number.
         found: usize,
         /// The smallest permitted value.
         low: usize,
         /// The largest permitted value.
         high: usize,
     },
-    /// Poisson's ratio is none of a rubber.
+    /// Poisson's ratio is out of range.
     #[error("poisson_ratio is {found}, expected 0 to 0.495")]
     PoissonRatio {
-        /// What was given.
+        /// The given ratio.
         found: f64,
     },
     /// The iteration did not converge.
@@ -60,7 +61,7 @@ pub enum SlabError {
     Solve(#[from] SolveError),
 }
 
-/// What a unit point load gives at the bottom of a covering.
+/// The response at the bottom of a covering to a unit point load.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointResponse {
     half_width: usize,
@@ -70,10 +71,10 @@ pub struct PointResponse {
     n_iterations: usize,
 }
 
-/// A Gaussian that was fitted to a response.
+/// A Gaussian fitted to a response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GaussianFit {
-    /// Its deviation, in elements.
+    /// Standard deviation, in elements.
     pub sigma: f64,
     /// Cosine of the two images.
     pub cosine: f64,
@@ -137,7 +138,7 @@ impl PointResponse {
         self.n_layers
     }
 
-    /// How many iterations it took.
+    /// Number of iterations of the solver.
     #[must_use]
     pub fn n_iterations(&self) -> usize {
         self.n_iterations
@@ -157,7 +158,7 @@ impl PointResponse {
         (-reach..=reach).map(|x| (x as f64, self.force(x, 0))).collect()
     }
 
-    /// The Gaussian (equation 2.2 as corrected) of the greatest cosine with the forces.
+    /// The Gaussian (equation 2.2 as corrected) with the greatest cosine to the forces.
     #[must_use]
     pub fn gaussian(&self) -> GaussianFit {
         let forces = self.image();
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn the_force_is_greatest_under_the_load_and_dies_away() {
+    fn force_is_greatest_under_the_load_and_decays() {
         let response = response(32, 8, POISSON_RATIO);
         let along: Vec<f64> = (0..=8).map(|x| response.force(x, 0)).collect();
         assert!(along.windows(2).all(|pair| pair[0] > pair[1]), "{along:?}");
@@ -206,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn twice_as_fine_elements_give_nearly_the_same_spread() {
+    fn halving_the_elements_hardly_changes_the_spread() {
         // The same slab, four times as far to each side as it is thick.
         let coarse = response(20, 5, POISSON_RATIO).gaussian().sigma / 5.0;
         let fine = response(40, 10, POISSON_RATIO).gaussian().sigma / 10.0;
@@ -214,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gaussian_is_found_in_a_gaussian() {
+    fn the_fit_recovers_a_gaussian() {
         let mut response = response(12, 2, 0.3);
         let gaussian = response.gaussian_image(2.5);
         let n = 13;
@@ -225,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_slab_is_refused() {
+    fn invalid_slabs_are_refused() {
         let slab = Slab { half_width: 8, n_layers: 2, poisson_ratio: 0.5 };
         assert_eq!(point_response(&slab), Err(SlabError::PoissonRatio { found: 0.5 }));
         let flat = Slab { n_layers: 0, poisson_ratio: 0.3, ..slab };

@@ -2,9 +2,9 @@
 //!
 //! Source: sections 4.2.1 and 4.4.1.1. A tree of free configurations grows towards targets
 //! drawn by a global or a local strategy; when the sensor meets something on the way, the
-//! contact controllers take over. Poses of readings are `session_from_sensor` as the arm's
-//! kinematics has them. Everything comes from a seed, bounded by a number of iterations.
-//! Not here: choosing touches by what is believed of the object.
+//! contact controllers take over. Readings have the `session_from_sensor` of the arm's
+//! kinematics. A seed determines everything; the number of iterations is bounded. Not here:
+//! touches chosen by a belief about the object.
 
 mod cells;
 mod config;
@@ -32,26 +32,26 @@ pub use scene::Bounds;
 use scene::{Motion, Scene};
 pub use tree::{Tree, Vertex};
 
-/// What the planner did.
+/// Counters of the planner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
-    /// How often a target was chosen.
+    /// Targets chosen.
     pub iterations: usize,
-    /// How many of them by the local strategy.
+    /// Targets chosen by the local strategy.
     pub local_iterations: usize,
     /// Targets that no configuration of the arm came nearer to.
     pub inverse_failures: usize,
-    /// Motions that would have hit something with another part than the covering.
+    /// Motions stopped because a part other than the covering would have collided.
     pub collisions: usize,
-    /// Times that the sensor met the object.
+    /// Contacts of the sensor with the object.
     pub contacts: usize,
-    /// Motions that met the object where it had been pressed before, and did not press again.
+    /// Motions that met the object at a place pressed before, and were not followed by a press.
     pub left_alone: usize,
-    /// Of the contacts, those that the controllers gave up.
+    /// Contacts at which the controllers gave up.
     pub rejected: usize,
-    /// Of these, those in which the arm could not follow the controllers.
+    /// Rejected contacts at which the arm could not follow the controllers.
     pub unreachable: usize,
-    /// Of these, readings.
+    /// Contacts that yielded a reading.
     pub readings: usize,
     /// Vertices of the tree.
     pub vertices: usize,
@@ -71,34 +71,35 @@ impl Pressed {
     }
 }
 
-/// A reading and what is true of it.
+/// A reading with its ground truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Touch {
     /// The reading, with `session_from_sensor`.
     pub reading: Reading,
-    /// Where the object was; the planner does not know it.
+    /// Pose of the object, unknown to the planner.
     pub session_from_object: Pose,
-    /// How often Press and Orient took turns.
+    /// Number of rounds of Press and Orient.
     pub rounds: usize,
     /// The arm's configuration.
     pub configuration: Configuration,
 }
 
-/// An exploration as far as it got.
+/// Result of an exploration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exploration {
-    /// The readings, in order; fewer than were asked for when the iterations did not suffice
-    /// or the caller stopped it.
+    /// The readings, in order; fewer than requested when the iterations did not suffice or
+    /// the caller stopped the exploration.
     pub touches: Vec<Touch>,
-    /// What the planner did.
+    /// The planner's counters.
     pub statistics: Statistics,
-    /// The tree that it grew.
+    /// The planner's tree.
     pub tree: Tree,
 }
 
-/// Lets an arm take up to `n` readings of an object at `session_from_object`.
+/// Explores an object at `session_from_object` until `n` readings are taken.
 ///
-/// `progress` hears every reading, and now and then that there is none yet; it may stop.
+/// `progress` is called with every reading, and now and then without one; it may stop the
+/// exploration.
 ///
 /// # Errors
 /// [`ArmError`] when `config.arm` is not an arm.
@@ -129,7 +130,7 @@ pub fn explore(
     Ok(Exploration { touches, statistics: explorer.statistics(), tree: explorer.tree })
 }
 
-/// The arm, what it has found so far, and the object that it does not know.
+/// The arm, its findings so far, and the object, whose pose the planner does not know.
 #[derive(Clone, Debug)]
 pub struct Explorer<'a> {
     simulator: &'a PressSimulator,
@@ -174,7 +175,7 @@ impl<'a> Explorer<'a> {
         })
     }
 
-    /// What the planner did so far.
+    /// The counters so far.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
         Statistics { vertices: self.tree.vertices().len(), ..self.statistics }
@@ -192,7 +193,7 @@ impl<'a> Explorer<'a> {
         &self.arm
     }
 
-    /// Chooses a target and goes a step towards it; the reading if that led to one.
+    /// Chooses a target and takes one step towards it; the reading, if the step led to one.
     pub fn iterate(&mut self) -> Option<Touch> {
         self.statistics.iterations += 1;
         let target = self.draw_target();
@@ -231,13 +232,13 @@ impl<'a> Explorer<'a> {
         }
     }
 
-    /// A target of the strategy that chance selects.
+    /// A target of the global or the local strategy, chosen at random.
     fn draw_target(&mut self) -> DVec3 {
         let is_local = self.targets.uniform(0.0, 1.0) < self.config.local;
         let contact = if is_local { self.cells.draw(&mut self.targets) } else { None };
         if let Some(contact) = contact {
             self.statistics.local_iterations += 1;
-            // The cube root makes the ball evenly filled.
+            // The cube root makes the density in the ball uniform.
             let radius = self.config.local_radius * self.targets.uniform(0.0, 1.0).cbrt();
             let target = contact + radius * self.targets.direction();
             return target.clamp(self.config.workspace.low, self.config.workspace.high);
@@ -252,7 +253,7 @@ impl<'a> Explorer<'a> {
         self.tree.add(configuration, position, parent)
     }
 
-    /// Whether the arm does not press at `place` (metres, session frame), since it pressed
+    /// Whether the arm does not press at `place` (metres, session frame) since it pressed
     /// there before.
     fn leaves_alone(&mut self, place: DVec3) -> bool {
         let PressAgain::Rarely { radius, n_last } = self.config.press_again else { return false };
@@ -262,7 +263,7 @@ impl<'a> Explorer<'a> {
         self.targets.uniform(0.0, 1.0) >= probability
     }
 
-    /// Hands over to the contact controllers where the covering meets the object.
+    /// Runs the contact controllers from where the covering meets the object.
     fn touch(&mut self, last_free: usize, touching: Configuration) -> Option<Touch> {
         let scene =
             Scene::new(&self.arm, self.simulator, self.session_from_object, self.config.room);
@@ -309,15 +310,15 @@ impl<'a> Explorer<'a> {
     }
 }
 
-/// A step of the sensor.
+/// One step of the sensor.
 struct Step {
-    /// Where its origin goes, metres in the session frame.
+    /// Position of its origin, metres in the session frame.
     position: DVec3,
-    /// Where it looks there.
+    /// Viewing direction there.
     direction: DVec3,
 }
 
-/// A step towards a target, which the sensor faces as far as it may turn.
+/// A step towards a target; the sensor turns to face it as far as permitted.
 fn step_towards(arm: &Arm, from: &Configuration, target: DVec3, config: &ExploreConfig) -> Step {
     let pose = arm.forward(from).session_from_sensor;
     let way = target - pose.translation;
@@ -332,7 +333,7 @@ fn step_towards(arm: &Arm, from: &Configuration, target: DVec3, config: &Explore
 }
 
 impl Explorer<'_> {
-    /// Records a reading, draws the sensor back, and lets the object move.
+    /// Records a reading, retracts the sensor, and moves the object if it is to move.
     fn settle(&mut self, last_free: usize, touch: &Touch) {
         self.statistics.readings += 1;
         let pose = touch.reading.session_from_sensor();
@@ -353,7 +354,7 @@ impl Explorer<'_> {
         }
     }
 
-    /// Moves the object, but neither out of the workspace nor into the arm's way home.
+    /// Moves the object, but neither out of the workspace nor into the arm's way back.
     fn perturb(&mut self, perturbation: Perturbation, at: usize) {
         const DRAWS_MAX: usize = 30;
         let middle = middle_of(self.simulator.mesh());

@@ -1,9 +1,9 @@
-//! A simulated indentation run: what the bench of section 2.1.1 would measure of a sensor.
+//! A simulated indentation run: the data that the bench of section 2.1.1 measures of a sensor.
 //!
-//! Every taxel has a gain and an offset of its own, one is dead and one is wired to its
-//! neighbour. A small indenter is stiffer than an even displacement; the imaging model says
-//! only the shape of its image, so the scale is chosen: the deepest press reads 60 % of the
-//! range. Lengths in metres in the sensor frame, images row-major in pascal.
+//! Every taxel has its own gain and offset, one is dead and one is wired to its neighbour. A
+//! small indenter is stiffer than a uniform displacement. The imaging model gives only the
+//! shape of its image, so the scale is chosen: the deepest press reads 60 % of the range.
+//! Lengths in metres in the sensor frame, images row-major in pascal.
 
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
@@ -13,18 +13,18 @@ use palpate_core::units::MM;
 
 /// The dissertation's indenter (section 2.1.1).
 pub const INDENTER: Indenter = Indenter { diameter: 1.0 * MM };
-/// Readings of one press that are averaged: 250 ms at 30 Hz.
+/// Number of readings averaged for one press: 250 ms at 30 Hz.
 const N_FRAMES: usize = 8;
-/// Gains are within this part of 1.
+/// Largest relative deviation of a gain from 1.
 const GAIN_SPREAD: f64 = 0.2;
-/// Offsets are up to this part of the range.
+/// Largest offset, as a fraction of the range.
 const OFFSET_MAX: f64 = 0.02;
-/// What the deepest press reads, as a part of the range.
+/// Reading of the deepest press, as a fraction of the range.
 const DEEPEST: f64 = 0.6;
-/// Places of the fine grid along each side, and their distance.
+/// Places of the fine grid along each side, and their spacing.
 const N_PLACES: usize = 15;
 const PLACE_STEP: f64 = 0.1 * MM;
-/// Depths of the fine grid, as parts of the covering.
+/// Depths of the fine grid, as fractions of the covering.
 const SPREAD_DEPTHS: [f64; 3] = [0.30, 0.50, 0.65];
 /// Draws of a taxel for a fault. A sensor of three taxels or more has one among 64 draws.
 const DRAWS_MAX: usize = 64;
@@ -32,27 +32,27 @@ const DRAWS_MAX: usize = 64;
 /// One press of the fine grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridPress {
-    /// Where, in the sensor frame: (x, y).
+    /// Position in the sensor frame, (x, y).
     pub at: (f64, f64),
-    /// How deep.
+    /// Depth.
     pub depth: f64,
-    /// The image as measured.
+    /// The measured image.
     pub pressures: Vec<f64>,
 }
 
-/// The presses of a run, and what the sensor really is.
+/// The presses of a run, and the sensor's true properties.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IndentationRun {
-    /// Every taxel pressed at its centre to five depths.
+    /// Presses of every taxel at its centre, to five depths.
     pub response: Vec<Indentation>,
     /// 15 × 15 places around one taxel, at 30, 50 and 65 % of the covering.
     pub spread: Vec<GridPress>,
-    /// The gain of every taxel.
+    /// Gain of every taxel.
     pub gains: Vec<f64>,
-    /// The taxel that responds to nothing; `None` for sensors of one taxel.
+    /// The taxel that never responds; `None` for sensors of one taxel.
     pub dead: Option<usize>,
-    /// The taxel that answers another one's presses, and that one; `None` for sensors of fewer
-    /// than three taxels or of one column.
+    /// A taxel that responds to presses on another one, and that other taxel; `None` for sensors of
+    /// fewer than three taxels or of one column.
     pub cross_wired: Option<(usize, usize)>,
 }
 
@@ -63,7 +63,7 @@ pub fn indentation_run(sensor: &SensorDescription, seed: u64) -> IndentationRun 
     indentation_run_of(sensor, seed, &|at| indentation_image(sensor.grid(), sigma, INDENTER, at))
 }
 
-/// A run on a sensor whose image of a press at (x, y), of any scale, `image` gives.
+/// A run on a sensor; `image` returns its image of a press at (x, y), at any scale.
 #[must_use]
 pub fn indentation_run_of(
     sensor: &SensorDescription,
@@ -72,7 +72,7 @@ pub fn indentation_run_of(
 ) -> IndentationRun {
     let bench = Bench::new(sensor, seed, image);
     let thickness = sensor.parameters().covering_thickness;
-    // 0.2 to 0.6 mm as printed, less under a thinner covering than 1 mm.
+    // 0.2 to 0.6 mm as printed, less under a covering thinner than 1 mm.
     let step = 0.1 * thickness.min(1.0 * MM);
     let grid = sensor.grid();
     let mut stream = Stream::new(seed, Purpose::SensorNoise, 1);
@@ -126,7 +126,7 @@ impl<'a> Bench<'a> {
         let offset_max = OFFSET_MAX * parameters.saturation;
         let offsets = (0..n).map(|_| stream.uniform(0.0, offset_max)).collect();
         let pressed = grid.rows / 2 * grid.cols + grid.cols / 2;
-        // Neither fault is at the taxel that the fine grid is centred on.
+        // Neither fault is at the taxel on which the fine grid is centred.
         let mut faulty = |but: Option<usize>| {
             let mut drawn = (0..DRAWS_MAX).map(|_| stream.index(n));
             drawn.find(|taxel| *taxel != pressed && Some(*taxel) != but)
@@ -142,7 +142,7 @@ impl<'a> Bench<'a> {
         Self { sensor, gains, offsets, dead, cross_wired, stiffness }
     }
 
-    /// The mean of some readings of a press.
+    /// The mean of several readings of a press.
     fn measure(&self, shape: &[f64], depth: f64, stream: &mut Stream) -> Vec<f64> {
         let parameters = self.sensor.parameters();
         let one = |taxel: usize| {
@@ -172,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_bench_hides_is_found_by_the_fits() {
+    fn the_fits_recover_the_sensors_true_properties() {
         let sensor = SensorDescription::digitacts_6x6();
         let parameters = sensor.parameters();
         for seed in 1..=5 {

@@ -3,7 +3,7 @@
 //! Frame of a letter: origin at the centre of its bounding box, x right and y up as one reads
 //! it, metres; a raised letter's face lies in z = 0 and +z points out of it. Capitals are
 //! [`CAP_HEIGHT`] high, and one scale serves the whole font, so small letters keep their
-//! proportions. Source: section 3.2.3 and section 4.4.4. Not here: pressing them (`rig`).
+//! proportions. Source: sections 3.2.3 and 4.4.4. Not here: pressing them (`rig`).
 
 mod font;
 mod mask;
@@ -42,8 +42,8 @@ pub struct Letter {
 }
 
 impl Letter {
-    /// A letter of polygons in any place, moved so that their bounding box has its centre at
-    /// the origin; `None` when there is no polygon.
+    /// A letter of the given polygons, moved so that their bounding box has its centre at the
+    /// origin; `None` when there is no polygon.
     fn centered(symbol: char, mut polygons: Vec<Polygon>) -> Option<Self> {
         let (low, high) = bounds(polygons.iter().flat_map(|polygon| &polygon.outline))?;
         let center = 0.5 * (low + high);
@@ -54,13 +54,13 @@ impl Letter {
         Some(Self { symbol, polygons, half_size: 0.5 * (high - low) })
     }
 
-    /// Which letter it is.
+    /// The letter's character.
     #[must_use]
     pub fn symbol(&self) -> char {
         self.symbol
     }
 
-    /// Its polygons; a dot is one of its own.
+    /// The letter's polygons; a dot is a separate one.
     #[must_use]
     pub fn polygons(&self) -> &[Polygon] {
         &self.polygons
@@ -72,13 +72,13 @@ impl Letter {
         2.0 * self.half_size
     }
 
-    /// The area it covers, square metres.
+    /// The letter's area, square metres.
     #[must_use]
     pub fn area(&self) -> f64 {
         self.contours().map(signed_area).sum()
     }
 
-    /// The centroid of the area it covers, metres.
+    /// The centroid of the letter's area, metres.
     #[must_use]
     pub fn centroid(&self) -> DVec2 {
         let moment: DVec2 = self
@@ -89,7 +89,7 @@ impl Letter {
         moment / self.area()
     }
 
-    /// Whether it covers the point (metres).
+    /// Whether the letter covers a point (metres).
     #[must_use]
     pub fn contains(&self, x: f64, y: f64) -> bool {
         // A ray to the right crosses the contours an odd number of times (even-odd rule; the
@@ -101,7 +101,7 @@ impl Letter {
         crossings.count() % 2 == 1
     }
 
-    /// Outlines and holes alike.
+    /// All contours: outlines and holes.
     fn contours(&self) -> impl Iterator<Item = &[DVec2]> {
         self.polygons.iter().flat_map(|polygon| {
             std::iter::once(polygon.outline.as_slice())
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_measures_what_it_should() {
+    fn a_frame_has_its_size_area_and_centroid() {
         let frame = frame();
         assert!((frame.size() - DVec2::new(20.0, 10.0) * MM).length() < 1e-12);
         // 200 mm² less 40 mm² centred 4 mm to the right: x = −40 · 4 / 160 = −1 mm.

@@ -1,8 +1,8 @@
 //! A triangle mesh that is safe to compute with: finite, indexed in range, not degenerate.
 //!
 //! Coordinates are metres in the object's own frame. Triangles wind counter-clockwise seen
-//! from outside, as far as the file they came from does.
-//! Not here: repairing holes; a mesh with holes can be touched like any other.
+//! from outside, provided the file's triangles do. Not here: repairing holes; a mesh with
+//! holes can be touched like any other.
 
 mod error;
 mod format;
@@ -22,13 +22,13 @@ use palpate_core::pose::Pose;
 pub use error::MeshError;
 pub use format::MeshFormat;
 
-/// The most triangles a mesh may have.
+/// Maximum number of triangles.
 pub const TRIANGLES_MAX: usize = 2_000_000;
-/// The most vertices a mesh may have.
+/// Maximum number of vertices.
 pub const VERTICES_MAX: usize = 3 * TRIANGLES_MAX;
-/// The largest extent a mesh may have along any axis, metres.
+/// Largest extent along any axis, metres.
 pub const EXTENT_MAX: f64 = 1e3;
-/// The smallest largest dimension a mesh may have, metres.
+/// Lower bound of the largest dimension, metres.
 pub const EXTENT_MIN: f64 = 1e-6;
 
 /// A checked triangle mesh.
@@ -145,7 +145,7 @@ impl Mesh {
         Self { vertices, triangles: self.triangles.clone() }
     }
 
-    /// Drops what is thinner than rounding: twice the area below 1e-15 of the extent squared.
+    /// Drops slivers thinner than rounding: twice the area below 1e-15 of the extent squared.
     fn drop_triangles_without_area(&mut self, extent: f64) {
         let smallest = 1e-15 * extent * extent;
         let Self { vertices, triangles } = self;
@@ -174,14 +174,14 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_mesh_is_accepted_and_its_slivers_are_dropped() {
+    fn flat_meshes_are_accepted_without_their_slivers() {
         let square = vec![DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
         let mesh = Mesh::new(square, vec![[0, 1, 2], [0, 2, 3], [0, 0, 1]]).unwrap();
         assert_eq!(mesh.triangles().len(), 2);
     }
 
     #[test]
-    fn bad_vertices_and_indices_are_named() {
+    fn bad_vertices_and_indices_are_refused_by_number() {
         let bad = vec![DVec3::ZERO, DVec3::X, DVec3::new(0.0, f64::NAN, 0.0)];
         assert_eq!(Mesh::new(bad, vec![[0, 1, 2]]), Err(MeshError::NotFinite { vertex: 2 }));
         let good = vec![DVec3::ZERO, DVec3::X, DVec3::Y];

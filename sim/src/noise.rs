@@ -1,13 +1,13 @@
-//! From the pressure on a taxel to what the sensor's electronics report.
+//! The sensor's electronics: from the pressure on a taxel to its reported value.
 //!
-//! Order: noise, clipping to 0 … saturation, steps of the converter. Source:
-//! section 2.5.1; the noise level of section 4.4.2.7 is the total width of a uniform
-//! distribution as a part of the sensing range (`docs/equations.md`).
+//! Order: noise, clipping to 0 … saturation, steps of the converter. Source: section 2.5.1.
+//! The noise level of section 4.4.2.7 is the total width of a uniform distribution as a
+//! fraction of the sensing range (`docs/equations.md`).
 
 use palpate_core::rng::Stream;
 use palpate_core::sensor::SensorDescription;
 
-/// Noise beyond what the sensor's description gives.
+/// Noise added to that of the sensor's description.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NoiseLevel(f64);
 
@@ -15,40 +15,40 @@ impl NoiseLevel {
     /// Only the sensor's own noise.
     pub const NONE: Self = Self(0.0);
 
-    /// A level as a part of the sensing range: at 0.4, half the range reads as 0.3 to 0.7 of
-    /// it. `None` unless `level` is within 0 ..= 2.
+    /// A level as a fraction of the sensing range: at 0.4, half the range reads as 0.3 to 0.7
+    /// of it. `None` unless `level` is within 0 ..= 2.
     #[must_use]
     pub fn new(level: f64) -> Option<Self> {
         (0.0..=2.0).contains(&level).then_some(Self(level))
     }
 
-    /// The greatest deviation it adds under a sensor's `saturation`, pascal.
+    /// The largest added deviation for a sensor's `saturation`, pascal.
     #[must_use]
     pub fn half_width(self, saturation: f64) -> f64 {
         0.5 * self.0 * saturation
     }
 }
 
-/// What turns the pressure on a taxel into what is reported.
+/// The parameters of the electronics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Electronics {
     /// Standard deviation of the additive noise, pascal.
     pub(crate) noise: f64,
-    /// No taxel reads more than this, pascal.
+    /// Upper limit of a reported value, pascal.
     pub(crate) saturation: f64,
-    /// Step of the converter, pascal; 0 is a continuous sensor.
+    /// Step of the converter, pascal; 0 for a continuous sensor.
     pub(crate) quantisation: f64,
 }
 
 impl Electronics {
-    /// The electronics that a sensor's description gives.
+    /// The electronics of a sensor's description.
     pub(crate) fn of(sensor: &SensorDescription) -> Self {
         let parameters = sensor.parameters();
         let (noise, saturation) = (parameters.noise, parameters.saturation);
         Self { noise, saturation, quantisation: parameters.quantisation }
     }
 
-    /// The pressure (pascal) that is reported of a `pressure`.
+    /// The value (pascal) reported for a `pressure`.
     pub(crate) fn reported(&self, pressure: f64, level: NoiseLevel, stream: &mut Stream) -> f64 {
         let mut pressure = pressure;
         if self.noise > 0.0 {
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn forty_percent_noise_takes_half_the_range_to_three_to_seven_tenths() {
+    fn forty_percent_noise_spreads_half_range_over_0_3_to_0_7() {
         let mut stream = Stream::new(1, Purpose::SensorNoise, 0);
         let sensor = sensor(0.0, 0.0);
         let level = NoiseLevel::new(0.4).unwrap();
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_out_of_range_do_not_exist() {
+    fn levels_out_of_range_are_refused() {
         assert_eq!(NoiseLevel::new(-0.1), None);
         assert_eq!(NoiseLevel::new(f64::NAN), None);
     }

@@ -1,11 +1,11 @@
-//! The imaging model: what a sensor reads when it is pressed into an object.
+//! The imaging model: the image of a sensor that is pressed into an object.
 //!
 //! The sensor is an orthographic camera in its own covering: the depth to which the object
-//! penetrates is drawn at several points a taxel, blurred by the point spread, and turned into
-//! pressures. Source: section 2.5.1. The sensor frame's z = 0 is the covering's free surface
-//! and +z points at the object, so what penetrates lies at z < 0.
-//! Another physics of the covering can take the blur's place (`physics`).
-//! Not here: moving the sensor (`controller`).
+//! penetrates is sampled at several points per taxel, blurred by the point spread, and
+//! converted to pressures. Source: section 2.5.1. The sensor frame's z = 0 is the covering's
+//! free surface and +z points at the object, so penetrating points lie at z < 0. Another
+//! physics of the covering can replace the blur (`physics`). Not here: moving the sensor
+//! (`controller`).
 
 pub(crate) mod bvh;
 mod covering;
@@ -31,26 +31,27 @@ pub use heights::HeightMap;
 use imaging::Imaging;
 pub use physics::{Base, CoveringConfig, Physics};
 
-/// How far the sensor's housing reaches behind the free surface of its covering, metres: an
-/// object there collides, one farther behind is on the other side of the hand.
+/// Distance from the free surface of the covering to the back of the housing, metres: an
+/// object in front of it collides, one behind it is on the other side of the hand.
 pub const HOUSING_DEPTH: f64 = 10.0 * MM;
 
-/// How finely a press is drawn.
+/// Resolution and physics of a simulated press.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressConfig {
-    /// Points a taxel along each side.
+    /// Sample points along each side of a taxel.
     pub sub_samples: usize,
-    /// Covering drawn beyond the array on each side, in taxels.
+    /// Width of covering drawn beyond the array on each side, in taxels.
     pub padding: usize,
-    /// Noise beyond the sensor's own.
+    /// Noise added to the sensor's own.
     pub noise_level: NoiseLevel,
-    /// What happens in the covering.
+    /// Physics of the covering.
     pub physics: Physics,
 }
 
 impl PressConfig {
-    /// Points at most 1 mm apart, and padding of 2.3 point spreads and at least 4 taxels:
-    /// for the DigiTacts sensors 2 points and 4 taxels, which draws within 1 % of the limit.
+    /// Points at most 1 mm apart, and padding of 2.3 point spreads and at least 4 taxels. For
+    /// the DigiTacts sensors these are 2 points and 4 taxels, within 1 % of the limit of fine
+    /// sampling.
     #[must_use]
     pub fn for_sensor(sensor: &SensorDescription) -> Self {
         let pitch = sensor.grid().pitch;
@@ -62,7 +63,7 @@ impl PressConfig {
     }
 }
 
-/// An object and the sensor that touches it; cheap to use many times, also from many threads.
+/// An object and the sensor that touches it; reusable, also from many threads.
 #[derive(Clone, Debug)]
 pub struct PressSimulator {
     mesh: Mesh,
@@ -77,29 +78,28 @@ pub struct PressSimulator {
     config: PressConfig,
 }
 
-/// What a press does to the taxels, row-major in the sensor frame's order.
+/// Effect of a press on the taxels, row-major in the sensor frame's order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Load {
-    /// Blurred displacements, metres: of [`Physics::PointSpread`].
+    /// Blurred displacements, metres, from [`Physics::PointSpread`].
     Displacements(Vec<f64>),
-    /// Mean pressures as the taxels take them, each with its gain, pascal: of
-    /// [`Physics::ElasticCovering`].
+    /// Mean pressures on the taxels times their gains, pascal, from [`Physics::ElasticCovering`].
     Pressures(Vec<f64>),
 }
 
-/// One press without noise: how far the object is in the covering, and what the taxels feel.
+/// One press without noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Press {
     /// The deepest point of the object under the array, metres below the covering's free
-    /// surface; beyond the covering's thickness when the sensor is pushed too far, negative
-    /// when nothing touches.
+    /// surface. Above the covering's thickness when the sensor is pushed too far, negative
+    /// without contact.
     pub max_penetration: f64,
-    /// What the taxels feel.
+    /// Effect on the taxels.
     pub load: Load,
 }
 
 impl PressSimulator {
-    /// A simulator that draws as [`PressConfig::for_sensor`] says.
+    /// A simulator with [`PressConfig::for_sensor`].
     ///
     /// A closed mesh that is wound inside out is turned first.
     #[must_use]
@@ -108,7 +108,7 @@ impl PressSimulator {
         Self::with_config(mesh, sensor, config)
     }
 
-    /// A simulator that draws as `config` says.
+    /// A simulator with the given configuration.
     #[must_use]
     pub fn with_config(mesh: Mesh, sensor: SensorDescription, config: PressConfig) -> Self {
         let inside_out = mesh.signed_volume() < 0.0 && mesh.is_watertight();
@@ -138,14 +138,14 @@ impl PressSimulator {
         }
     }
 
-    /// The same object and sensor with another noise.
+    /// The same object and sensor with another noise level.
     #[must_use]
     pub fn with_noise(self, noise_level: NoiseLevel) -> Self {
         let config = PressConfig { noise_level, ..self.config };
         Self { config, ..self }
     }
 
-    /// The object, in metres, wound outward where that is known.
+    /// The object, in metres, wound outward if it is closed.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
@@ -157,7 +157,7 @@ impl PressSimulator {
         &self.sensor
     }
 
-    /// How presses are drawn.
+    /// The configuration.
     #[must_use]
     pub fn config(&self) -> &PressConfig {
         &self.config
@@ -167,14 +167,14 @@ impl PressSimulator {
         &self.surface
     }
 
-    /// The object's surface as the sensor sees it from `object_from_sensor`, as far as `reach`
-    /// metres in front of the covering: enough for every press up to that far ahead.
+    /// The object's surface seen by the sensor from `object_from_sensor`, up to `reach`
+    /// metres in front of the covering: enough for every press up to that distance.
     #[must_use]
     pub fn heights(&self, object_from_sensor: Pose, reach: f64) -> HeightMap {
         heights::draw(&self.bvh, &self.imaging, object_from_sensor, reach)
     }
 
-    /// The press after moving `travel` metres along +z from where `heights` were drawn.
+    /// The press after moving `travel` metres along +z from the pose of `heights`.
     #[must_use]
     pub fn press_at(&self, heights: &HeightMap, travel: f64) -> Press {
         let load = match &self.covering {
@@ -193,7 +193,7 @@ impl PressSimulator {
         self.press_at(&self.heights(object_from_sensor, 0.0), 0.0)
     }
 
-    /// What is felt in free air.
+    /// The press in free air.
     #[must_use]
     pub fn free_press(&self) -> Press {
         let none = vec![0.0; self.sensor.grid().n_taxels()];
@@ -204,8 +204,8 @@ impl PressSimulator {
         Press { max_penetration: f64::NEG_INFINITY, load }
     }
 
-    /// What the sensor reports of a press: pascal, row-major in the sensor frame's order,
-    /// noise drawn from `stream`.
+    /// The pressures that the sensor reports for a press: pascal, row-major in the sensor
+    /// frame's order, noise drawn from `stream`.
     #[must_use]
     pub fn pressures(&self, press: &Press, stream: &mut Stream) -> Vec<f64> {
         let level = self.config.noise_level;
@@ -237,22 +237,21 @@ impl PressSimulator {
             .expect("a simulated image has the sensor's shape and finite pressures")
     }
 
-    /// Whether nothing of the object is on the straight way between two points (metres),
-    /// the ends excepted.
+    /// Whether the open segment between two points (metres) is free of the object.
     #[must_use]
     pub fn is_clear_between(&self, from_in_object: DVec3, to_in_object: DVec3) -> bool {
         !self.bvh.hits_segment(from_in_object, to_in_object)
     }
 
-    /// Whether the object's surface is nearer than `radius` (metres) to the straight way
-    /// between two points (metres).
+    /// Whether the object's surface is nearer than `radius` (metres) to the segment between
+    /// two points (metres).
     #[must_use]
     pub fn is_near_segment(&self, from_in_object: DVec3, to_in_object: DVec3, radius: f64) -> bool {
         self.bvh.is_near_segment(from_in_object, to_in_object, radius)
     }
 }
 
-/// The same sensor with a driver that sends the sensor frame's own order.
+/// The same sensor with a driver that sends values in the sensor frame's own order.
 pub(crate) fn in_row_major_order(sensor: &SensorDescription) -> SensorDescription {
     let parameters = sensor.parameters().clone();
     let row_major = SensorParameters { image_order: ImageOrder::default(), ..parameters };
@@ -295,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_in_reach_gives_an_image_of_zeros() {
+    fn free_air_gives_an_image_of_zeros() {
         let simulator =
             PressSimulator::new(cuboid(DVec3::splat(0.02)), SensorDescription::digitacts_6x6());
         let press = simulator.press(looking_down(20.0 * MM));
@@ -304,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn the_heights_of_a_sphere_are_those_of_the_formula() {
+    fn heights_of_a_sphere_follow_the_formula() {
         // A sphere of radius 30 mm; the sensor's origin is 29 mm above its centre, so the
         // surface above (x, y) is at z = 29 − √(30² − x² − y²) mm in front of the covering.
         let simulator =
@@ -319,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_deep_press_is_seen_but_images_no_deeper_than_the_covering() {
+    fn images_of_deep_presses_are_clamped_to_the_covering() {
         let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
         let simulator = PressSimulator::new(plate, SensorDescription::digitacts_6x6());
         let press = simulator.press(looking_down(0.0));

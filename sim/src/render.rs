@@ -1,6 +1,6 @@
-//! Pictures to judge by eye: a mesh with the touches on it, an arm, sheets, tactile images.
+//! Pictures for visual checks: a mesh with its touches, an arm, contact sheets, tactile images.
 //!
-//! Orthographic and shaded, no graphics card needed. Output is PNG, 8-bit RGB.
+//! Orthographic and shaded, without a graphics card. Output is PNG, 8-bit RGB.
 
 mod arm;
 mod canvas;
@@ -17,11 +17,11 @@ use canvas::Canvas;
 const BACKGROUND: [u8; 3] = [250, 250, 248];
 const SURFACE: [f64; 3] = [176.0, 184.0, 196.0];
 const TOUCH: [u8; 3] = [214, 62, 42];
-/// Touches lie inside the surface by the covering's indentation; draw them through as much of
-/// the object, as a part of its largest dimension.
+/// Depth to which marks of touches show through the object, as a fraction of its largest
+/// dimension: touches lie inside the surface by the covering's indentation.
 const TOUCH_DEPTH: f64 = 0.05;
 
-/// From where a mesh is seen.
+/// Viewing direction of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// `camera_from_object`: the camera looks along its −z, y is up in the picture.
@@ -29,7 +29,8 @@ pub struct View {
 }
 
 impl View {
-    /// From `elevation` above the x-y plane, the object turned by `azimuth` about z (radians).
+    /// A view from `elevation` above the x-y plane, the object turned by `azimuth` about z
+    /// (radians).
     #[must_use]
     pub fn from_angles(azimuth: f64, elevation: f64) -> Self {
         let upright = DQuat::from_rotation_x(elevation - 90.0 * DEG);
@@ -43,8 +44,8 @@ impl Default for View {
     }
 }
 
-/// A picture of `size` × `size` pixels of a mesh, with `points` (metres, in the mesh's frame)
-/// marked where they are not hidden.
+/// A picture of `size` × `size` pixels of a mesh, with visible `points` (metres, in the
+/// mesh's frame) marked.
 #[must_use]
 pub fn mesh_png(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Vec<u8> {
     drawn(mesh, view, size, points).to_png()
@@ -105,7 +106,7 @@ fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
     canvas
 }
 
-/// Light from above the viewer's left shoulder; what faces away is as bright as what faces.
+/// Light from above the viewer's left shoulder; back faces are as bright as front faces.
 fn shade(normal: DVec3, color: [f64; 3]) -> [u8; 3] {
     let facing = if normal.z < 0.0 { -normal } else { normal };
     let key = facing.dot(DVec3::new(-0.45, 0.6, 0.66)).max(0.0);
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_have_the_size_that_was_asked_for() {
+    fn pictures_have_the_requested_size() {
         let ball = sphere(0.03, 24);
         assert_eq!(size_of(&mesh_png(&ball, View::default(), 64, &[])), (64, 64));
         assert_eq!(size_of(&contact_sheet(&[&ball; 3], View::default(), 32, 2)), (64, 64));

@@ -1,10 +1,11 @@
 //! The 2-D pressing rig: a flat letter pressed against the sensor at planned planar poses.
 //!
-//! Source: section 3.2.3. Frame: the letter's (`letters`), its face in z = 0. The sensor presses
-//! straight down: its z is the letter's −z, its x lies at the pose's angle, and its origin
-//! [`Rig::indentation`] below the face, where the face's whole area would read 16 of 20 kPa.
-//! A press shows the letter's shape blurred by the covering; what a mechanism and a real array
-//! add comes from [`RigNoise`]. Meshes that lie flat are pressed alike: [`planar_presses`].
+//! Source: section 3.2.3. Frame: the letter's (`letters`), its face in z = 0. The sensor
+//! presses straight down: its z is the letter's −z, its x lies at the pose's angle, and its
+//! origin is [`Rig::indentation`] below the face, where the face's whole area would read 16
+//! of 20 kPa. A press shows the letter's shape blurred by the covering; [`RigNoise`] adds the
+//! errors of a mechanism and of a real array. [`planar_presses`] presses flat meshes in the
+//! same way.
 
 mod field;
 mod noise;
@@ -27,13 +28,13 @@ use unmatched::{Wander, bent};
 use crate::letters::Letter;
 use crate::press::in_row_major_order;
 
-/// How far a letter is pressed into the covering, as a part of the covering's thickness: under
-/// the presets' straight force curve the face reads 16 of 20 kPa where it fills the blur, and the
-/// strongest taxel of a press on an A 11 kPa in the mean, so that gains and depths rarely
-/// saturate.
+/// Indentation of a letter into the covering, as a fraction of the covering's thickness.
+/// Under the presets' straight force curve the face reads 16 of 20 kPa where it fills the
+/// blur, and the strongest taxel of a press on an A reads 11 kPa on average, so gains and
+/// depths rarely saturate.
 pub const INDENTATION: f64 = 0.8;
 
-/// A sensor in the rig: its taxels' gains stay the same for every letter and repetition.
+/// A sensor in the rig; its taxels' gains stay the same for every letter and repetition.
 #[derive(Clone, Debug)]
 pub struct Rig {
     id: SensorId,
@@ -52,8 +53,8 @@ pub fn rig_sensor() -> SensorDescription {
 }
 
 impl Rig {
-    /// The rig with one sensor in it. `seed` names this very sensor (its gains) and all that
-    /// happens to its presses; a rig of the same seed with another covering has equal gains.
+    /// The rig with one sensor in it. `seed` determines the sensor's gains and the noise of
+    /// its presses; rigs of the same seed have equal gains under any covering.
     ///
     /// Readings are in the sensor frame's order, whatever the driver's.
     #[must_use]
@@ -75,38 +76,38 @@ impl Rig {
         &self.sensor
     }
 
-    /// Every taxel's gain, row-major: what it reports over what is there.
+    /// The gain of every taxel, row-major: the ratio of the reported to the actual pressure.
     #[must_use]
     pub fn gains(&self) -> &[f64] {
         &self.gains
     }
 
-    /// How far the face is pressed into the covering, metres.
+    /// Indentation of the face into the covering, metres.
     #[must_use]
     pub fn indentation(&self) -> f64 {
         INDENTATION * self.sensor.parameters().covering_thickness
     }
 
-    /// A letter as this rig's sensor feels it; drawn once for all its presses.
+    /// A letter blurred for this rig's sensor; drawn once for all its presses.
     #[must_use]
     pub fn field(&self, letter: &Letter) -> LetterField {
         LetterField::new(letter, &self.sensor)
     }
 
-    /// The pose of the sensor that presses at `at`: `object_from_sensor`.
+    /// `object_from_sensor` of the sensor that presses at `at`.
     #[must_use]
     pub fn object_from_sensor(&self, at: PlanarPose) -> Pose {
         at.object_from_sensor(self.indentation())
     }
 
-    /// One press of a letter: its pose is the planned one, the true one is off by the rig's
-    /// placement, which nobody learns.
+    /// One press of a letter. The reading has the planned pose; the true pose is off by the
+    /// rig's placement error, which is not reported.
     #[must_use]
     pub fn press(&self, field: &LetterField, at: PlanarPose, stream: &mut Stream) -> Reading {
         self.reading(&self.pressures(field, at, stream), at)
     }
 
-    /// What the sensor reports of a press at `at`: pascal, row-major.
+    /// The pressures that the sensor reports for a press at `at`: pascal, row-major.
     #[must_use]
     pub fn pressures(&self, field: &LetterField, at: PlanarPose, stream: &mut Stream) -> Vec<f64> {
         let parameters = self.sensor.parameters();
@@ -117,7 +118,7 @@ impl Rig {
         let displaced = |&(x, y): &(f64, f64)| {
             let in_letter = (placed.x + cos * x + sin * y, placed.y + sin * x - cos * y);
             let [face, along_x, along_y] = field.at(in_letter.0, in_letter.1);
-            // What a slope adds: ∫ spread · mask · slope · (place − sensor).
+            // Contribution of a slope: ∫ spread · mask · slope · (place − sensor).
             let slope = lie.slope_x * (along_x - placed.x * face)
                 + lie.slope_y * (along_y - placed.y * face);
             depth * (face + slope)
@@ -137,7 +138,7 @@ impl Rig {
     }
 
     /// All 192 presses of the plan, in its order: one repetition of section 3.2.3. Equal
-    /// letters and repetitions give equal readings, whatever was pressed before.
+    /// letters and repetitions give equal readings, independent of earlier presses.
     #[must_use]
     pub fn session(&self, field: &LetterField, repetition: u32) -> Vec<Reading> {
         let symbol = u64::from(u32::from(field.symbol()));

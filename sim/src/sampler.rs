@@ -2,8 +2,9 @@
 //!
 //! Source: section 4.4.1.2: a triangle by its area, a point in it, the sensor a little way
 //! off and facing it, a small turn, then the controllers. Added: a share of the touches goes
-//! to parts of the object that have had few, since area alone leaves out necks and shafts.
-//! Each attempt has its own stream, so the readings do not depend on the number of threads.
+//! to parts of the object with few touches, since drawing by area leaves out necks and
+//! shafts. Each attempt has its own stream, so the readings do not depend on the number of
+//! threads.
 
 pub mod rays;
 pub(crate) mod surface;
@@ -23,18 +24,18 @@ use crate::press::PressSimulator;
 pub use surface::SurfacePoint;
 use surface::{N_SLICES, Surface};
 
-/// How places are chosen and touched.
+/// Choice of places, and the controllers' limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SamplerConfig {
-    /// How far from the surface the sensor starts, metres.
+    /// Distance of the sensor's start from the surface, metres.
     pub offset: f64,
-    /// The largest tilt of the sensor's start away from the surface's normal, radians.
+    /// Largest tilt of the sensor's start away from the surface's normal, radians.
     pub tilt_max: f64,
-    /// The share of touches that goes to parts with few touches, 0 to 1.
+    /// Share of touches for parts with few touches, 0 to 1.
     pub coverage: f64,
-    /// How many attempts there may be for each reading.
+    /// Maximum attempts for each reading.
     pub attempts_per_reading_max: usize,
-    /// The controllers' bounds.
+    /// The controllers' limits.
     pub contact: ContactConfig,
 }
 
@@ -53,7 +54,7 @@ impl SamplerConfig {
     }
 }
 
-/// Why there are not as many readings as were asked for.
+/// Error of a sample with fewer readings than requested.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum SampleError {
     /// Too many attempts failed: the object is too small for the sensor, or out of its reach.
@@ -62,32 +63,33 @@ pub enum SampleError {
          the object is too small or too hollow for the sensor"
     )]
     TooFewTouches {
-        /// Readings there are.
+        /// Number of readings taken.
         accepted: usize,
-        /// Readings that were asked for.
+        /// Number of readings requested.
         wanted: usize,
-        /// Attempts that were made.
+        /// Number of attempts.
         attempts: usize,
     },
-    /// The caller's progress function said to stop.
+    /// The progress function stopped the work.
     #[error("stopped after {accepted} of {wanted} touches")]
     Stopped {
-        /// Readings there were.
+        /// Number of readings taken.
         accepted: usize,
-        /// Readings that were asked for.
+        /// Number of readings requested.
         wanted: usize,
     },
 }
 
-/// The most attempts that run between two looks at the coverage.
+/// Maximum attempts between two evaluations of the coverage.
 const BATCH_MAX: usize = 128;
 
-/// Takes `n` readings of the object, in the mesh's frame, all decided by `seed`.
+/// Takes `n` readings of the object, in the mesh's frame, all determined by `seed`.
 ///
-/// `progress` hears the readings so far and `n` after every batch, and may stop the work.
+/// `progress` receives the number of readings so far and `n` after every batch, and may stop
+/// the work.
 ///
 /// # Errors
-/// [`SampleError`] when too many attempts fail or `progress` breaks off.
+/// [`SampleError`] when too many attempts fail or `progress` stops.
 pub fn sample(
     simulator: &PressSimulator,
     sensor: SensorId,
@@ -127,9 +129,9 @@ pub fn sample(
     Ok(readings)
 }
 
-/// One converged reading somewhere on the object, as of a robot that a camera guides there.
+/// One converged reading somewhere on the object, as from a robot guided by a camera.
 ///
-/// Places are drawn by area and by slices alike, as for training, from `stream` alone.
+/// Places are drawn by area and by slices, as for training, from `stream` alone.
 ///
 /// # Errors
 /// [`SampleError::TooFewTouches`] when the permitted attempts all fail.
@@ -169,7 +171,7 @@ pub fn touch_at(
     }
 }
 
-/// The `object_from_sensor` at which the touch of a place begins; `None` when the sensor does
+/// The `object_from_sensor` at which the touch of a place starts; `None` when the sensor does
 /// not fit there.
 pub(crate) fn start_at(
     simulator: &PressSimulator,
@@ -199,7 +201,7 @@ fn tilted(pose: Pose, tilt_max: f64, stream: &mut Stream) -> Pose {
     Pose::from_parts(pose.rotation * DQuat::from_axis_angle(axis, angle), pose.translation)
 }
 
-/// How many touches each slice of the object has had, and how many it should have.
+/// Number of touches of each slice of the object, and their targets.
 struct Coverage {
     accepted: [usize; 3 * N_SLICES],
     attempted: [usize; 3 * N_SLICES],
@@ -213,7 +215,7 @@ impl Coverage {
         Self { accepted: [0; 3 * N_SLICES], attempted: [0; 3 * N_SLICES], quota, share }
     }
 
-    /// A slice that needs touches, or `None` to draw by area.
+    /// A slice that needs touches; `None` to draw by area.
     fn choose(&self, stream: &mut Stream) -> Option<usize> {
         if stream.uniform(0.0, 1.0) >= self.share {
             return None;
@@ -227,7 +229,7 @@ impl Coverage {
         })
     }
 
-    /// What is missing, less where attempts have been in vain.
+    /// The missing touches of each slice, reduced where attempts have failed.
     fn weights(&self) -> [f64; 3 * N_SLICES] {
         std::array::from_fn(|slice| {
             let missing = (self.quota - self.accepted[slice] as f64).max(0.0);
@@ -267,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_seeds_give_equal_readings_on_any_number_of_threads() {
+    fn readings_depend_on_the_seed_and_not_on_threads() {
         let simulator = simulator(sphere(30.0 * MM, 40));
         let with_threads = |n_threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
@@ -279,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn touches_of_a_sphere_face_its_center_and_lie_just_inside() {
+    fn touches_of_a_sphere_face_its_center_just_inside() {
         let simulator = simulator(sphere(30.0 * MM, 60));
         for reading in readings(&simulator, 60, 1) {
             let pose = reading.session_from_sensor();
@@ -292,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_does_not_get_into_a_narrow_tube() {
+    fn a_sensor_does_not_fit_into_a_narrow_tube() {
         // A cup: outer radius 12, inner radius 6 mm, too narrow for a sensor 12 mm wide.
         let profile =
             [(0.1, -35.0), (12.0, -35.0), (12.0, 35.0), (6.0, 35.0), (6.0, -25.0), (0.1, -25.0)];
@@ -350,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn progress_is_told_and_may_stop() {
+    fn progress_is_reported_and_may_stop() {
         let simulator = simulator(sphere(30.0 * MM, 24));
         let config = SamplerConfig::for_simulator(&simulator);
         let mut told = Vec::new();

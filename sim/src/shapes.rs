@@ -1,8 +1,8 @@
 //! Ten closed objects to touch, 80 mm in their largest dimension, made from formulas.
 //!
 //! As varied as the dissertation's ten (section 5.4): thin and thick, round and edged, smooth
-//! and rough. Each is a signed distance in millimetres, meshed on a grid; always the same.
-//! Not here: files; anything a user brings comes through `mesh`.
+//! and rough. Each is a signed distance in millimetres, meshed on a grid, without any
+//! randomness. Not here: files; meshes from users are read by `mesh`.
 
 mod assembled;
 mod creatures;
@@ -18,7 +18,7 @@ use palpate_core::units::MM;
 
 use crate::mesh::Mesh;
 
-/// The largest dimension of every example, metres.
+/// Largest dimension of every example, metres.
 pub const LARGEST_DIMENSION: f64 = 80.0 * MM;
 
 /// A body as a signed distance, and the box and grid to mesh it in; all in millimetres.
@@ -43,7 +43,7 @@ const BODIES: [Body; 10] = [
     vessels::WINE_GLASS,
 ];
 
-/// The names that [`example`] knows.
+/// The names that [`example`] accepts.
 pub const NAMES: [&str; 10] = {
     let mut names = [""; 10];
     let mut idx = 0;
@@ -54,8 +54,8 @@ pub const NAMES: [&str; 10] = {
     names
 };
 
-/// The example object of a name: closed, outward, in metres, its surface's centroid at the
-/// origin.
+/// The example object of the given name: closed, outward, in metres, its surface's centroid
+/// at the origin. `None` for an unknown name.
 #[must_use]
 pub fn example(name: &str) -> Option<Mesh> {
     let body = BODIES.iter().find(|body| body.name == name)?;

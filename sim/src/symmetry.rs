@@ -1,7 +1,7 @@
-//! Which turns leave a mesh as it is: the truth that touches can only estimate.
+//! True symmetries of a mesh: the rotations that leave it unchanged. Touches can only
+//! estimate them.
 //!
-//! Decided by `palpate_core::symmetry::Shape`, which says how small a difference counts.
-//! Frames: the mesh's own.
+//! `palpate_core::symmetry::Shape` decides which differences count. Frames: the mesh's own.
 
 use glam::DVec3;
 use palpate_core::symmetry::{Shape, Symmetry};
@@ -9,8 +9,8 @@ use palpate_core::symmetry::{Shape, Symmetry};
 use crate::mesh::Mesh;
 use crate::press::bvh::Bvh;
 
-/// How many points of the surface are turned. Chosen: four and more on each part of 2 mm radius
-/// of objects that are 80 mm large.
+/// Number of surface points that are turned. Chosen: four and more on each part of 2 mm
+/// radius of objects that are 80 mm large.
 const POINTS: usize = 6_000;
 
 /// The symmetry of a mesh, in its frame.
@@ -23,8 +23,9 @@ pub fn of_mesh(mesh: &Mesh) -> Symmetry {
     Symmetry::of_shape(&shape)
 }
 
-/// Points spread evenly over a mesh by area, in an order that spreads too: Kronecker sequences
-/// of the generalised golden ratio (Roberts, 2018), the first choosing the triangle.
+/// Points distributed uniformly over a mesh by area, as is every prefix of the list:
+/// Kronecker sequences of the generalised golden ratio (Roberts, 2018), the first choosing
+/// the triangle.
 fn points(mesh: &Mesh) -> Vec<DVec3> {
     let mut ends = Vec::with_capacity(mesh.triangles().len());
     let mut total = 0.0;
@@ -57,8 +58,8 @@ mod tests {
     use super::*;
     use crate::shapes;
 
-    /// A prism with a regular outline of `n` sides and this radius and height, mm; the corners
-    /// that `moved` names are pulled in to three quarters.
+    /// A prism with a regular outline of `n` sides and this radius and height, mm; the
+    /// corners in `moved` are pulled in to three quarters.
     fn prism(n: u32, radius: f64, height: f64, moved: &[u32]) -> Mesh {
         let corner = |k: u32| {
             let angle = TAU * f64::from(k) / f64::from(n);
@@ -80,7 +81,7 @@ mod tests {
         Mesh::new(vertices, triangles).unwrap()
     }
 
-    /// The orders of a mesh's axes, highest first, in a pose that no axis of the frame fits.
+    /// The orders of a mesh's axes, highest first, in a pose aligned with no axis of the frame.
     fn orders(mesh: &Mesh) -> Vec<AxisOrder> {
         let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -1.1, 0.7));
         let pose = Pose::from_parts(turn, DVec3::new(7.0, -30.0, 12.0) * MM);
@@ -100,11 +101,11 @@ mod tests {
     }
 
     #[test]
-    fn prisms_have_as_many_turns_as_sides_and_a_notch_ends_them() {
+    fn prisms_have_as_many_turns_as_sides_without_a_notch() {
         for n in [3, 16] {
             let expected = [vec![n as u8], vec![2; n as usize]].concat();
             assert_eq!(orders(&prism(n, 22.0, 80.0, &[])), finite(&expected), "{n} sides");
-            // What is left of a notched prism are turns that keep the notch.
+            // The symmetries left of a notched prism are the turns that keep the notch.
             let notched = orders(&prism(n, 22.0, 80.0, &[1]));
             assert_eq!(notched, finite(&[2]), "{n} sides");
         }
@@ -115,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_is_continuous_when_touch_cannot_feel_the_sides() {
+    fn symmetry_is_continuous_when_sides_are_too_fine_to_feel() {
         let round = [AxisOrder::Continuous, AxisOrder::Finite(2)];
         // 120 sides of a radius of 22 mm leave the round by 0.008 mm, 48 by 0.05 mm.
         assert_eq!(orders(&prism(120, 22.0, 80.0, &[])), round);
@@ -129,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn examples_have_the_symmetries_they_were_made_with() {
+    fn examples_have_their_designed_symmetries() {
         for (name, first, n) in [
             ("mug", None, 0),
             ("gear", None, 0),

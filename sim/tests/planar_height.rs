@@ -1,5 +1,4 @@
-//! The height of planar poses: letters pressed by the rig, under two coverings, are found in the
-//! plane of their faces.
+//! Accuracy of the height of planar poses: letters pressed by the rig, under two coverings.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -21,7 +20,7 @@ use palpate_dissertation::geometric::{
 use palpate_sim::letters::Font;
 use palpate_sim::rig::{PlanarPose, Rig, RigNoise, rig_sensor};
 
-/// How far the height of a letter's face is off after six presses, and the stated deviation, m.
+/// Error of the height of a letter's face after six presses, and its posterior deviation, m.
 fn height_error(symbol: char, sensor: &SensorDescription) -> [f64; 2] {
     let rig = Rig::new(SensorId(0), sensor, RigNoise::physical(), 3);
     let font = Font::built_in();
@@ -65,7 +64,7 @@ fn letters_are_found_in_the_plane_of_their_faces() {
         for symbol in ['I', 'E', 'O', 'm', 'x'] {
             let [off, deviation] = height_error(symbol, &sensor);
             println!("{symbol} {covering}: {off} ± {deviation}");
-            // The sensor stood 0.8 coverings below the face, which was the error.
+            // The sensor stood 0.8 coverings below the face; the error was once as large.
             assert!(off.abs() < 0.3 * covering, "{symbol}: {off} of {covering}");
             assert!(off.abs() < 2.5 * deviation, "{symbol}: {off}, said to be {deviation}");
             assert!(deviation < 0.3 * covering, "{symbol}: {deviation} of {covering}");

@@ -49,7 +49,7 @@ fn options(pose: PosePrior) -> GeometricOptions {
 }
 
 #[test]
-fn a_body_within_bounds_is_named_and_placed() {
+fn a_body_within_bounds_is_recognised_and_located() {
     let geometry = geometry();
     let nominal = Pose::from_parts(DQuat::from_rotation_z(0.8), DVec3::new(0.5, 0.1, 0.3));
     let pose = PosePrior::Bounded {

@@ -1,8 +1,8 @@
-"""Asks a Prometheus that reads a server for everything that deploy/ wants to show or to alert on.
+"""Checks every query of deploy/ with a Prometheus that scrapes a server.
 
 `figures.py PROMETHEUS SERVER`, with an admin's key in PALPATE_KEY. A query of the dashboard must
-answer something, one of an alert must be understood, and every figure and label that either
-names must be one that the server has.
+return a value, a query of an alert must be valid, and the server must have every metric and label
+in either.
 """
 
 import json
@@ -22,7 +22,7 @@ WAIT_S = 60
 
 
 def ask(url, body=None, headers=None):
-    """The status of an answer, and what it says."""
+    """The status and body of an answer."""
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(url, data, {"content-type": "application/json", **(headers or {})})
     try:
@@ -33,7 +33,7 @@ def ask(url, body=None, headers=None):
 
 
 def make_noise():
-    """What must have happened for every figure to exist: refusals for a key and for overload."""
+    """Causes the events behind every metric: refusals of a key and for overload."""
     status, _ = ask(f"{SERVER}/v1/objects")
     assert status == 401, status
     jobs = []
@@ -48,7 +48,7 @@ def make_noise():
 
 
 def robots_at_work():
-    """A session with a reading and its truth, so that rates of answers are not of nothing."""
+    """Creates a session with a reading and its truth, so that the rates of answers exist."""
     _, session = ask(f"{SERVER}/v1/sessions", {}, KEY)
     image = [0.0] * 36
     pose = {"position": [0.5, 0.5, 0.5], "orientation": [0.0, 0.0, 0.0, 1.0]}
@@ -60,7 +60,7 @@ def robots_at_work():
 
 
 def queries():
-    """Every query, where it stands, and whether it must answer something."""
+    """Every query, its place, and whether it must return a value."""
     dashboard = json.loads((ROOT / "deploy/grafana/palpate.json").read_text())
     for panel in dashboard["panels"]:
         for target in panel.get("targets", []):
@@ -73,7 +73,7 @@ def queries():
 
 
 def run(expression):
-    """What Prometheus answers: an error or '', and the values."""
+    """The answer of Prometheus: an error or '', and the values."""
     filled = expression.replace("$__rate_interval", "1m").replace("$instance", ".*")
     url = f"{PROMETHEUS}/api/v1/query?" + urllib.parse.urlencode({"query": filled})
     _, text = ask(url)
@@ -85,7 +85,7 @@ def run(expression):
 
 
 def known():
-    """The server's figures, each with the labels that it has."""
+    """The server's metrics with their labels."""
     _, text = ask(f"{SERVER}/metrics")
     figures = {}
     for name, labels in re.findall(r"^(palpate_\w+)(?:\{(.*)\})? \S+$", text, re.M):
@@ -94,7 +94,7 @@ def known():
 
 
 def faults():
-    """What is wrong now; some of it may be right a moment later."""
+    """The present faults; some may be gone a moment later."""
     figures = known()
     named = set()
     for place, expression, must_answer in queries():
@@ -115,7 +115,7 @@ def faults():
 
 
 def documented_but_gone():
-    """Figures that the documentation names and the server's sources do not."""
+    """Metrics in the documentation that the server's sources do not have."""
     sources = "".join(path.read_text() for path in (ROOT / "server/src").rglob("*.rs"))
     for page in (ROOT / "docs").glob("*.md"):
         for name in re.findall(r"`(palpate_[a-z_]+[a-z])`", page.read_text()):

@@ -1,7 +1,7 @@
-"""Holds deploy/Dockerfile against the project, as far as can be done without an engine.
+"""Checks deploy/Dockerfile against the project, as far as possible without a container engine.
 
-What it copies must be there, what it leaves out of the build must not be needed by it, and the
-final image must have every library that the binary is linked with.
+Copied files must exist, files excluded from the build must not be needed by it, and the final
+image must have every library that the binary is linked with.
 """
 
 import re
@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 IN_FINAL_IMAGE = {"libc.so.6", "libm.so.6", "libgcc_s.so.1", "linux-vdso.so.1"}
-"""What gcr.io/distroless/cc-debian12 has of what a Rust program may need."""
+"""Libraries of gcr.io/distroless/cc-debian12 that a Rust program may need."""
 
 dockerfile = (ROOT / "deploy/Dockerfile").read_text()
 stages = re.findall(r"^FROM (\S+)", dockerfile, re.M)
@@ -29,9 +29,9 @@ left_out = [
 
 
 def is_left_out(path: Path) -> bool:
-    """Whether the build does not see a path (relative to the project), or what it lies in."""
+    """Whether a path (relative to the project) or its folder is excluded from the build."""
     names = [part.as_posix() for part in [path, *path.parents]]
-    # `**/x` is x at any depth, also at the top; there are no other wildcards.
+    # `**/x` is x at any depth, including the top; there are no other wildcards.
     return any(
         fnmatch(name, pattern) or fnmatch("/" + name, pattern.replace("**", "*", 1))
         for name in names

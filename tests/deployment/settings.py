@@ -1,7 +1,7 @@
-"""Holds deploy/palpate.toml against the command: `settings.py PALPATE`.
+"""Checks deploy/palpate.toml against the command: `settings.py PALPATE`.
 
-Every setting that the command has must stand in the file, and nothing else; what is commented
-out must be the default; and the file must be taken as it is and with everything in it.
+The file must contain exactly the settings of the command, with the defaults commented out, and
+the command must accept it unchanged and with every line enabled.
 """
 
 import json
@@ -17,7 +17,7 @@ ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith("PALPATE_
 
 
 def effective(path: str | None) -> dict[str, dict]:
-    """What `palpate config` says with a file, by setting."""
+    """The output of `palpate config` for a file, by setting."""
     file = [] if path is None else ["--config", path]
     said = subprocess.run(
         [sys.argv[1], "config", "--json", *file], env=ENVIRONMENT, capture_output=True, text=True

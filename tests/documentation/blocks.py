@@ -1,7 +1,7 @@
-"""The fenced blocks of a Markdown page, each with the marker that stands above it.
+"""The fenced blocks of a Markdown page, each with the marker above it.
 
-A marker is an HTML comment of its own line(s) directly above a block, such as
-`<!-- clients: install -->`; readers of the page do not see it.
+A marker is an HTML comment on the line(s) directly above a block, such as
+`<!-- clients: install -->`; it is invisible on the page.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ FENCE = "```"
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: where it starts, its language, its text, and its marker or ''."""
+    """A fenced block: its line, its language, its text, and its marker or ''."""
 
     page: str
     line: int
@@ -25,7 +25,7 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """All fenced blocks of a page, in its order."""
+    """All fenced blocks of a page, in order."""
     found: list[Block] = []
     marker, comment, inside = "", None, None
     for number, line in enumerate(page.read_text().splitlines(), start=1):

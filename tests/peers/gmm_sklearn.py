@@ -2,15 +2,15 @@
 
 Both fit full covariances to the same 10,000 features in one run, one after the other, from
 k-means++ with the same number of starts, until the mean ln density of a feature gains less
-than the same tolerance. The printed log-likelihoods say whether the two found the same.
+than the same tolerance. The printed log-likelihoods show whether both found the same mixture.
 
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install scikit-learn
     cargo build --release -p palpate-core --example gmm_peer
     export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 RAYON_NUM_THREADS=1
     /tmp/peers/bin/python tests/peers/gmm_sklearn.py target/release/examples/gmm_peer
 
-One core each is what compares: without the three variables scikit-learn's BLAS waits for cores
-that a busy machine does not give it (7 to 10 times slower was measured).
+Both use one core: without the three variables scikit-learn's BLAS waits for cores on a busy
+machine (measured 7 to 10 times slower).
 """
 
 import argparse
@@ -29,7 +29,7 @@ THREAD_VARIABLES = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREAD
 
 
 def ours(program, file, args, tolerance):
-    """Milliseconds and the mean ln density that our fit reached."""
+    """Milliseconds and mean ln density of our fit."""
     command = [program, file, args.n, args.dimension, args.components, args.starts, tolerance]
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True)
     milliseconds, reached, n_components = done.stdout.split()
@@ -37,7 +37,7 @@ def ours(program, file, args, tolerance):
 
 
 def theirs(features, n_components, args):
-    """Milliseconds and the mean ln density that scikit-learn's fit reached."""
+    """Milliseconds and mean ln density of scikit-learn's fit."""
     mixture = GaussianMixture(
         n_components,
         covariance_type="full",
@@ -71,7 +71,7 @@ def main():
         case = argparse.Namespace(**{**vars(args), "components": components})
         with tempfile.TemporaryDirectory() as folder:
             file = os.path.join(folder, "features.f64")
-            # Our tolerance is a share of the density; the first, loose fit tells its size.
+            # Our tolerance is a share of the density; the first, loose fit gives its size.
             _, size, _ = ours(args.program, file, case, 1e-2)
             tolerance = args.tolerance / max(1.0, abs(size))
             our_ms, our_reached, n_components = ours(args.program, file, case, tolerance)

@@ -5,7 +5,7 @@
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install opencv-contrib-python-headless
     palpate experiment ppf-peer --python /tmp/peers/bin/python
 
-Every object is a model of its training touches (point and normal). A scene is the first so many
+Every object is a model of its training touches (point and normal). A scene is the first few
 test touches. Each model proposes poses by PPF3DDetector; the best five are refined by ICP, the
 scene onto the model (the other way round a model of a thousand points is drawn to a handful). The
 object is the one whose pose explains the most touches (2 mm, 25 degrees), then the one with the
@@ -29,28 +29,28 @@ except (ImportError, AttributeError):
     sys.exit(MODULE_MISSING)
 
 POSES_REFINED = 5
-# Touches nearer than this share of the scene's extent become one; the module walks a grid of
-# such cells, so that a hundredth of it would take a billion of them.
+# Touches nearer than this share of the scene's extent are merged. The module walks a grid of
+# such cells; with a hundredth of the extent it would visit a billion of them.
 SCENE_STEP = 0.03
 REACH_MM = 2.0
 FACING = np.cos(np.radians(25.0))
 
 
 def trained(points):
-    """A detector, and the model as it is, of touches (n, 6) in millimetres."""
+    """A detector and the model itself, from touches (n, 6) in millimetres."""
     detector = cv2.ppf_match_3d_PPF3DDetector(0.05, 0.05, 30)
     detector.trainModel(points)
     return detector, points
 
 
 def explained(scene, model, pose):
-    """How many touches lie on the model at a pose, and their mean distance (capped)."""
+    """Number of touches on the model at a pose, and their mean distance (capped)."""
     rotation, shift = pose[:3, :3], pose[:3, 3]
     points = (scene[:, :3] - shift) @ rotation
     normals = scene[:, 3:] @ rotation
     squares = ((points[:, None, :] - model[None, :, :3]) ** 2).sum(axis=2)
     nearest = squares.argmin(axis=1)
-    # Across the surface: along it the nearest training touch may be some way off.
+    # Across the surface: along it the nearest training touch may be farther away.
     off = points - model[nearest, :3]
     across = np.abs((off * model[nearest, 3:]).sum(axis=1))
     near = squares.min(axis=1) < (3.0 * REACH_MM) ** 2
@@ -61,7 +61,7 @@ def explained(scene, model, pose):
 
 
 def candidates(detector, model, scene, icp):
-    """The poses (scene from model) that the detector proposes, as they are and refined."""
+    """The poses (scene from model) proposed by the detector, raw and refined."""
     try:
         found = detector.match(scene, 1.0, SCENE_STEP)
     except cv2.error:

@@ -1,4 +1,4 @@
-//! What the black-box tests in `whole/` and `torture` share: what Linux says of a process.
+//! Process figures from Linux, shared by the black-box tests in `whole/` and `torture`.
 
 use std::fs;
 use std::io;
@@ -14,10 +14,10 @@ pub fn processor_seconds(process: u32) -> io::Result<f64> {
     Ok(ticks.sum::<f64>() / 100.0)
 }
 
-/// A memory figure of a process, KiB: `VmSize` (virtual) or `VmHWM` (the most it ever had).
+/// A memory figure of a process, KiB: `VmSize` (virtual) or `VmHWM` (peak resident).
 ///
 /// # Errors
-/// The process is gone, there is no `/proc`, or no such figure.
+/// The process is gone, or there is no `/proc`, or no such figure.
 pub fn memory_kib(process: u32, figure: &str) -> io::Result<u64> {
     let status = fs::read_to_string(format!("/proc/{process}/status"))?;
     let line = status.lines().find_map(|line| line.strip_prefix(figure)?.strip_prefix(':'));

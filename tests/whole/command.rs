@@ -1,4 +1,4 @@
-//! The real command: where it is, and a server of it in a process of its own.
+//! The real command: its path, and a server in its own process.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 
 use serde_json::Value;
 
-/// The command: what `PALPATE_COMMAND` names, or else built by cargo as `torture` builds it.
+/// Path of the command: `PALPATE_COMMAND`, or built by cargo as `torture` builds it.
 pub(crate) fn palpate() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| {
@@ -28,21 +28,21 @@ pub(crate) fn palpate() -> &'static Path {
     })
 }
 
-/// A server in a process of its own. Dropped, it is killed.
+/// A server in its own process, killed on drop.
 pub(crate) struct Serving {
     child: Child,
     log: Option<JoinHandle<String>>,
-    /// Where it listens, such as `http://127.0.0.1:40123`.
+    /// Base URL, such as `http://127.0.0.1:40123`.
     pub(crate) url: String,
 }
 
 impl Serving {
-    /// Starts a server on a folder, and returns when it listens.
+    /// Starts a server on a folder and returns when it listens.
     pub(crate) fn start(data: &Path, arguments: &[&str]) -> Self {
         Self::start_as(Command::new(palpate()), data, arguments)
     }
 
-    /// The same for a server that may have this much virtual memory, KiB.
+    /// Like `start`, with this much virtual memory, KiB.
     pub(crate) fn start_within(data: &Path, arguments: &[&str], memory_kib: u64) -> Self {
         let mut shell = Command::new("sh");
         shell.args(["-c", "ulimit -v \"$0\" && exec \"$@\""]);
@@ -75,12 +75,12 @@ impl Serving {
         serving
     }
 
-    /// The number of its process.
+    /// The process id.
     pub(crate) fn process(&self) -> u32 {
         self.child.id()
     }
 
-    /// Asks it to stop, as a supervisor does; how it ended, and what it logged.
+    /// Stops it as a supervisor does; returns its exit status and its log.
     pub(crate) fn stop(&mut self) -> (ExitStatus, String) {
         let asked = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
         assert!(asked.unwrap().success());

@@ -1,5 +1,5 @@
-//! What the fuzzers begin with and what they found: every committed input goes through its
-//! target's function. `UPDATE_CORPORA=1` writes the seeds anew.
+//! Corpora of the fuzzers: every committed input goes through its target's function.
+//! `UPDATE_CORPORA=1` writes the seeds.
 
 #[allow(unreachable_pub, reason = "a library there, a module here")]
 #[path = "../../fuzz/src/lib.rs"]
@@ -18,7 +18,7 @@ use serde_json::json;
 
 use fuzzed::TARGETS;
 
-/// A tetrahedron, with what else the format allows.
+/// A tetrahedron, with every optional part of the format.
 const OFF: &str = "OFF # a tetrahedron\n4 4 6\n0 0 0\n9 0 0\n0 9 0\n0 0 9\n\
     3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3 255 0 0\n";
 const OBJ: &str = "# a tetrahedron\nmtllib t.mtl\no t\nv 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\n\
@@ -29,7 +29,7 @@ const PLY: &str = "ply\nformat ascii 1.0\ncomment a tetrahedron\nelement vertex 
     3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n";
 const STL: &str = "solid t\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 9 0\n\
     vertex 9 0 0\nendloop\nendfacet\nendsolid t\n";
-/// A small database, a pair a line in hexadecimal.
+/// A small database, one pair a line in hexadecimal.
 const DUMP: &str = include_str!("../../migrations/golden/layout2.txt");
 
 fn corpora() -> PathBuf {
@@ -106,7 +106,7 @@ fn snapshot(dump: &str) -> Vec<u8> {
     bytes
 }
 
-/// A sealed value in the form of the target `record`.
+/// A sealed value in the input form of the target `record`.
 fn as_record(value: &[u8]) -> Vec<u8> {
     let Ok((kind, opened)) = envelope::open_any(value) else { return value.to_vec() };
     let space = fuzzed::SPACES.iter().position(|(_, known, _)| *known as u16 == kind);
@@ -115,7 +115,7 @@ fn as_record(value: &[u8]) -> Vec<u8> {
     [&head[..], opened.payload].concat()
 }
 
-/// Blocks of the smallest kinds there are.
+/// The smallest block of each kind.
 fn fuzzed_blocks() -> Vec<(&'static str, Vec<u8>)> {
     use glam::DVec3;
     use palpate_core::symmetry::{AxisOrder, Symmetry, SymmetryAxis};
@@ -174,7 +174,7 @@ fn pack(value: &serde_json::Value, bytes: &mut Vec<u8>) {
 }
 
 #[test]
-fn every_committed_input_goes_through_its_target() {
+fn every_committed_input_passes_its_target() {
     if std::env::var_os("UPDATE_CORPORA").is_some() {
         for (target, name, bytes) in seeds() {
             fs::create_dir_all(corpora().join(target)).unwrap();
@@ -200,7 +200,7 @@ fn every_committed_input_goes_through_its_target() {
 }
 
 #[test]
-fn seeds_are_what_their_targets_accept() {
+fn targets_accept_their_seeds() {
     let seeds = seeds();
     let seed = |target: &str, name: &str| {
         let found = seeds.iter().find(|seed| seed.0 == target && seed.1 == format!("seed-{name}"));

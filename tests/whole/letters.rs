@@ -1,5 +1,7 @@
-//! Raised letters over real HTTP: rig readings in, maps trained, a letter recognised and
-//! located in a tilted plane, its map exported, and all of it there after a restart.
+//! Raised letters over real HTTP: rig readings are trained, then a letter is recognised.
+//!
+//! The letter is located in a tilted plane, its map is exported, and all of it is there after
+//! a restart.
 
 use std::f64::consts::PI;
 use std::net::{Ipv4Addr, SocketAddr};

@@ -1,4 +1,4 @@
-//! The load tool: against a stand-in whose delays and refusals are known, and against a real
+//! The load tool, against a stand-in with known delays and refusals, and against a real
 //! server with small limits.
 
 use std::net::{Ipv4Addr, SocketAddr};
@@ -23,14 +23,14 @@ use palpate_schemas::{BeliefDetail, SessionsQuery};
 use palpate_server::{Config, Server};
 use tokio::time::Instant;
 
-/// What the stand-in does with readings.
+/// Reaction of the stand-in to readings.
 #[derive(Clone, Copy)]
 enum Readings {
     /// All requests wait while a second passes that begins with the reading of this number.
     StallAt(u64),
-    /// None is ever answered.
+    /// No reading is ever answered.
     Never,
-    /// All are refused, to come back in an hour.
+    /// All readings are refused with a retry time of an hour.
     Refuse,
 }
 
@@ -87,7 +87,7 @@ async fn stand_in(readings: Readings) -> Client {
     Client::new(&format!("http://{address}")).unwrap()
 }
 
-/// Touches that no server looks at.
+/// Touches for a stand-in that ignores them.
 fn touches() -> Touches {
     let sensor = SensorDescription::digitacts_6x6();
     let image = [Some(0.0); 36];
@@ -128,21 +128,22 @@ fn check_sums(counts: &Counts) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_stall_is_felt_by_every_request_that_was_due_meanwhile() {
+async fn a_stall_delays_every_request_due_meanwhile() {
     let client = stand_in(Readings::StallAt(50)).await;
     let report = run(&config(100.0, 2), &client, touches()).await;
     let step = &report.steps[0];
     assert_eq!((step.counts.offered, step.counts.errors), (200, 0));
     check_sums(&step.counts);
-    // About 100 of 200 were due in the second of the stall and waited for its end. The slowest
-    // tenth, 20, are those of its first 0.2 s: they waited for 0.8 s or longer, and the slowest
-    // hundredth, 2, for 0.98 s. A loop that waits for answers would have sent 8 of them.
+    // About 100 of 200 requests were due in the second of the stall and waited for its end.
+    // The slowest tenth, 20, are those of its first 0.2 s: they waited for 0.8 s or longer,
+    // and the slowest hundredth, 2, for 0.98 s. A loop that waits for answers would have sent
+    // 8 of them.
     let latency = step.accepted_latency.unwrap();
     assert!(latency.p90_ms > 750.0 && latency.p99_ms > 950.0, "{latency:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_sent_is_counted() {
+async fn unsent_requests_are_counted() {
     let client = stand_in(Readings::Never).await;
     let sender = client.with_policy(RetryPolicy::never(), Duration::from_secs(2));
     let config = LoadConfig { in_flight_max: 5, ..config(100.0, 1) };
@@ -156,7 +157,7 @@ async fn what_cannot_be_sent_is_counted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn polite_robots_wait_when_they_are_told_to() {
+async fn polite_robots_wait_as_long_as_retry_after_says() {
     let client = stand_in(Readings::Refuse).await;
     let rude = run(&config(100.0, 1), &client, touches()).await.steps.remove(0);
     let polite = LoadConfig { polite: true, ..config(100.0, 1) };
@@ -170,7 +171,7 @@ async fn polite_robots_wait_when_they_are_told_to() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_small_server_refuses_what_it_cannot_do_and_keeps_what_it_accepted() {
+async fn a_small_server_refuses_overload_and_keeps_what_it_accepted() {
     let folder = tempfile::tempdir().unwrap();
     let listen = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let small = Config {
@@ -211,7 +212,7 @@ async fn a_small_server_refuses_what_it_cannot_do_and_keeps_what_it_accepted() {
             break;
         }
     }
-    // What was refused was not stored, and what was accepted was.
+    // Refused readings were not stored, accepted ones were.
     assert_eq!(stored, of(Operation::Reading).counts.accepted);
     let closed = of(Operation::Close).counts.accepted;
     assert!(of(Operation::Create).counts.accepted > closed && closed > 0);

@@ -1,4 +1,5 @@
-//! Black-box tests of the whole, in one binary: what users see, and the order of the house.
+//! Black-box tests of the whole, in one binary: user-visible behaviour, and the order of the
+//! crates.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod command;

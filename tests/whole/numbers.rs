@@ -1,9 +1,9 @@
-//! Every number that a client may send, at its smallest and its largest: the server answers
-//! within ten seconds, within a gigabyte, and lives on. What takes it long it gives up within a
-//! second when its caller hangs up.
+//! Every number in a request, at its smallest and its largest value, against a real server.
 //!
-//! The fields come from `schemas/openapi.json`, the requests around them from a table here: an
-//! operation with a number that no request has fails the test. Not here: what is answered.
+//! The server must answer within ten seconds and within a gigabyte, and stay alive; it must
+//! abandon slow work within a second after its caller hangs up. The fields come from
+//! `schemas/openapi.json`, the requests around them from a table here; the test fails for a
+//! number that no request has. Not here: the content of the answers.
 
 mod fields;
 mod requests;
@@ -20,26 +20,26 @@ use crate::command::Serving;
 use fields::{Field, operations};
 use requests::{Base, bases, placeholders};
 
-/// How long any answer may take.
+/// Maximum time of an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// What the server may take beyond its idle size, KiB.
+/// Memory that the server may take beyond its idle size, KiB.
 const ROOM_KIB: u64 = 1 << 20;
-/// Requests under way at once.
+/// Number of concurrent requests.
 const AT_ONCE: usize = 2;
-/// How long a training works at most before it is cancelled.
+/// Maximum time of a training before it is cancelled.
 const TRAINING: Duration = Duration::from_secs(2);
 
-/// What takes longer than this is asked for once more by a caller who hangs up.
+/// Duration above which a request is repeated by a caller who hangs up.
 const SLOW: Duration = Duration::from_millis(400);
-/// When such a caller hangs up.
+/// Time until that caller hangs up.
 const HUNG_UP: Duration = Duration::from_millis(150);
-/// How long the server may work on for a caller who has gone.
+/// Maximum time of work after its caller has gone.
 const WORKED_ON: Duration = Duration::from_secs(1);
-/// How long it is watched then, and how much of one core it may use: its own housekeeping.
+/// Duration of the watch afterwards, and the share of one core that housekeeping may use.
 const WATCHED: Duration = Duration::from_millis(500);
 const HOUSEKEEPING: f64 = 0.3;
 
-/// A server and who talks to it.
+/// A server and its client.
 pub(crate) struct Asked {
     client: Client,
     url: String,
@@ -58,7 +58,7 @@ impl Asked {
         Self::within(url, PATIENCE)
     }
 
-    /// One who waits no longer than this for an answer, then hangs up.
+    /// A client that waits no longer than `patience` for an answer, then hangs up.
     fn within(url: &str, patience: Duration) -> Self {
         // Another test of this binary may have been quicker.
         let _ = rustls::crypto::ring::default_provider().install_default();
@@ -96,7 +96,7 @@ impl Asked {
         assert!(put.body(stl).send().await.unwrap().status().is_success());
     }
 
-    /// Waits for a training's end, or cancels it when it takes too long.
+    /// Waits for the end of a training, or cancels it when it takes too long.
     pub(crate) async fn end(&self, job: &Value, within: Duration) -> String {
         let path = format!("/v1/jobs/{}", job["id"].as_str().unwrap());
         let begun = std::time::Instant::now();
@@ -115,7 +115,7 @@ impl Asked {
         }
     }
 
-    /// Plays a case to its end: a session that is made is used, a training is waited for.
+    /// Runs a case to its end: a new session is used, a training is waited for.
     async fn play(&self, case: &Case) -> Result<(), String> {
         let told = |error: reqwest::Error| format!("{}: no answer: {error:?}", case.name);
         let (status, made) =
@@ -158,12 +158,12 @@ impl Asked {
     }
 }
 
-/// Plays the slow cases with a caller who hangs up, and names those that keep the server busy.
+/// Runs the slow cases with a caller who hangs up, and names those that keep the server busy.
 async fn hang_up(url: &str, process: u32, slow: &[&Case]) -> Vec<String> {
     let hasty = Asked::within(url, HUNG_UP);
     let mut faults = Vec::new();
     for case in slow {
-        // What it answers was looked at before.
+        // The first run checked the answer.
         let _ = hasty.play(case).await;
         tokio::time::sleep(WORKED_ON).await;
         let before = processor_seconds(process).unwrap();
@@ -177,7 +177,7 @@ async fn hang_up(url: &str, process: u32, slow: &[&Case]) -> Vec<String> {
     faults
 }
 
-/// A refusal is fine, and so is a bound that is told of; a fault of the server is not.
+/// A refusal or a stated bound is fine; a fault of the server is not.
 fn is_fine(name: &str, status: StatusCode, answer: &Value) -> Result<(), String> {
     let overloaded = "urn:palpate:problem:overloaded";
     let is_fine = !status.is_server_error()
@@ -196,7 +196,7 @@ fn cases(base: &Base, field: &Field) -> Vec<Case> {
             (fields::Place::Query, _) => path = format!("{path}?{}={bound}", field.pointer),
             (fields::Place::Path, _) => return None,
         }
-        // What is made must not fail because there is one of its name.
+        // A name already in use must not make the request fail.
         if let Some(made) = body.as_mut().and_then(|body| body.get_mut("name")) {
             let unique: String = name.chars().filter(char::is_ascii_alphanumeric).collect();
             *made = json!(unique[unique.len().saturating_sub(60)..]);
@@ -246,7 +246,7 @@ fn all_cases(placeholders: &[(String, Vec<String>)]) -> (Vec<Case>, Vec<String>)
 
 #[cfg(target_os = "linux")]
 #[tokio::test(flavor = "multi_thread")]
-async fn no_number_of_a_client_takes_the_server_or_its_time() {
+async fn no_number_in_a_request_stops_or_stalls_the_server() {
     let folder = tempfile::tempdir().unwrap();
     let mut serving = Serving::start(folder.path(), &[]);
     requests::set_up(&Asked::new(&serving.url)).await;
@@ -260,7 +260,7 @@ async fn no_number_of_a_client_takes_the_server_or_its_time() {
     let (cases, missing) = all_cases(&placeholders);
     assert!(missing.is_empty(), "no request of the table has these numbers: {missing:#?}");
     assert!(cases.len() > 300, "{} cases", cases.len());
-    // Trainings are worked on one at a time: they come last, one after the other.
+    // Trainings run one at a time: they come last, one after the other.
     let (trainings, quick): (Vec<Case>, Vec<Case>) =
         cases.into_iter().partition(|case| has_training(&case.path));
     let play = async |case| {
@@ -284,7 +284,7 @@ async fn no_number_of_a_client_takes_the_server_or_its_time() {
 }
 
 #[test]
-fn a_field_is_found_wherever_its_schema_is() {
+fn fields_are_found_at_any_depth_of_a_schema() {
     let description = json!({
         "paths": {"/a": {"post": {"requestBody": {"content": {"application/json": {
             "schema": {"$ref": "#/components/schemas/A"}}}}, "parameters": [

@@ -1,5 +1,5 @@
-//! The real server as supervisors and operators have it: stopped under load, set by a file, and
-//! telling a collector what it does.
+//! The real server under a supervisor: stopped under load, configured by a file, tracing to a
+//! collector.
 
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -23,7 +23,7 @@ use uuid::Uuid;
 
 use crate::command::{Serving, palpate};
 
-/// A supervisor's patience: longer ones kill.
+/// Time after which a supervisor kills.
 const PATIENCE: Duration = Duration::from_secs(30);
 const ROBOTS: usize = 24;
 
@@ -75,8 +75,7 @@ fn readings() -> Vec<palpate_schemas::Reading> {
     touches.iter().map(as_sent).collect()
 }
 
-/// A robot that sends one reading after the other until it is refused; counts what was
-/// acknowledged.
+/// A robot that sends readings one after the other until one is refused; counts acknowledgements.
 async fn touch(client: Client, session: Uuid, robot: usize, acknowledged: Arc<AtomicU32>) {
     for (seq, mut reading) in readings().into_iter().cycle().enumerate() {
         reading.robot = Some(format!("arm-{robot}"));
@@ -92,7 +91,7 @@ async fn touch(client: Client, session: Uuid, robot: usize, acknowledged: Arc<At
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_server_under_load_stops_within_its_bound_and_keeps_what_it_acknowledged() {
+async fn a_server_under_load_stops_in_time_and_keeps_readings() {
     let folder = tempfile::tempdir().unwrap();
     let mut serving = Serving::start(folder.path(), &[]);
     let url = serving.url.clone();
@@ -129,7 +128,7 @@ async fn a_server_under_load_stops_within_its_bound_and_keeps_what_it_acknowledg
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_states_a_prior_and_an_operator_how_long_its_session_is_kept() {
+async fn sessions_have_a_prior_and_a_retention_time() {
     let folder = tempfile::tempdir().unwrap();
     let serving = Serving::start(folder.path(), &["--keep-sessions-s", "1"]);
     let client = client(&serving.url);
@@ -140,7 +139,7 @@ async fn a_robot_states_a_prior_and_an_operator_how_long_its_session_is_kept() {
     touching.args(["--server", &serving.url, "touch", "--object", "mug", "--mesh"]).arg(&mesh);
     touching.args(["--unit", "m", "--readings", "2", "--seed", "7", "--unknown-prior", "0.25"]);
     let touched = tokio::task::spawn_blocking(move || touching.output().unwrap()).await.unwrap();
-    // Whatever two touches tell: 4 is another answer than the mug.
+    // After two touches the answer may be the mug (0) or unknown (4).
     let said = String::from_utf8_lossy(&touched.stderr);
     assert!(matches!(touched.status.code(), Some(0 | 4)), "{said}");
 
@@ -154,7 +153,7 @@ async fn a_robot_states_a_prior_and_an_operator_how_long_its_session_is_kept() {
 }
 
 #[test]
-fn a_file_sets_what_flags_do_not_and_config_says_which() {
+fn flags_win_over_the_file_and_config_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("palpate.toml");
     std::fs::write(&file, "[serve]\nrequests = 77\nsession_ttl_s = 60\n").unwrap();
@@ -182,7 +181,7 @@ fn a_file_sets_what_flags_do_not_and_config_says_which() {
     assert!(said.contains(path) && said.contains("serve.request is no setting"), "{said}");
 }
 
-/// A collector that takes one batch of spans, and gives the bytes of it.
+/// A collector that accepts one batch of spans and returns its bytes.
 async fn collect(listener: TcpListener) -> Vec<u8> {
     let (mut stream, _) = listener.accept().await.unwrap();
     let mut bytes = Vec::new();
@@ -207,7 +206,7 @@ fn holds(bytes: &[u8], part: &[u8]) -> bool {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn spans_of_requests_reach_a_collector_as_parts_of_the_callers_trace() {
+async fn spans_reach_a_collector_within_the_callers_trace() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let collector = format!("http://{}", listener.local_addr().unwrap());
     let collected = tokio::spawn(collect(listener));

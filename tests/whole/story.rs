@@ -1,5 +1,6 @@
-//! The main job over real HTTP: train, recognise from unseen readings, restart, recognise
-//! again, with the embedded store in a temporary folder and the SDK as a robot uses it.
+//! The main job over real HTTP: train, recognise from unseen readings, restart, recognise again.
+//!
+//! The server uses the embedded store in a temporary folder; robots use the SDK.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::ControlFlow;
@@ -58,7 +59,7 @@ async fn train(client: &Client) {
     assert_eq!(job.state, JobState::Succeeded, "{job:?}");
 }
 
-/// Touches an object in a pose of its own; gives the session and the last belief.
+/// Touches an object in a pose of its own; returns the session and the last belief.
 async fn recognise(client: &Client, object: &str, seed: u64) -> (TouchSession, Belief) {
     let mut stream = Stream::new(seed, Purpose::ObjectPose, 0);
     let session_from_mesh = Pose::from_parts(stream.rotation(), 0.3 * stream.direction());
@@ -86,7 +87,7 @@ async fn recognise(client: &Client, object: &str, seed: u64) -> (TouchSession, B
     (session, belief)
 }
 
-/// Touches an object that moves as it likes, by a robot that knows no poses.
+/// Touches a moving object with a robot that knows no poses.
 async fn recognise_by_appearance(client: &Client, object: &str) -> (TouchSession, Belief) {
     let request = CreateSession { method: Some(Method::Appearance), ..CreateSession::default() };
     let mut session = client.touch_session(&request, "arm").await.unwrap();

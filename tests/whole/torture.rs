@@ -1,4 +1,4 @@
-//! The torture in short, and what an operator does with stored data, by the real command.
+//! Short runs of `torture`, and the operator's commands on stored data, with the real command.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -51,7 +51,7 @@ fn database(folder: &Path, dump: &str) {
 }
 
 #[test]
-fn a_server_that_is_killed_loses_and_invents_nothing() {
+fn a_killed_server_loses_and_invents_nothing() {
     let counts = torture(&["kill", "--rounds", "3", "--writers", "6", "--seed", "101", "--json"]);
     let number = |name: &str| counts[name].as_u64().unwrap();
     for fault in ["acknowledged_lost", "invented", "beliefs_differ", "unexpected_answers"] {
@@ -62,7 +62,7 @@ fn a_server_that_is_killed_loses_and_invents_nothing() {
 }
 
 #[test]
-fn keys_that_were_given_are_let_in_after_a_kill_and_revoked_ones_are_not() {
+fn valid_keys_survive_a_kill_and_revoked_ones_stay_revoked() {
     let counts = torture(&[
         "kill",
         "--access",
@@ -84,7 +84,7 @@ fn keys_that_were_given_are_let_in_after_a_kill_and_revoked_ones_are_not() {
 }
 
 #[test]
-fn a_short_soak_loses_nothing_and_gives_room_back() {
+fn a_short_soak_loses_nothing_and_frees_space() {
     let figures = torture(&[
         "soak",
         "--minutes",
@@ -106,7 +106,7 @@ fn a_short_soak_loses_nothing_and_gives_room_back() {
 }
 
 #[test]
-fn damaged_files_are_refused_or_named() {
+fn damaged_files_are_refused_or_reported() {
     let counts = torture(&["corrupt", "--rounds", "16", "--seed", "101", "--json"]);
     let number = |name: &str| counts[name].as_u64().unwrap();
     assert_eq!((number("silent_corruptions"), number("damages")), (0, 16));
@@ -123,7 +123,7 @@ fn readings_in_any_order_give_one_belief() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn attackers_hurt_no_honest_robot_and_keep_nothing() {
+fn attackers_harm_no_honest_robot_and_hold_nothing() {
     let counts = torture(&["hostile", "--seconds", "1", "--seed", "101", "--json"]);
     let number = |name: &str| counts[name].as_u64().unwrap();
     for fault in ["honest_refused", "attacks_that_worked", "held_after_60_s"] {
@@ -143,7 +143,7 @@ fn attackers_hurt_no_honest_robot_and_keep_nothing() {
 }
 
 #[test]
-fn a_database_of_an_older_layout_is_refused_then_migrated_then_served() {
+fn an_older_layout_is_refused_then_migrated_then_served() {
     let folder = tempfile::tempdir().unwrap();
     database(folder.path(), include_str!("../../migrations/golden/layout1.txt"));
     let refused = run(&["serve", "--listen", "127.0.0.1:0"], folder.path());
@@ -162,7 +162,7 @@ fn a_database_of_an_older_layout_is_refused_then_migrated_then_served() {
 }
 
 #[test]
-fn a_newer_layout_and_a_folder_without_data_are_refused_by_name() {
+fn a_newer_layout_and_an_empty_folder_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let layout = palpate_store::envelope::seal(
         palpate_store::envelope::Kind::Layout,
@@ -184,10 +184,10 @@ fn a_newer_layout_and_a_folder_without_data_are_refused_by_name() {
 }
 
 #[test]
-fn fsck_names_what_is_damaged_and_says_so_by_its_exit_code() {
+fn fsck_names_damage_and_sets_its_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let whole = include_str!("../../migrations/golden/layout2.txt");
-    // Without the first entry of the first session's journal.
+    // A database without the first entry of the first session's journal.
     let gap: String =
         whole.lines().filter(|line| !line.starts_with("72")).flat_map(|l| [l, "\n"]).collect();
     database(folder.path(), &gap);
@@ -198,7 +198,7 @@ fn fsck_names_what_is_damaged_and_says_so_by_its_exit_code() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_command_takes_verifies_and_restores_snapshots_of_a_running_server() {
+async fn snapshots_of_a_running_server_verify_and_restore() {
     use palpate_server::{Config, Server};
     let folder = tempfile::tempdir().unwrap();
     let listen = std::net::SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0));

@@ -1,4 +1,4 @@
-// What a screen reader is told without being asked: one polite sentence at a time.
+// Announcements for screen readers, one polite sentence at a time.
 import { signal } from "@preact/signals";
 
 /** The sentence in the page's live region. */
@@ -8,7 +8,7 @@ const PAUSE_MS = 1500;
 let last = 0;
 let waiting: ReturnType<typeof setTimeout> | undefined;
 
-/** Says a sentence; of several that come at once only the newest is said. */
+/** Announces a sentence; of several at once only the newest is kept. */
 export function announce(sentence: string): void {
   clearTimeout(waiting);
   const say = () => {

@@ -1,4 +1,4 @@
-// The frame of every view: skip link, navigation, the main landmark, and the sign-in gate.
+// Frame of every view: skip link, navigation, main landmark, and the sign-in gate.
 import { useEffect, useRef } from "preact/hooks";
 import { announcement } from "./announce";
 import { keyWanted } from "./api/http";
@@ -73,7 +73,7 @@ function Main() {
     if (before.current === path) return;
     before.current = path;
     scrollTo(0, 0);
-    // A reader of screens is taken to what is new.
+    // Moves the focus of screen readers to the new view.
     main.current?.querySelector<HTMLElement>("h1")?.focus({ preventScroll: true });
   }, [path]);
   return (
@@ -104,8 +104,8 @@ function View() {
       return <HealthView />;
     default:
       return (
-        <Empty title="There is no such page">
-          <a href={link("fleet")}>To the fleet</a>
+        <Empty title="Page not found">
+          <a href={link("fleet")}>Go to the fleet</a>
         </Empty>
       );
   }

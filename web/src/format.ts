@@ -1,13 +1,13 @@
-// Numbers, times and colours as people read them: the one place that knows units and palettes.
+// Formats of numbers, times and colours, with all units and palettes.
 import { signal } from "@preact/signals";
 
-/** The time now, renewed each second, for ages that grow. */
+/** Current time, updated each second. */
 export const now = signal(Date.now());
 setInterval(() => {
   now.value = Date.now();
 }, 1000);
 
-/** Whether the page is dark; charts and scenes are drawn anew when it changes. */
+/** Whether the dark theme is active; charts and scenes are redrawn when it changes. */
 const darkQuery = matchMedia("(prefers-color-scheme: dark)");
 export const dark = signal(darkQuery.matches);
 darkQuery.addEventListener("change", (event) => {
@@ -24,7 +24,7 @@ export function bits(value: number | null | undefined): string {
   return value === null || value === undefined ? "–" : `${trim(value, 2)} bit`;
 }
 
-/** Bits with their sign, for contributions. */
+/** Bits with a sign. */
 export function signedBits(value: number | null | undefined): string {
   if (value === null || value === undefined) return "–";
   const shown = Math.abs(value).toFixed(2);
@@ -42,7 +42,7 @@ export function kPa(pascal: number): string {
   return `${trim(pascal / 1000, 1)} kPa`;
 }
 
-/** The turns that leave an object as it is: `16-fold, 16 × 2-fold`. */
+/** Symmetry of an object: `16-fold, 16 × 2-fold`. */
 export function symmetryWords(object: {
   symmetry?: { order?: number | null }[] | null;
   symmetry_by?: string | null;
@@ -53,7 +53,7 @@ export function symmetryWords(object: {
     return needed ? `undetermined, ${count(needed)} more touches needed` : "undetermined";
   }
   const axes = object.symmetry;
-  if (!axes) return "not sought";
+  if (!axes) return "not determined";
   const counts = new Map<string, number>();
   for (const { order } of axes) {
     const word = typeof order === "number" ? `${order}-fold` : "round";
@@ -77,7 +77,7 @@ export function count(n: number): string {
   return n.toLocaleString("en-US");
 }
 
-/** A word with its number: `3 readings`. */
+/** A number with its noun: `3 readings`. */
 export function plural(n: number, one: string, many = `${one}s`): string {
   return `${count(n)} ${n === 1 ? one : many}`;
 }
@@ -96,7 +96,7 @@ export function duration(seconds: number): string {
   return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
 }
 
-/** A server's time in the reader's own, to the second. */
+/** A server time in local time, to the second. */
 export function when(time: string | null | undefined): string {
   if (time === null || time === undefined) return "–";
   const date = new Date(time);
@@ -105,7 +105,7 @@ export function when(time: string | null | undefined): string {
   return `${day} ${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}`;
 }
 
-/** The end of an id, which differs first between ids of the same hour. */
+/** The end of an id, where ids of the same hour differ. */
 export function shortId(id: string): string {
   return id.slice(-8);
 }
@@ -114,7 +114,7 @@ function trim(value: number, digits: number): string {
   return value.toFixed(digits).replace(/^-/, "−");
 }
 
-/** Colours of series, told apart by those who see few colours (Okabe and Ito, adapted). */
+/** Series colours safe for colour blindness (Okabe and Ito, adapted). */
 const SERIES_LIGHT = ["#0b6e8a", "#b4520f", "#5b3fa3", "#1c7a3e", "#a8326e", "#6b6300", "#3a5bbf", "#8a4b2a", "#4d6a7a", "#7a7a7a"];
 const SERIES_DARK = ["#53c1de", "#f0995a", "#b39df2", "#6fce8f", "#f08abb", "#d6cb4d", "#8fabff", "#d99a76", "#9dbccb", "#b5b5b5"];
 export function seriesColor(index: number): string {
@@ -122,14 +122,14 @@ export function seriesColor(index: number): string {
   return palette[index % palette.length] ?? "#888";
 }
 
-/** Classes of appearance around the colour circle, at even lightness. */
+/** Colours of appearance classes: hues of equal lightness. */
 export function classColor(index: number | null | undefined): string {
   if (index === null || index === undefined) return "#8a949e";
   const hue = (index * 137.508) % 360;
   return hslHex(hue, index % 2 === 0 ? 0.62 : 0.45, dark.value ? 0.62 : 0.46);
 }
 
-/** From against (orange) over nothing (grey) to for (blue); ±4 bits are full. */
+/** Diverging scale: against (orange), neutral (grey), for (blue); saturated at ±4 bits. */
 export function bitsColor(value: number | null | undefined): string {
   const grey: Rgb = dark.value ? [214, 220, 226] : [64, 74, 84];
   if (value === null || value === undefined) return rgbHex(grey);
@@ -138,7 +138,7 @@ export function bitsColor(value: number | null | undefined): string {
   return rgbHex(mix(grey, end, Math.abs(share) ** 0.6));
 }
 
-/** Pressures from nothing to the largest: dark blue over teal to pale yellow. */
+/** Pressure scale: dark blue, teal, pale yellow. */
 const HEAT: Rgb[] = [[30, 34, 62], [36, 80, 122], [32, 137, 141], [122, 191, 118], [246, 230, 130]];
 export function heat(share: number): Rgb {
   const place = Math.max(0, Math.min(1, share)) * (HEAT.length - 1);

@@ -1,4 +1,4 @@
-// Where the reader is: the part of the address behind `#`, so that the server serves one page.
+// Router: the route is the fragment of the URL, so that the server serves one page.
 import { computed, signal } from "@preact/signals";
 
 const hash = signal(location.hash);
@@ -6,7 +6,7 @@ addEventListener("hashchange", () => {
   hash.value = location.hash;
 });
 
-/** The parts of the address, decoded: `#/sessions/7` is `["sessions", "7"]`. */
+/** Parts of the route, decoded: `#/sessions/7` is `["sessions", "7"]`. */
 export const route = computed(() => {
   const parts = hash.value.replace(/^#\/?/, "").split("/").filter((part) => part !== "");
   return parts.map((part) => {

@@ -1,4 +1,4 @@
-// Signing in with an API key, where the server asks for one; the key stays in this tab.
+// Sign-in with an API key, which stays in this tab.
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { apiKey, ask, authorization, getJson, keepKey, keyWanted } from "./api/http";
@@ -6,10 +6,10 @@ import type { Whoami } from "./api/types";
 import { ProblemNote } from "./parts/Notes";
 import { useAction } from "./parts/useAction";
 
-/** Whom the server takes the reader for; undefined while it is not known. */
+/** The signed-in key and role; undefined while unknown. */
 export const who = signal<Whoami | undefined>(undefined);
 
-/** Whether the reader has one of these roles, as far as is known. */
+/** Whether the user has one of these roles, as far as known. */
 export function may(...roles: Whoami["role"][]): boolean {
   return who.value === undefined || roles.includes(who.value.role);
 }
@@ -21,7 +21,7 @@ export function SignIn() {
     event.preventDefault();
     action.run(async () => {
       const given = key.trim();
-      // Tried before it is kept, so that a wrong one is not.
+      // Verified before it is stored.
       const headers = authorization(given);
       const answer = await ask("/v1/whoami", { headers });
       who.value = (await answer.json()) as Whoami;
@@ -31,7 +31,7 @@ export function SignIn() {
   return (
     <div class="signin">
       <h1 tabIndex={-1}>Sign in</h1>
-      <p class="sub">This server asks for an API key. It is kept in this tab only.</p>
+      <p class="sub">This server requires an API key. The key stays in this tab.</p>
       <form onSubmit={submit}>
         <label for="key">API key</label>
         <input
@@ -53,7 +53,7 @@ export function SignIn() {
   );
 }
 
-/** Who is signed in, and the way out. */
+/** The signed-in user, and sign-out. */
 export function Who() {
   const key = apiKey.value;
   useEffect(() => {

@@ -41,12 +41,12 @@ async function openSessions() {
 
 await step("an empty server says what would bring something", async () => {
   await visit("fleet");
-  await page.getByText("No session is open").waitFor();
+  await page.getByText("No open sessions").waitFor();
   await checkAxe(page, "the empty fleet");
   await visit("objects");
-  await page.getByText("There is no object yet").waitFor();
+  await page.getByText("No objects yet").waitFor();
   await visit("models");
-  await page.getByText("Nothing is trained yet").waitFor();
+  await page.getByText("No trained versions yet").waitFor();
 });
 
 async function describeMesh(name) {
@@ -92,7 +92,7 @@ await step("what the server refuses is told in its words", async () => {
 
 await step("a training is started, and its progress followed", async () => {
   await page.getByRole("button", { name: "Train …" }).click();
-  await page.getByLabel("Simulated touches of each mesh").fill("200");
+  await page.getByLabel("Simulated touches per mesh").fill("200");
   await page.getByLabel("solid").check();
   await page.getByRole("button", { name: "Start training" }).click();
   await page.locator("progress").first().waitFor();
@@ -169,7 +169,7 @@ await step("the slider replays what was believed, by keyboard", async () => {
   await page.keyboard.press("End");
   await page.getByText("newest", { exact: true }).waitFor();
   await page.getByRole("button", { name: "Play" }).click();
-  await page.getByText(/Revision 2, a reading came/).waitFor();
+  await page.getByText(/Revision 2, a reading arrived/).waitFor();
   await page.getByRole("button", { name: "Pause" }).click();
 });
 
@@ -272,11 +272,11 @@ await step("what is not there is said, with the server's reason", async () => {
 
 await step("keys: made, shown once, rotated and revoked", async () => {
   await visit("keys");
-  await page.getByText("There is no key").waitFor();
+  await page.getByText("No keys").waitFor();
   const make = async (holder) => {
     await page.getByRole("button", { name: "New key …" }).click();
-    await page.getByLabel("Holder").fill(holder);
-    await page.getByRole("button", { name: "Make the key" }).click();
+    await page.getByLabel("Name").fill(holder);
+    await page.getByRole("button", { name: "Create key" }).click();
     const secret = await page.locator(".secret code").textContent();
     await page.getByRole("button", { name: "Done" }).click();
     return secret;
@@ -307,7 +307,7 @@ await step("a server that asks for a key gets one, kept in this tab and in no ad
   await page.reload();
   await page.getByRole("rowheader", { name: "admin" }).waitFor();
   await page.goto(`${GUARDED}/#/fleet`);
-  await page.getByText("No session is open").waitFor();
+  await page.getByText("No open sessions").waitFor();
   await page.getByRole("button", { name: "Sign out" }).click();
   await page.getByRole("heading", { name: "Sign in" }).waitFor();
   assert.equal(await page.evaluate(() => sessionStorage.length + localStorage.length), 0);

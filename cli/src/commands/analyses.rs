@@ -1,4 +1,4 @@
-//! `palpate analyses`: questions about sensors, answered without storing anything.
+//! `palpate analyses`: computations about sensors. Nothing is stored.
 
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{AnalyseCoverings, CoveringAnalysis};
@@ -16,26 +16,26 @@ pub(crate) struct AnalysesArgs {
 
 #[derive(Debug, Subcommand)]
 enum Analysis {
-    /// Compare coverings: how finely they tell places apart, how deep they feel.
+    /// Compare coverings: spatial resolution and depth range.
     #[command(after_help = "Examples:\n  palpate analyses covering\n  \
         palpate analyses covering --element-width-mm 2 --thickness-mm 1,2.5,5 --force-resolution 0.01")]
     Covering {
-        /// Width of a sensing element: the sensor's pitch.
+        /// Width of a sensing element (the sensor's pitch).
         #[arg(long, default_value_t = 2.0, value_name = "MM")]
         element_width_mm: f64,
-        /// Thicknesses of coverings, separated by commas; the dissertation's four if not given.
+        /// Thicknesses of the coverings, separated by commas [default: the dissertation's four].
         #[arg(long, value_delimiter = ',', value_name = "MM", conflicts_with = "spread_mm")]
         thickness_mm: Vec<f64>,
         /// Point spreads (standard deviations) instead of thicknesses.
         #[arg(long, value_delimiter = ',', value_name = "MM")]
         spread_mm: Vec<f64>,
-        /// Smallest steps of force, as parts of the impulse.
+        /// Force resolutions, as fractions of the impulse.
         #[arg(long, value_delimiter = ',', value_name = "PART", default_value = "0.005,0.05,0.2")]
         force_resolution: Vec<f64>,
     },
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: AnalysesArgs, context: &Context) -> anyhow::Result<()> {
     let Analysis::Covering { element_width_mm, thickness_mm, spread_mm, force_resolution } =
         args.analysis;

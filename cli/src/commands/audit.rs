@@ -1,4 +1,4 @@
-//! `palpate audit`: who changed what, newest first.
+//! `palpate audit`: the audit log, newest first.
 
 use clap::{Args, ValueEnum};
 use palpate_client::schemas::{AuditEntry, AuditPage, AuditQuery, AuditRing};
@@ -12,34 +12,34 @@ use crate::output;
     palpate audit --by arm-3 --since 2026-05-01T00:00:00Z\n  \
     palpate audit --operation delete_object -n 1000 --json")]
 pub(crate) struct AuditArgs {
-    /// Not before this time (RFC 3339).
+    /// Earliest time (RFC 3339), inclusive.
     #[arg(long, value_name = "TIME")]
     since: Option<String>,
-    /// Before this time (RFC 3339).
+    /// Latest time (RFC 3339), exclusive.
     #[arg(long, value_name = "TIME")]
     until: Option<String>,
-    /// By this key: its name or id.
+    /// Only entries of this key (name or id).
     #[arg(long, value_name = "KEY")]
     by: Option<String>,
-    /// This operation, by its id in the API's description.
+    /// Only entries of this operation (an operation id of the API).
     #[arg(long, value_name = "ID")]
     operation: Option<String>,
-    /// Only what changed something, what was refused to holders of keys, or what strangers tried.
+    /// Only entries of this ring.
     #[arg(long, value_name = "RING")]
     ring: Option<RingChoice>,
-    /// How many entries at most.
+    /// Maximum number of entries.
     #[arg(short, long, value_name = "N", default_value_t = 100)]
     n: usize,
 }
 
-/// A part of the log.
+/// A ring of the audit log.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum RingChoice {
-    /// What changed something, or may have.
+    /// Requests that changed something, or may have.
     Changes,
-    /// What was refused to the holder of a key, or failed.
+    /// Requests of a key holder that were refused or failed.
     Refused,
-    /// What was refused to callers without a key, or failed.
+    /// Requests without a valid key that were refused or failed.
     Strangers,
 }
 
@@ -95,7 +95,7 @@ fn outcome(entry: &AuditEntry) -> String {
     };
     let left_out = match entry.n_left_out {
         0 => String::new(),
-        n => format!(" ({n} refusals before it left out)"),
+        n => format!(" ({n} earlier refusals not recorded)"),
     };
     format!("{status}{times}{left_out}")
 }

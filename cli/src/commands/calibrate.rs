@@ -1,4 +1,4 @@
-//! `palpate sensors calibrate`, `calibration` and `indent`: how a sensor's taxels respond.
+//! `palpate sensors calibrate`, `calibration` and `indent`: the response of a sensor's taxels.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use palpate_sim::indent::{INDENTER, indentation_run};
 
 use crate::output;
 
-/// Simulates an indentation run of a sensor of the server and writes it as a request.
+/// Simulates indentations of a sensor of the server and writes them as a request.
 pub(crate) async fn indent(
     client: &Client,
     sensor: &str,
@@ -89,7 +89,7 @@ fn description(sensor: &Sensor) -> anyhow::Result<SensorDescription> {
     })?)
 }
 
-/// A calibration as a table of gains over the taxels, and what to think of it.
+/// A calibration as a table of gains over the taxels, with advice.
 pub(crate) fn text(calibration: &SensorCalibration) -> String {
     let cols = calibration.taxels.iter().map(|taxel| taxel.col + 1).max().unwrap_or(1);
     let mut lines = vec![format!(

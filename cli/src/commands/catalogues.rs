@@ -1,4 +1,4 @@
-//! `palpate catalogues`: what is trained, and what is not needed any more.
+//! `palpate catalogues`: list catalogues and remove unused ones.
 
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{Catalogue, PageQuery};
@@ -17,20 +17,20 @@ pub(crate) struct CataloguesArgs {
 enum Action {
     /// List the catalogues.
     List,
-    /// Remove a catalogue with all its versions, or one version, that nothing needs.
+    /// Remove a catalogue or one version. Refused while something uses it.
     #[command(after_help = "Examples:\n  palpate catalogues remove letters\n  \
         palpate catalogues remove default --version 3\n\n\
-        The current version stays, and so does what a kept session began with.")]
+        The current version and versions of stored sessions cannot be removed.")]
     Remove {
-        /// Its name.
+        /// Name of the catalogue.
         catalogue: String,
-        /// The version; the whole catalogue when not given.
+        /// Version to remove [default: the whole catalogue].
         #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
         version: Option<u32>,
     },
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: CataloguesArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {

@@ -1,5 +1,5 @@
-//! `palpate compact`: room of removed and replaced records is given back, by a running server or
-//! in a folder that none has open.
+//! `palpate compact`: frees the disk space of removed and replaced records, in a running server or
+//! in a folder that no server has open.
 
 use std::path::PathBuf;
 
@@ -14,15 +14,15 @@ use crate::output::Output;
 
 /// Arguments of `palpate compact`.
 #[derive(Debug, Args)]
-#[command(after_help = "Interrupted, it loses nothing: run it again, or start the server.\n\n\
+#[command(after_help = "An interruption loses nothing: run it again, or start the server.\n\n\
     Examples:\n  palpate compact\n  palpate compact --data /var/lib/palpate")]
 pub(crate) struct CompactArgs {
-    /// A folder that no server has open; without it the running server compacts.
+    /// Folder to compact, which no server may have open. Without it, the running server compacts.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 }
 
-/// Compacts.
+/// Runs the command.
 pub(crate) async fn run(
     args: CompactArgs,
     output: Output,

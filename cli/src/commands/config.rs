@@ -1,4 +1,4 @@
-//! `palpate config`: the settings as they hold, and which layer each comes from.
+//! `palpate config`: the effective settings and the layer each comes from.
 
 use clap::Args;
 
@@ -6,15 +6,17 @@ use super::serve::ServeArgs;
 use crate::output::{self, Output};
 use crate::settings::Setting;
 
-/// Arguments of `palpate config`: all that `palpate serve` takes.
+/// Arguments of `palpate config`: those of `palpate serve`.
 #[derive(Debug, Args)]
-#[command(after_help = "Layers, the later wins: defaults, the file (--config or PALPATE_CONFIG), \
+#[command(
+    after_help = "Layers, of which the last wins: defaults, the file (--config or PALPATE_CONFIG), \
     the environment, flags.\n\nExamples:\n  palpate config --config palpate.toml\n  \
-    palpate config --requests 100 --json")]
+    palpate config --requests 100 --json"
+)]
 pub(crate) struct ConfigArgs {
     #[command(flatten)]
     _serve: ServeArgs,
-    /// What was found out when the command line was read.
+    /// The effective settings, computed when the command line was parsed.
     #[arg(skip)]
     pub(crate) effective: Vec<Setting>,
 }

@@ -1,8 +1,8 @@
-//! `palpate demo`: the whole of it at once, over real HTTP.
+//! `palpate demo`: the whole service at once, over real HTTP.
 //!
-//! An embedded server on a temporary folder, ten example objects as meshes, a training, then
-//! four simulated robots that touch objects in poses they do not know, each where it is told to
-//! touch next. Every step goes through the SDK, as it would for a robot elsewhere.
+//! Starts an embedded server on a temporary folder, adds ten example objects as meshes, trains
+//! them, and lets four simulated robots touch objects in unknown poses, each guided by the next
+//! touch that the server proposes. Every step goes through the SDK, as for a real robot.
 
 mod screen;
 mod summary;
@@ -37,49 +37,48 @@ use crate::progress::is_watched;
 use crate::robot::Robot;
 use crate::trial::{self, StopRule, TrialResult, Truth};
 
-/// How many robots touch at once.
+/// Number of robots that touch at once.
 const N_ROBOTS: usize = 4;
-/// The catalogue that is trained.
+/// Name of the trained catalogue.
 const CATALOGUE: &str = "default";
-/// What the robots feel with.
+/// Sensor of the robots.
 const SENSOR: SensorPreset = SensorPreset::Digitacts6x6;
-/// When a robot is sure, or gives up.
+/// Stop rule of a robot.
 const RULE: StopRule =
     StopRule { probability: 0.95, in_a_row: 2, touches_max: 20, pause: Duration::ZERO };
-/// How long a robot takes between two touches when somebody watches.
+/// Pause between two touches on a terminal.
 const WATCHED_PAUSE: Duration = Duration::from_millis(300);
 
 /// Arguments of `palpate demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate demo\n  palpate demo --once --json\n\n\
-    A robot stops when one object has had a probability of at least 95 % twice in a row, or \
+    A robot stops when an object has had a probability of at least 95 % twice in a row, or \
     after 20 touches.")]
 pub(crate) struct DemoArgs {
-    /// Leave when the robots are done, instead of staying up until Ctrl-C.
+    /// Exit when the robots are done, instead of serving until Ctrl-C.
     #[arg(long)]
     once: bool,
-    /// How many objects are touched in all.
+    /// Number of objects to touch.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     trials: u32,
-    /// Decides where the objects lie and how they are touched.
+    /// Seed of the objects' poses and the touches.
     #[arg(long, default_value_t = 2026)]
     seed: u64,
-    /// Simulated readings for the training of each object.
+    /// Number of simulated training readings per object.
     #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(20..=20_000))]
     readings_per_object: u32,
-    /// How long a robot takes between two touches, in milliseconds; by default as fast as it
-    /// can, and 300 when somebody watches.
+    /// Pause between two touches in milliseconds [default: 300 on a terminal, else 0].
     #[arg(long, value_name = "MS")]
     pace: Option<u64>,
-    /// Keep the database in this folder; a temporary one otherwise.
+    /// Folder to keep the database in [default: a temporary one].
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Where to listen [default: 127.0.0.1:7411, or any free port when that is taken].
+    /// Address to listen on [default: 127.0.0.1:7411, or any free port if that is taken].
     #[arg(long, value_name = "ADDR")]
     listen: Option<SocketAddr>,
 }
 
-/// Shows the whole of it.
+/// Runs the command.
 pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
     if output.json && !args.once {
         usage("--json needs --once: its one line comes at the end");
@@ -95,7 +94,7 @@ pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
     if outcome.is_ok() && !args.once {
         let address = server.local_addr();
         output.say(format!("\nAPI documentation: http://{address}/docs"));
-        output.say("The server stays up; Ctrl-C stops it.");
+        output.say("The server keeps running; Ctrl-C stops it.");
         serve::until_told_to_stop().await?;
     }
     tokio::select! {
@@ -105,7 +104,7 @@ pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
     outcome
 }
 
-/// Ends with clap's words and exit code for what clap cannot check itself.
+/// Exits like clap, for errors that clap cannot detect.
 fn usage(words: &str) -> ! {
     use clap::CommandFactory;
     let mut command = crate::args::Cli::command();
@@ -146,7 +145,7 @@ async fn show(args: &DemoArgs, server: &Server, output: Output) -> anyhow::Resul
     output.answer(&summary, Summary::words)
 }
 
-/// Adds the example objects that the server does not have.
+/// Adds the example objects that are missing on the server.
 async fn add_objects(client: &Client, output: Output) -> anyhow::Result<()> {
     let mut added = 0;
     for name in shapes::NAMES {
@@ -210,12 +209,12 @@ async fn current_version(client: &Client) -> anyhow::Result<Option<CatalogueVers
     Ok(shapes::NAMES.iter().all(knows).then_some(version))
 }
 
-/// What all robots share.
+/// State shared by all robots.
 struct Floor {
     client: Client,
     version: Arc<CatalogueVersion>,
     simulators: Vec<Arc<PressSimulator>>,
-    /// The symmetry of each one's mesh, in its frame.
+    /// Symmetry of each mesh, in its frame.
     symmetries: Vec<Symmetry>,
     next_trial: AtomicUsize,
     n_trials: usize,
@@ -225,8 +224,8 @@ struct Floor {
     results: Mutex<Vec<TrialResult>>,
 }
 
-/// Lets the robots touch objects until all trials are done; results in the order of trials'
-/// ends.
+/// Lets the robots touch objects until all trials are done. Results are in the order in which the
+/// trials end.
 async fn touch_all(
     client: Client,
     version: Arc<CatalogueVersion>,
@@ -274,7 +273,7 @@ fn pause(args: &DemoArgs) -> Duration {
     }
 }
 
-/// One robot: the next trial, and the next, until there is none.
+/// One robot: runs trials until none is left.
 async fn work(floor: Arc<Floor>, robot: usize) -> anyhow::Result<()> {
     loop {
         let trial = floor.next_trial.fetch_add(1, Ordering::Relaxed);

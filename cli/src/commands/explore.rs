@@ -1,5 +1,5 @@
-//! `palpate explore`: a simulated arm explores an object that it knows nothing of, and what it
-//! feels is recognised by a server, written to a file, or both; a file can be sent again.
+//! `palpate explore`: a simulated arm explores an unknown object. Its readings go to a server, to a
+//! file, or both; a file can be replayed.
 
 mod planner;
 mod truth;
@@ -36,82 +36,82 @@ use crate::verdict::Verdict;
     palpate explore --mesh part.stl --readings 100 --offline --out part.json\n  \
     palpate explore --replay mug.json --session 0198a0d0-0000-7000-8000-000000000000\n\n\
     The answer is the likeliest of the catalogue's objects and \"none of these\". Exits with 4 \
-    when --object says what was touched and the answer at the end is another."
+    if the final answer is not the --object named."
 )]
 pub(crate) struct ExploreArgs {
-    /// What is touched: a built-in example, or with --mesh its name in the catalogue, or `none`
-    /// for an object outside the catalogue: "none of these" is right then (method `surface`).
+    /// The object: a built-in example, or with --mesh its name in the catalogue, or `none` if the
+    /// catalogue does not have it (method `surface`).
     #[arg(long, required_unless_present_any = ["mesh", "replay"])]
     object: Option<String>,
-    /// The mesh to explore: .stl, .obj, .ply or .off.
+    /// Mesh to explore: .stl, .obj, .ply or .off.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// The unit of the file's coordinates.
+    /// Unit of the mesh file's coordinates.
     #[arg(long, value_enum, default_value = "mm")]
     unit: Unit,
-    /// Send the readings of this file instead of exploring; `-` is the standard input.
+    /// Send the readings of this file instead of exploring; `-` reads standard input.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["mesh", "object", "offline", "out"])]
     replay: Option<PathBuf>,
-    /// How many readings to take.
+    /// Number of readings to take.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     readings: u32,
-    /// The probability of the local strategy, 0 to 1.
+    /// Probability of the local strategy, 0 to 1.
     #[arg(long, default_value_t = 0.5, value_name = "L", value_parser = parse_share)]
     local: f64,
-    /// How many links the arm has.
+    /// Number of links of the arm.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(3..=32))]
     links: u32,
-    /// Decides where the object lies, how it is explored and what the sensor's noise is.
+    /// Seed of the object's pose, the exploration and the sensor's noise.
     #[arg(long, default_value_t = 7)]
     seed: u64,
     /// Move the object by up to 10° and a tenth of its size after every reading.
     #[arg(long)]
     perturb: bool,
-    /// Noise beyond the sensor's own: its width as a part of the sensing range, 0 to 2.
+    /// Extra sensor noise, as a fraction of the sensing range, 0 to 2.
     #[arg(long, default_value_t = 0.0, value_name = "LEVEL", value_parser = explorer::parse_noise)]
     noise: f64,
     /// The arm's sensor.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
-    /// How often the planner may choose a target.
+    /// Maximum number of targets that the planner chooses.
     #[arg(long, default_value_t = 200_000, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
-    /// The session to send the readings to; a new one when not given.
+    /// Session to send the readings to [default: a new one].
     #[arg(long, conflicts_with = "offline")]
     session: Option<Uuid>,
-    /// The catalogue of a new session.
+    /// Catalogue of a new session.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// How a new session recognises [default: surface]. An object that moves (--perturb) needs a
-    /// method that ignores poses: appearance, of a version trained with `--appearance`.
+    /// Recognition method of a new session [default: surface]. With --perturb, use a method that
+    /// ignores poses: `appearance`, with a version trained with `--appearance`.
     #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
     method: Option<ExploreMethod>,
-    /// How probable it is before the first touch that the object of a new session is none of
-    /// the catalogue's: above 0 and below 1, for `surface` [default: 0.05].
+    /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `surface`
+    /// [default: 0.05].
     #[arg(long, value_name = "PROBABILITY", conflicts_with_all = ["session", "offline"])]
     unknown_prior: Option<f64>,
-    /// Do not talk to a server.
+    /// Do not use a server.
     #[arg(long, requires = "out")]
     offline: bool,
-    /// Write the readings to this file, to be sent again with --replay.
+    /// Write the readings to this file, for --replay.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Write a picture of the arm, the object and the touches: a PNG file.
+    /// Write a picture of the arm, the object and the touches (PNG).
     #[arg(long, value_name = "FILE", conflicts_with = "replay")]
     picture: Option<PathBuf>,
 }
 
-/// How to recognise; the methods `geometric…` need to know where the object may lie, which a
-/// blind arm does not.
+/// Recognition method. The methods `geometric…` are missing because they need a pose prior, which a
+/// blind arm does not have.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ExploreMethod {
-    /// Spatially varying appearance.
+    /// Spatially varying appearance (chapter 5).
     Sva,
-    /// Spatially varying appearance as printed.
+    /// Spatially varying appearance as the dissertation prints it.
     SvaLiteral,
-    /// Bags of features: which object, not where.
+    /// Bags of features (chapter 4): identity only, no pose.
     Appearance,
-    /// Bags of features as printed.
+    /// Bags of features as the dissertation prints them.
     AppearanceLiteral,
 }
 
@@ -126,24 +126,24 @@ impl ExploreMethod {
     }
 }
 
-/// The answer.
+/// The answer of the command.
 #[derive(Debug, Serialize)]
 struct Explored {
     session: Option<Uuid>,
     readings: usize,
-    /// What the planner did; absent for readings from a file.
+    /// Statistics of the planner; absent for readings from a file.
     planner: Option<Planner>,
-    /// What was touched, if that is known.
+    /// The true object, if known.
     truth: Option<String>,
-    /// The likeliest answer at the end, if a server was asked.
+    /// The final answer, if a server was used.
     answer: Option<String>,
     probability: Option<f64>,
-    /// The probability of "none of these".
+    /// Probability of "none of these".
     unknown: Option<f64>,
     right: Option<bool>,
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: ExploreArgs, context: &Context) -> anyhow::Result<()> {
     match &args.replay {
         Some(path) => {
@@ -182,7 +182,7 @@ async fn replay(args: &ExploreArgs, file: ReadingsFile, context: &Context) -> an
     answer(Some(&session), n_readings, None, truth, last.as_ref(), context)
 }
 
-/// Explores, sends each reading as it is taken, and writes them all at the end.
+/// Explores, sends each reading as it is taken, and writes all of them at the end.
 async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
     let plan = plan(args)?;
     if args.mesh.is_some() {
@@ -240,8 +240,7 @@ async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
     answer(session.as_ref(), n_readings, planner, truth, last.as_ref(), context)
 }
 
-/// Gathers readings as they are taken and sends them, if there is a session; gives the last
-/// belief.
+/// Collects the readings and sends them if there is a session. Returns the last belief.
 async fn hear(
     taken: &mut tokio::sync::mpsc::Receiver<Reading>,
     readings: &mut Vec<Reading>,
@@ -290,7 +289,7 @@ fn plan(args: &ExploreArgs) -> anyhow::Result<Plan> {
     })
 }
 
-/// The session that was named, or a new one.
+/// The session named, or a new one.
 async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Session> {
     let session = match args.session {
         Some(id) => context.client.session(id).await?,
@@ -307,7 +306,7 @@ async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Sessio
     Ok(session)
 }
 
-/// Sends one reading; sent twice into the same session it counts once.
+/// Sends one reading. Sending it again to the same session has no effect.
 async fn send(session: &Session, reading: Reading, context: &Context) -> anyhow::Result<Belief> {
     // Only the key that a robot's name belongs to may post with it.
     let robot = reading.robot.as_ref().map(|name| context.robot(name));
@@ -363,10 +362,10 @@ fn words(explored: &Explored) -> String {
         words += &planner.words();
     }
     if let (Some(answer), Some(probability)) = (&explored.answer, explored.probability) {
-        words += &format!("\nit is {answer} with {:.1} %", probability * 100.0);
+        words += &format!("\nanswer: {answer} with {:.1} %", probability * 100.0);
     }
     if let Some(truth) = explored.truth.as_ref().filter(|_| explored.right.is_some()) {
-        words += &format!("; it was {truth}");
+        words += &format!("; truth: {truth}");
     }
     words
 }

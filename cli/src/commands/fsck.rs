@@ -1,4 +1,4 @@
-//! `palpate fsck`: what is damaged in a folder of stored data, and what that means.
+//! `palpate fsck`: checks a folder of stored data for damage.
 
 use std::path::{Path, PathBuf};
 
@@ -15,22 +15,22 @@ use crate::output::Output;
 /// Arguments of `palpate fsck`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  palpate fsck --data /var/lib/palpate\n  \
-    palpate fsck --data /var/lib/palpate --collect\n\nExit codes: 0 all is whole, 1 it could not \
-    be checked, 5 something is damaged.")]
+    palpate fsck --data /var/lib/palpate --collect\n\nExit codes: 0 no damage, 1 not \
+    checked, 5 damage found.")]
 pub(crate) struct FsckArgs {
-    /// The folder; no server may have it open.
+    /// Folder to check, which no server may have open.
     #[arg(long, env = "PALPATE_DATA", value_name = "DIR")]
     data: PathBuf,
-    /// Remove what nobody names: leftovers of crashes.
+    /// Remove unreferenced records, which crashes leave behind.
     #[arg(long)]
     collect: bool,
-    /// Take what is there for the whole, although commits or records are missing: what is lost
+    /// Accept the present data as complete although commits or records are missing. What is lost
     /// stays lost, and a server starts again.
     #[arg(long, conflicts_with = "collect")]
     accept: bool,
 }
 
-/// Checks a folder.
+/// Runs the command.
 pub(crate) async fn run(args: FsckArgs, output: Output) -> anyhow::Result<()> {
     let FsckArgs { data, collect: collects, accept } = args;
     require_data(&data)?;
@@ -40,7 +40,7 @@ pub(crate) async fn run(args: FsckArgs, output: Output) -> anyhow::Result<()> {
     if is_whole { Ok(()) } else { Err(Ended::Damaged.into()) }
 }
 
-/// Refuses a folder that is not one of stored data, before an engine would make it one.
+/// Refuses a folder without stored data, which the engine would otherwise initialise.
 pub(crate) fn require_data(data: &Path) -> anyhow::Result<()> {
     if !data.join("sled").join("db").is_file() && !data.join("current").is_file() {
         bail!("{} holds no stored data: there is no sled/db and no current in it", data.display());

@@ -1,12 +1,12 @@
-//! `palpate health`: whether a server does its work, for people and for supervisors that look at
-//! exit codes, such as a container's health check.
+//! `palpate health`: readiness of a server, with an exit code for supervisors such as a container's
+//! health check.
 
 use palpate_client::schemas::Readiness;
 
 use super::Context;
 use crate::output;
 
-/// Asks for the checks. A server that is not ready fails the command, as one that is not there.
+/// Runs the readiness checks. Fails if the server is not ready or not reachable.
 pub(crate) async fn run(context: &Context) -> anyhow::Result<()> {
     let readiness = context.client.ready().await?;
     context.output.answer(&readiness, table)

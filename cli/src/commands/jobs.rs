@@ -1,4 +1,4 @@
-//! `palpate jobs`: trainings that were asked for, here or elsewhere.
+//! `palpate jobs`: training jobs, from this client or others.
 
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{Job, PageQuery};
@@ -20,22 +20,22 @@ enum Action {
     List,
     /// Show one job.
     Show {
-        /// Its id.
+        /// Id of the job.
         job: Uuid,
     },
-    /// Wait for a job with a progress bar.
+    /// Wait for a job and show its progress.
     Follow {
-        /// Its id.
+        /// Id of the job.
         job: Uuid,
     },
-    /// Ask a job to stop.
+    /// Cancel a job.
     Cancel {
-        /// Its id.
+        /// Id of the job.
         job: Uuid,
     },
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: JobsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {

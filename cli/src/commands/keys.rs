@@ -1,4 +1,4 @@
-//! `palpate keys`: who is let in. And `palpate whoami`.
+//! `palpate keys`: manage API keys. And `palpate whoami`.
 
 use clap::{Args, Subcommand, ValueEnum};
 use palpate_client::schemas::{ApiKey, CreateKey, NewApiKey, PageQuery, Role, RotateKey};
@@ -17,49 +17,49 @@ pub(crate) struct KeysArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Create a key; its secret is shown this once.
+    /// Create a key and print its secret, once.
     Create {
-        /// What to call its holder, such as a robot's name.
+        /// Name of the key, such as a robot's name.
         name: String,
-        /// What its holder may do.
+        /// Role of the key.
         #[arg(long)]
         role: RoleChoice,
-        /// After how many days it is refused; never when not given.
+        /// Days until the key expires [default: never].
         #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u64).range(1..=3650))]
         expires_days: Option<u64>,
     },
-    /// List the keys, revoked ones too.
+    /// List the keys, including revoked ones.
     List,
     /// Show one key.
     Show {
-        /// Its name or id.
+        /// Name or id of the key.
         key: String,
     },
-    /// Refuse a key from now on.
+    /// Revoke a key.
     Revoke {
-        /// Its name or id.
+        /// Name or id of the key.
         key: String,
     },
-    /// Give a key a new secret; it is shown this once.
+    /// Rotate a key: give it a new secret and print it, once.
     Rotate {
-        /// Its name or id.
+        /// Name or id of the key.
         key: String,
-        /// For how many seconds the secret before is still let in.
+        /// Seconds for which the previous secret stays valid.
         #[arg(long, value_name = "S", default_value_t = 0)]
         grace_s: u64,
     },
 }
 
-/// What the holder of a key may do.
+/// Role of a key.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum RoleChoice {
-    /// Touch things: sessions, readings, next touches.
+    /// Touch objects: sessions, readings, next touches.
     Robot,
-    /// Teach: objects, sensors, trainings; and look on.
+    /// Train: objects, sensors, trainings; and read.
     Trainer,
-    /// Look on.
+    /// Read.
     Viewer,
-    /// Everything, also giving keys.
+    /// Everything, including managing keys.
     Admin,
 }
 
@@ -74,7 +74,7 @@ impl From<RoleChoice> for Role {
     }
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
@@ -84,7 +84,7 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
                 client.create_key(&CreateKey { name, role: role.into(), expires_in_s }).await?;
             output.answer(&created, with_secret)?;
             if !client.whoami().await?.keys_required {
-                output.say("This server asks nobody for a key yet. It does from its next start.");
+                output.say("This server does not require keys yet. It will from its next start.");
             }
             Ok(())
         }
@@ -98,7 +98,7 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
         }
         Action::Revoke { key } => {
             client.revoke_key(&key).await?;
-            output.answer(&json!({ "revoked": key }), |_| format!("{key} is refused from now on"))
+            output.answer(&json!({ "revoked": key }), |_| format!("revoked {key}"))
         }
         Action::Rotate { key, grace_s } => {
             let rotated = client.rotate_key(&key, &RotateKey { grace_s: Some(grace_s) }).await?;
@@ -107,12 +107,12 @@ pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()>
     }
 }
 
-/// Says whom the server takes this key for.
+/// Shows the key and role that the server sees.
 pub(crate) async fn whoami(context: &Context) -> anyhow::Result<()> {
     let whoami = context.client.whoami().await?;
     context.output.answer(&whoami, |whoami| match &whoami.key {
         Some(key) => format!("{}, {}\n{}", key.name, word(&whoami.role), table_of(key)),
-        None => "nobody is asked for a key here: everybody may do everything".to_owned(),
+        None => "this server requires no keys: every caller is admin".to_owned(),
     })
 }
 
@@ -151,7 +151,7 @@ fn state(key: &ApiKey) -> String {
     match (&key.revoked_at, &key.rotating_until) {
         (Some(at), _) => format!("revoked {at}"),
         (None, _) if !key.active => "expired".to_owned(),
-        (None, Some(until)) => format!("active, secret before until {until}"),
+        (None, Some(until)) => format!("active, previous secret until {until}"),
         (None, None) => "active".to_owned(),
     }
 }

@@ -1,8 +1,7 @@
 //! `palpate letters`: raised letters of a font, as meshes and as readings of a simulated rig.
 //!
-//! The rig is that of section 3.2.3: 192 planar presses a letter and repetition. Readings are
-//! written as the API takes them, so a file can be sent as training or in a session.
-//! Needs no server.
+//! The rig is that of section 3.2.3: 192 planar presses per letter and repetition. The readings are
+//! written in the API's format, for training or for a session. Needs no server.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +20,7 @@ use serde::Serialize;
 
 use crate::output::{self, Output};
 
-/// The name of the rig's sensor on the server, and of the rig in its readings.
+/// Name of the rig's sensor on the server, and of the rig in its readings.
 const SENSOR: SensorPreset = SensorPreset::Digitacts6x6Thin;
 const ROBOT: &str = "letter-rig";
 
@@ -30,33 +29,33 @@ const ROBOT: &str = "letter-rig";
 pub(crate) struct LettersArgs {
     #[command(subcommand)]
     action: Action,
-    /// A font file (TrueType or OpenType) instead of Quicksand Bold.
+    /// Font file (TrueType or OpenType) [default: Quicksand Bold].
     #[arg(long, value_name = "FILE", global = true)]
     font: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// List the letters, their symmetries, and the pairs that are one shape when turned.
+    /// List the letters, their symmetries, and the pairs that are the same shape when rotated.
     List,
-    /// Write letters as STL files in millimetres, face up in z = 0.
+    /// Write letters as STL files in millimetres, face up at z = 0.
     #[command(after_help = "Examples:\n  palpate letters mesh A --out .\n  \
         palpate letters mesh --all --out letters")]
     Mesh {
-        /// Which one.
+        /// Letter to write.
         #[arg(value_parser = parse_letter, required_unless_present = "all", conflicts_with = "all")]
         letter: Option<char>,
-        /// All 52.
+        /// Write all 52 letters.
         #[arg(long)]
         all: bool,
-        /// The folder to write to; made if it does not exist.
+        /// Folder to write to; created if missing.
         #[arg(long, value_name = "DIR", default_value = ".")]
         out: PathBuf,
-        /// How thick the letters are, millimetres.
+        /// Thickness of the letters in millimetres.
         #[arg(long, default_value_t = 3.0, value_parser = parse_thickness)]
         thickness_mm: f64,
     },
-    /// Press a letter in a simulated rig: 192 readings, 4 × 4 positions and 12 angles.
+    /// Press a letter with a simulated rig: 192 readings at 4 × 4 positions and 12 angles.
     #[command(after_help = "Examples:\n  palpate letters press A --out a.json\n  \
         palpate objects readings add A --file a.json\n  \
         palpate letters press A --repetition 1 --pose -5,3.5,120 --readings 9 --out test.json")]
@@ -65,51 +64,52 @@ enum Action {
 
 #[derive(Debug, Args)]
 struct PressArgs {
-    /// Which letter.
+    /// Letter to press.
     #[arg(value_parser = parse_letter)]
     letter: char,
-    /// The file to write: a JSON list of the API's `Reading`.
+    /// File to write: a JSON list of the API's `Reading`.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Which repetition: another one has other noise.
+    /// Repetition; each has its own noise.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u32).range(..1_000_000))]
     repetition: u32,
-    /// Names the sensor in the rig (its taxels' gains) and all its noise.
+    /// Seed of the sensor's gains and of all noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// How good rig and sensor are.
+    /// Quality of the rig and the sensor.
     #[arg(long, value_enum, default_value = "physical")]
     noise: Noise,
-    /// Where the letter lies in the session frame: x and y in millimetres, and degrees
-    /// counter-clockwise. Poses are then `session_from_sensor`.
+    /// Pose of the letter in the session frame: x and y in millimetres, then degrees
+    /// counter-clockwise. The poses written are then `session_from_sensor`.
     #[arg(long, value_name = "X,Y,DEG", value_parser = parse_pose, allow_hyphen_values = true)]
     pose: Option<Pose>,
-    /// Only so many of the readings, drawn at random.
+    /// Number of readings to write, drawn at random [default: all].
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=192))]
     readings: Option<u16>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Noise {
-    /// As the dissertation's rig.
+    /// As in the dissertation's rig.
     Physical,
     /// A bad rig with a bad sensor.
     Harsh,
-    /// No noise at all.
+    /// No noise.
     None,
 }
 
-/// One letter of the list.
+/// A row of the list.
 #[derive(Debug, Serialize)]
 struct LetterRow {
     letter: char,
     width_mm: f64,
     height_mm: f64,
-    /// 1 is no symmetry; absent for a shape that looks the same at every angle.
+    /// Order of the rotational symmetry: 1 is none, absent for a shape that looks the same at every
+    /// angle.
     rotation_order: Option<u32>,
 }
 
-/// Two letters that are nearly one shape.
+/// Two letters with nearly the same shape.
 #[derive(Debug, Serialize)]
 struct PairRow {
     letters: [char; 2],
@@ -123,7 +123,7 @@ struct Listed {
     look_alikes: Vec<PairRow>,
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) fn run(args: LettersArgs, output: Output) -> anyhow::Result<()> {
     let font = match args.font {
         None => Font::built_in(),
@@ -218,7 +218,7 @@ fn write_meshes(
     if output.json { output.answer(&written, |_| String::new()) } else { Ok(()) }
 }
 
-/// The readings that were asked for, as the API takes them.
+/// The requested readings, in the API's format.
 fn readings(font: &Font, args: &PressArgs) -> anyhow::Result<Vec<schemas::Reading>> {
     let noise = match args.noise {
         Noise::Physical => RigNoise::physical(),
@@ -243,7 +243,7 @@ fn readings(font: &Font, args: &PressArgs) -> anyhow::Result<Vec<schemas::Readin
         .collect())
 }
 
-/// Which of `n` presses are written: all in order, or some in random order, none twice.
+/// Indices of the presses to write: all in order, or a random selection without repetition.
 fn chosen(n: usize, args: &PressArgs) -> Vec<usize> {
     let mut presses: Vec<usize> = (0..n).collect();
     let Some(wanted) = args.readings else { return presses };

@@ -1,5 +1,5 @@
-//! `palpate load`: many simulated robots at once against a running server, to see how much it
-//! bears and what it does beyond that.
+//! `palpate load`: many simulated robots against a running server, to measure its capacity and its
+//! behaviour under overload.
 
 mod words;
 
@@ -28,111 +28,110 @@ use words::{HEADER, row, verdict_words};
     palpate load --catalogue default --mix readings=8,beliefs=2 --poisson --polite\n  \
     palpate load --steps 200,400,800 --soak 10 --overload 1.5 --pid $(pidof palpate) \
     --max-growth-mb 50\n\n\
-    Exits with 6 when one of the bounds --max-p99-ms, --min-share, --max-growth-mb is broken. \
-    docs/load.md says how to read the answer.")]
+    Exits with 6 if one of the bounds --max-p99-ms, --min-share, --max-growth-mb is exceeded. \
+    docs/load.md explains the output.")]
 pub(crate) struct LoadArgs {
-    /// First add the example objects as load-… and train the catalogue of them, if it does not
-    /// know them.
+    /// First add the example objects as load-… and train the catalogue, unless it has them.
     #[arg(long)]
     prepare: bool,
-    /// The catalogue to recognise with; the server must have meshes of its objects.
+    /// Catalogue to recognise with. The server must have the meshes of its objects.
     #[arg(long, default_value = "load")]
     catalogue: String,
-    /// Requests that are due a second.
+    /// Requests due per second.
     #[arg(long, default_value_t = 50.0, value_parser = positive)]
     rate: f64,
-    /// Several rates, one after the other.
+    /// Rates to measure one after the other.
     #[arg(long, value_name = "RATES", value_delimiter = ',', conflicts_with = "rate",
         value_parser = positive)]
     steps: Vec<f64>,
-    /// How long each rate is measured.
+    /// Duration of the measurement at each rate, in seconds.
     #[arg(long, default_value_t = 10.0, value_parser = positive)]
     duration_s: f64,
-    /// How long each rate goes on before it is measured.
+    /// Duration of the warm-up before each measurement, in seconds.
     #[arg(long, default_value_t = 3.0, value_parser = not_negative)]
     warmup_s: f64,
-    /// After the steps, so many minutes at overload, to see whether memory grows.
+    /// Minutes of overload after the steps, to detect memory growth.
     #[arg(long, value_name = "MINUTES", value_parser = positive)]
     soak: Option<f64>,
-    /// The soak's rate, as a multiple of the most requests a second that were accepted.
+    /// Rate of the soak, as a multiple of the highest accepted rate.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.5, value_parser = positive)]
     overload: f64,
-    /// How many robots there are, each with one session at a time.
+    /// Number of robots, each with one session at a time.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sessions: u32,
-    /// After so many readings a robot closes its session and begins another one.
+    /// Readings after which a robot closes its session and starts another.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     readings_per_session: u32,
-    /// What robots in a session ask for, in parts.
+    /// Mix of requests within a session, as weights.
     #[arg(long, default_value_t = Mix::default())]
     mix: Mix,
-    /// Independent robots (exponential distances, bursts) instead of even distances.
+    /// Space requests like independent robots (exponential intervals, bursts) instead of evenly.
     #[arg(long)]
     poisson: bool,
-    /// Robots that are told when to come back (Retry-After) wait until then.
+    /// Robots obey `Retry-After` and wait.
     #[arg(long)]
     polite: bool,
-    /// How many requests may be under way, each with a connection of its own; what is due
-    /// beyond is counted as not sent.
+    /// Maximum number of requests in flight, each on its own connection. Requests due beyond it
+    /// count as not sent.
     #[arg(long, default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=60_000))]
     in_flight: u32,
-    /// After so long without an answer a request is given up.
+    /// Seconds after which an unanswered request is given up.
     #[arg(long, default_value_t = 30.0, value_parser = positive)]
     timeout_s: f64,
-    /// How to recognise [default: the server's choice].
+    /// Recognition method [default: the server's choice].
     #[arg(long, value_enum)]
     method: Option<LoadMethod>,
-    /// How much of the belief is answered to a reading.
+    /// How much of the belief each answer contains.
     #[arg(long, value_enum, default_value = "full")]
     belief: LoadBelief,
-    /// The seed of everything random.
+    /// Seed of all random choices.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Touches of each object to choose from.
+    /// Number of simulated touches per object to draw from.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     touches: u32,
-    /// Training readings of an object, with --prepare.
+    /// Training readings per object, with --prepare.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(20..=20_000))]
     training_readings: u32,
-    /// The server's process, if it runs on this machine: its memory is read there, else in
-    /// /metrics.
+    /// Process id of the server, if it runs on this machine: memory is read from the process
+    /// instead of /metrics.
     #[arg(long)]
     pid: Option<u32>,
-    /// Bound on the 99th percentile of accepted requests in every step.
+    /// Bound on the 99th percentile of accepted requests in every step, in milliseconds.
     #[arg(long, value_name = "MS", value_parser = positive)]
     max_p99_ms: Option<f64>,
-    /// Bound on the throughput beyond saturation, as a share of the peak.
+    /// Bound on the throughput beyond saturation, as a fraction of the peak.
     #[arg(long, value_name = "SHARE", value_parser = share)]
     min_share: Option<f64>,
-    /// Bound on the growth of the server's memory over the soak (or the last step).
+    /// Bound on the growth of the server's memory over the soak (or the last step), in MB.
     #[arg(long, value_name = "MB", value_parser = not_negative)]
     max_growth_mb: Option<f64>,
-    /// Draw throughput and latency against the rate, as SVG.
+    /// Write throughput and latency against the rate as a plot (SVG).
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
 }
 
-/// How to recognise.
+/// Recognition method.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum LoadMethod {
-    /// Proposed, verified and refined hypotheses.
+    /// Surface matching.
     Surface,
-    /// Spatially varying appearance.
+    /// Spatially varying appearance (chapter 5).
     Sva,
 }
 
-/// How much of the belief is answered.
+/// How much of the belief an answer contains.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum LoadBelief {
-    /// Every object, and the likeliest poses.
+    /// All objects, and the likeliest poses.
     Full,
     /// The likeliest object and pose.
     Top,
-    /// Nothing: the reading is stored.
+    /// Nothing: the reading is only stored.
     None,
 }
 
-/// The answer: the run, and which bounds it breaks.
+/// The answer: the run, and the bounds that it exceeded.
 #[derive(Debug, Serialize)]
 struct Loaded<'a> {
     #[serde(flatten)]
@@ -161,7 +160,7 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: LoadArgs, context: &Context) -> anyhow::Result<()> {
     tokio::select! {
         done = measure(&args, context) => done,
@@ -202,9 +201,8 @@ async fn made_ready(args: &LoadArgs, client: &Client) -> anyhow::Result<Touches>
     let touches = Touches::of_catalogue(client, &args.catalogue, n, args.seed, &show).await;
     progress.clear();
     touches.map_err(|error| match error.downcast_ref::<ClientError>().map(ClientError::status) {
-        Some(Some(404 | 409)) if !args.prepare => {
-            error.context("nothing to recognise with; --prepare trains example objects")
-        }
+        Some(Some(404 | 409)) if !args.prepare => error
+            .context("there is no catalogue to recognise with; --prepare trains example objects"),
         _ => error,
     })
 }
@@ -239,7 +237,7 @@ fn config(args: &LoadArgs) -> LoadConfig {
     }
 }
 
-/// Prints the answer, and fails when a bound is broken.
+/// Prints the answer. Fails if a bound was exceeded.
 fn said(report: &LoadReport, args: &LoadArgs, output: Output) -> anyhow::Result<()> {
     let bounds = Bounds {
         p99_max_ms: args.max_p99_ms,

@@ -1,4 +1,4 @@
-//! `palpate maps`: trained maps of contact, to look at and to merge.
+//! `palpate maps`: show, export and merge contact maps.
 
 use std::path::{Path, PathBuf};
 
@@ -21,32 +21,32 @@ pub(crate) struct MapsArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Show an object's map of contact: its cells, and how many are occupied.
+    /// Show an object's contact map: its cells, and how many are occupied.
     Show {
         #[command(flatten)]
         map: MapArgs,
     },
-    /// Write an object's map of contact to files.
+    /// Write an object's contact map to files.
     #[command(after_help = "Example:\n  palpate maps export --object A --png A.png\n  \
         palpate maps export --object mug --ply mug-map.ply --form mesh")]
     Export(ExportArgs),
-    /// Add another version's maps of contact to a catalogue's, as a new version of it.
+    /// Merge the contact maps of another version into a new version of a catalogue.
     #[command(
         after_help = "Example:\n  palpate maps merge --with-catalogue lab-2 --with-version 3"
     )]
     Merge(MergeArgs),
 }
 
-/// Which map.
+/// Selects a map.
 #[derive(Debug, Args)]
 struct MapArgs {
-    /// The catalogue.
+    /// Name of the catalogue.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// The catalogue's version [default: the current one].
+    /// Version of the catalogue [default: the current one].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     version: Option<u32>,
-    /// The object's id, or its name when it was trained.
+    /// Id of the object, or its name when it was trained.
     #[arg(long)]
     object: String,
 }
@@ -55,21 +55,21 @@ struct MapArgs {
 struct ExportArgs {
     #[command(flatten)]
     map: MapArgs,
-    /// Write a heat map of one layer of cells.
+    /// Write a heat map of one layer of cells (PNG).
     #[arg(long, value_name = "FILE", required_unless_present = "ply")]
     png: Option<PathBuf>,
-    /// Which layer, from 0 at the smallest z [default: the one in the middle].
+    /// Layer, from 0 at the smallest z [default: the middle one].
     #[arg(long, requires = "png")]
     slice: Option<u32>,
-    /// Write the cells that are likely occupied, in metres in the object frame.
+    /// Write the likely occupied cells, in metres in the object frame (PLY).
     #[arg(long, value_name = "FILE")]
     ply: Option<PathBuf>,
-    /// What the PLY file holds.
+    /// Content of the PLY file.
     #[arg(long, value_enum, default_value = "points")]
     form: Form,
 }
 
-/// What a PLY file holds.
+/// Content of a PLY file.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Form {
     /// The centres of the cells.
@@ -80,30 +80,30 @@ enum Form {
 
 #[derive(Debug, Args)]
 struct MergeArgs {
-    /// The catalogue that is added to.
+    /// Catalogue of the base version.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// Its version [default: the current one].
+    /// Base version [default: the current one].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     version: Option<u32>,
-    /// The catalogue whose maps are added [default: the same].
+    /// Catalogue of the maps to add [default: the same].
     #[arg(long)]
     with_catalogue: Option<String>,
-    /// The version whose maps are added.
+    /// Version of the maps to add.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     with_version: u32,
-    /// Leave the catalogue's current version as it is.
+    /// Do not make the new version current.
     #[arg(long)]
     keep_current: bool,
 }
 
-/// What was written.
+/// The files written.
 #[derive(Debug, Serialize)]
 struct Exported {
     files: Vec<PathBuf>,
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: MapsArgs, context: &Context) -> anyhow::Result<()> {
     match args.action {
         Action::Show { map } => {
@@ -150,7 +150,7 @@ async fn export(args: ExportArgs, context: &Context) -> anyhow::Result<()> {
     })
 }
 
-/// The version that was named, or the catalogue's current one.
+/// The version named, or the catalogue's current one.
 async fn version_of(map: &MapArgs, context: &Context) -> anyhow::Result<u32> {
     match map.version {
         Some(version) => Ok(version),

@@ -1,4 +1,4 @@
-//! `palpate migrate`: stored data of an older layout, brought to today's.
+//! `palpate migrate`: upgrades stored data to the current layout.
 
 use std::path::PathBuf;
 
@@ -12,16 +12,18 @@ use crate::output::Output;
 
 /// Arguments of `palpate migrate`.
 #[derive(Debug, Args)]
-#[command(after_help = "Take a copy of the folder before: there is no way back. Interrupted, it \
-    goes on where it was when it is run again.\n\nExamples:\n  \
-    palpate migrate --data /var/lib/palpate")]
+#[command(
+    after_help = "Copy the folder first: a migration cannot be undone. After an interruption, \
+    run it again and it continues.\n\nExamples:\n  \
+    palpate migrate --data /var/lib/palpate"
+)]
 pub(crate) struct MigrateArgs {
-    /// The folder; no server may have it open.
+    /// Folder to migrate, which no server may have open.
     #[arg(long, env = "PALPATE_DATA", value_name = "DIR")]
     data: PathBuf,
 }
 
-/// Migrates a folder.
+/// Runs the command.
 pub(crate) async fn run(args: MigrateArgs, output: Output) -> anyhow::Result<()> {
     require_data(&args.data)?;
     let work = move || {
@@ -31,7 +33,7 @@ pub(crate) async fn run(args: MigrateArgs, output: Output) -> anyhow::Result<()>
     let done = tokio::task::spawn_blocking(work).await??;
     let answer = json!({"from": done.from, "to": done.to, "n_records": done.n_records});
     output.answer(&answer, |_| match done.from == done.to {
-        true => format!("layout {} already: nothing to do", done.to),
+        true => format!("already layout {}: nothing to do", done.to),
         false => format!(
             "migrated from layout {} to {}: {} records written anew",
             done.from, done.to, done.n_records

@@ -1,4 +1,4 @@
-//! `palpate next-touch`: where a robot would learn most about a session's object.
+//! `palpate next-touch`: the touches that tell most about a session's object.
 
 use std::path::PathBuf;
 
@@ -18,29 +18,29 @@ use crate::output;
     A file of candidates is a JSON list: [{\"pose\": {\"position\": [0.4, 0, 0.3], \
     \"orientation\": [1, 0, 0, 0]}, \"reach_m\": 0.2, \"cost\": 1.5}, …].")]
 pub(crate) struct NextTouchArgs {
-    /// The session's id.
+    /// Id of the session.
     session: Uuid,
-    /// The sensor that will touch: id or name.
+    /// Id or name of the sensor that will touch.
     #[arg(long, default_value = "digitacts-6x6")]
     sensor: String,
-    /// Approaches that the robot can make, as JSON (`-` reads them from the standard
-    /// input); the service's own when not given.
+    /// Approaches that the robot can make, as JSON; `-` reads standard input [default: the service
+    /// generates them].
     #[arg(long, value_name = "FILE")]
     candidates: Option<PathBuf>,
-    /// How many to show.
+    /// Number of touches to show.
     #[arg(short, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     n: u32,
-    /// When to stop evaluating, in milliseconds.
+    /// Time limit of the evaluation, in milliseconds.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     deadline_ms: u32,
-    /// The robot centres a contact before it presses.
+    /// Assume that the robot centres a contact before it presses.
     #[arg(long)]
     recenters: bool,
-    /// A ball in which the object lies, in metres of the session frame; needed before the
-    /// first touch.
+    /// Ball that contains the object, in metres in the session frame; required before the first
+    /// touch.
     #[arg(long, value_name = "X,Y,Z,RADIUS", value_parser = workspace, allow_hyphen_values = true)]
     workspace: Option<TouchWorkspace>,
-    /// Decides what is drawn at random.
+    /// Seed of random choices.
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
@@ -53,7 +53,7 @@ fn workspace(text: &str) -> Result<TouchWorkspace, String> {
     }
 }
 
-/// Asks and shows what is answered.
+/// Runs the command.
 pub(crate) async fn run(args: NextTouchArgs, context: &Context) -> anyhow::Result<()> {
     let question = AskNextTouches {
         sensor: args.sensor,
@@ -100,7 +100,7 @@ fn words(answer: &NextTouches) -> String {
     );
     let cut = if answer.complete { "" } else { ", cut short by the deadline" };
     let (evaluated, entropy) = (answer.evaluated, answer.entropy_bits);
-    format!("{table}\n\n{evaluated} evaluated{cut}; {entropy:.2} bits are not known yet")
+    format!("{table}\n\n{evaluated} evaluated{cut}; {entropy:.2} bits of uncertainty left")
 }
 
 #[cfg(test)]

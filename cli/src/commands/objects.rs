@@ -1,4 +1,4 @@
-//! `palpate objects`: what is to be recognised, with its meshes and training readings.
+//! `palpate objects`: objects, their meshes and training readings.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ use super::sensors::read_json;
 use crate::output::{self, Output};
 use crate::robot;
 
-/// How many readings go into one request.
+/// Number of readings per request.
 const READINGS_PER_REQUEST: usize = 1000;
 
 /// Arguments of `palpate objects`.
@@ -27,7 +27,7 @@ pub(crate) struct ObjectsArgs {
     action: Action,
 }
 
-/// The unit of a mesh file's coordinates, which the file does not say.
+/// Unit of a mesh file's coordinates, which the file does not record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Unit {
     /// Metres.
@@ -41,7 +41,7 @@ pub(crate) enum Unit {
 }
 
 impl Unit {
-    /// The unit's name on the wire.
+    /// Name of the unit on the wire.
     pub(crate) fn wire(self) -> MeshUnit {
         match self {
             Self::M => MeshUnit::M,
@@ -58,41 +58,41 @@ enum Action {
     List,
     /// Show one object.
     Show {
-        /// Its id or name.
+        /// Id or name of the object.
         object: String,
     },
-    /// Add an object, with a mesh if there is one.
+    /// Add an object, optionally with a mesh.
     #[command(after_help = "Examples:\n  palpate objects add mug --mesh mug.stl\n  \
         palpate objects add mug --mesh mug.obj --unit m --description \"the blue one\"")]
     Add {
-        /// Its unique name.
+        /// Unique name of the object.
         name: String,
-        /// A mesh file: .stl, .obj, .ply or .off.
+        /// Mesh file: .stl, .obj, .ply or .off.
         #[arg(long, value_name = "FILE")]
         mesh: Option<PathBuf>,
-        /// The unit of the file's coordinates.
+        /// Unit of the mesh file's coordinates.
         #[arg(long, value_enum, default_value = "mm")]
         unit: Unit,
-        /// What people say about it.
+        /// Description for people.
         #[arg(long, default_value = "")]
         description: String,
     },
-    /// Give an object a mesh, or another one.
+    /// Upload or replace an object's mesh.
     Mesh {
-        /// The object's id or name.
+        /// Id or name of the object.
         object: String,
-        /// A mesh file: .stl, .obj, .ply or .off.
+        /// Mesh file: .stl, .obj, .ply or .off.
         file: PathBuf,
-        /// The unit of the file's coordinates.
+        /// Unit of the mesh file's coordinates.
         #[arg(long, value_enum, default_value = "mm")]
         unit: Unit,
     },
-    /// Remove an object with its mesh and readings; trained versions keep what they know.
+    /// Remove an object with its mesh and readings. Trained versions keep it.
     Remove {
-        /// Its id or name.
+        /// Id or name of the object.
         object: String,
     },
-    /// An object's training readings.
+    /// Training readings of an object.
     Readings {
         #[command(subcommand)]
         action: ReadingsAction,
@@ -101,14 +101,14 @@ enum Action {
     #[command(after_help = "Examples:\n  palpate objects example mug --out .\n  \
         palpate objects example --all --out meshes")]
     Example {
-        /// Which one.
+        /// Name of the example.
         #[arg(value_parser = clap::builder::PossibleValuesParser::new(shapes::NAMES),
               required_unless_present = "all", conflicts_with = "all")]
         name: Option<String>,
-        /// All of them.
+        /// Write all examples.
         #[arg(long)]
         all: bool,
-        /// The folder to write to; made if it does not exist.
+        /// Folder to write to; created if missing.
         #[arg(long, value_name = "DIR", default_value = ".")]
         out: PathBuf,
     },
@@ -118,23 +118,23 @@ enum Action {
 enum ReadingsAction {
     /// Add training readings, all in one frame in which the object is at rest.
     Add {
-        /// The object's id or name.
+        /// Id or name of the object.
         object: String,
-        /// A JSON file with a list of the API's `Reading`; `-` is the standard input.
+        /// JSON file with a list of the API's `Reading`; `-` reads standard input.
         #[arg(long, value_name = "FILE")]
         file: PathBuf,
     },
     /// List the first training readings.
     List {
-        /// The object's id or name.
+        /// Id or name of the object.
         object: String,
-        /// How many at most.
+        /// Maximum number of readings.
         #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
         limit: u32,
     },
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
@@ -248,7 +248,7 @@ fn example(name: Option<&str>, out: &Path, output: Output) -> anyhow::Result<()>
     if output.json { output.answer(&written, |_| String::new()) } else { Ok(()) }
 }
 
-/// Takes back an object whose mesh was not taken, and says so with the reason.
+/// Removes an object whose mesh was refused, and reports the reason.
 async fn without_mesh(client: &Client, object: &ObjectInfo, error: ClientError) -> anyhow::Error {
     let taken_back = client.delete_object(&object.id.to_string()).await.is_ok();
     let error = anyhow::Error::from(error);
@@ -262,7 +262,7 @@ async fn without_mesh(client: &Client, object: &ObjectInfo, error: ClientError) 
     }
 }
 
-/// A mesh with the unit that its file was read in: the file does not say it.
+/// A mesh with the unit it was read in, because the file does not record it.
 fn read_words(report: &MeshReport) -> String {
     format!("read as {}: {}", output::word(&report.mesh.unit), mesh_words(report))
 }
@@ -278,7 +278,7 @@ fn mesh_words(report: &MeshReport) -> String {
     words
 }
 
-/// A length in millimetres with one decimal, or three digits where that would show nothing.
+/// A length in millimetres with one decimal, or with three significant digits if it is small.
 fn in_mm(metres: f64) -> String {
     let mm = metres / MM;
     if mm >= 1.0 || mm <= 0.0 {

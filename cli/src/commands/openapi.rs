@@ -1,4 +1,4 @@
-//! `palpate openapi`: the description of the HTTP API, as it is committed.
+//! `palpate openapi`: the committed description of the HTTP API.
 
 use palpate_client::schemas::OPENAPI_JSON;
 

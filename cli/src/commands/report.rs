@@ -1,5 +1,4 @@
-//! `palpate report`: what held-back readings say of a version's appearance, as tables and as
-//! a picture.
+//! `palpate report`: a version's appearance report, as tables and as a picture.
 
 mod picture;
 
@@ -12,7 +11,7 @@ use palpate_client::schemas::AppearanceReport;
 use super::Context;
 use crate::output;
 
-/// Matrices of more objects are shown in the picture only.
+/// Largest matrix that is printed; larger ones appear only in the picture.
 const MATRIX_MAX: usize = 12;
 
 /// Arguments of `palpate report`.
@@ -20,18 +19,18 @@ const MATRIX_MAX: usize = 12;
 #[command(after_help = "Example:\n  palpate report --svg report.svg\n\n\
     The version must have been trained with `palpate train --appearance`.")]
 pub(crate) struct ReportArgs {
-    /// The catalogue.
+    /// Name of the catalogue.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// The catalogue's version [default: the current one].
+    /// Version of the catalogue [default: the current one].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     version: Option<u32>,
-    /// Also write both matrices as a picture.
+    /// Also write both matrices as a picture (SVG).
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: ReportArgs, context: &Context) -> anyhow::Result<()> {
     let client = &context.client;
     let version = match args.version {
@@ -69,7 +68,7 @@ fn words(report: &AppearanceReport) -> String {
             "probability of each object (column) when the row's is touched\n{confusion}"
         ));
         let affinity = matrix(&names, &report.affinity);
-        parts.push(format!("how alike the objects are\n{affinity}"));
+        parts.push(format!("similarity of the objects\n{affinity}"));
     }
     parts.push(format!(
         "version {} of {}: {} classes of {} values; after {} held-back readings {} right, \
@@ -86,7 +85,7 @@ fn words(report: &AppearanceReport) -> String {
     parts.join("\n\n")
 }
 
-/// The largest entry of a row off the diagonal, and where; `None` without one above 0.
+/// The largest off-diagonal entry of a row and its column; `None` if none is above 0.
 fn largest_other(row: &[f64], own: usize) -> Option<(usize, f64)> {
     let others =
         row.iter().copied().enumerate().filter(|(place, value)| *place != own && *value > 0.0);

@@ -1,4 +1,4 @@
-//! `palpate robots`: which key each robot's name belongs to.
+//! `palpate robots`: robot names and the keys that hold them.
 
 use clap::{Args, Subcommand};
 use palpate_client::schemas::{PageQuery, Robot};
@@ -16,24 +16,24 @@ pub(crate) struct RobotsArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// List the names that belong to keys.
+    /// List the robot names that keys hold.
     List,
-    /// Give a robot's name to a key, whatever key it belonged to.
+    /// Assign a robot name to a key, whichever key holds it.
     Bind {
-        /// The robot's name, as its readings have it.
+        /// Robot name, as readings give it.
         robot: String,
-        /// The key's name or id.
+        /// Name or id of the key.
         #[arg(long)]
         to: String,
     },
-    /// Release a robot's name: it belongs to the key that uses it next.
+    /// Release a robot name: the next key that uses it gets it.
     Release {
-        /// The robot's name.
+        /// Robot name.
         robot: String,
     },
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: RobotsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
@@ -47,7 +47,7 @@ pub(crate) async fn run(args: RobotsArgs, context: &Context) -> anyhow::Result<(
         }
         Action::Release { robot } => {
             client.release_robot(&robot).await?;
-            output.answer(&json!({ "released": robot }), |_| format!("{robot} belongs to no key"))
+            output.answer(&json!({ "released": robot }), |_| format!("released {robot}"))
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `palpate sensors`: what robots feel with.
+//! `palpate sensors`: sensors and their calibrations.
 
 use std::path::PathBuf;
 
@@ -25,69 +25,69 @@ enum Action {
     List,
     /// Show one sensor.
     Show {
-        /// Its id or name.
+        /// Id or name of the sensor.
         sensor: String,
     },
-    /// Add a sensor, from a preset or a JSON file with its description.
+    /// Add a sensor, from a preset or a JSON description.
     #[command(
         after_help = "Examples:\n  palpate sensors add left-finger --preset digitacts-6x6\n  \
         palpate sensors add palm --description palm.json"
     )]
     Add {
-        /// Its unique name.
+        /// Unique name of the sensor.
         name: String,
-        /// A known sensor.
+        /// Preset of a known sensor.
         #[arg(long, value_parser = parse_preset, required_unless_present = "description")]
         preset: Option<SensorPreset>,
-        /// A JSON file as the API's `DescribeSensor`; the guide "training" says what to write
-        /// when there is only a data sheet.
+        /// JSON file with the API's `DescribeSensor`. The guide "training" explains how to fill it
+        /// in from a data sheet.
         #[arg(long, value_name = "FILE", conflicts_with = "preset")]
         description: Option<PathBuf>,
     },
-    /// Remove a sensor that nothing needs.
+    /// Remove a sensor. Refused while something uses it.
     Remove {
-        /// Its id or name.
+        /// Id or name of the sensor.
         sensor: String,
     },
-    /// Fit how a sensor's taxels respond to indentations; later readings are corrected.
+    /// Fit the taxels' response to indentations; later readings are corrected with it.
     Calibrate {
-        /// The sensor's id or name.
+        /// Id or name of the sensor.
         sensor: String,
-        /// A JSON file as the API's `CalibrateSensor`.
+        /// JSON file with the API's `CalibrateSensor`.
         #[arg(long, value_name = "FILE")]
         file: PathBuf,
     },
     /// Show a sensor's calibration.
     Calibration {
-        /// The sensor's id or name.
+        /// Id or name of the sensor.
         sensor: String,
-        /// Its number; the newest if not given.
+        /// Number of the calibration [default: the newest].
         #[arg(long)]
         number: Option<u32>,
     },
-    /// Simulate an indentation run of a sensor, with a dead and a cross-wired taxel, to try
-    /// `calibrate` with.
+    /// Simulate indentations of a sensor, with a dead and a cross-wired taxel, as input for
+    /// `calibrate`.
     Indent {
-        /// The sensor's id or name.
+        /// Id or name of the sensor.
         sensor: String,
-        /// The file to write.
+        /// File to write.
         #[arg(long, value_name = "FILE")]
         out: PathBuf,
-        /// The seed of gains, faults and noise.
+        /// Seed of gains, faults and noise.
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Ask how the server understands a reading: its orientation, dead taxels, contact.
+    /// Show how the server interprets a reading: orientation, dead taxels, contact.
     Check {
-        /// The sensor's id or name.
+        /// Id or name of the sensor.
         sensor: String,
-        /// A JSON file as the API's `Reading`.
+        /// JSON file with the API's `Reading`.
         #[arg(long, value_name = "FILE")]
         reading: PathBuf,
     },
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
@@ -140,8 +140,7 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
                 ));
                 if let Some(number) = check.calibration {
                     let n = check.unusable.len();
-                    lines
-                        .push(format!("corrected with calibration {number}, which leaves out {n}"));
+                    lines.push(format!("corrected with calibration {number}, which excludes {n}"));
                 }
                 lines.extend(check.hints.iter().map(|hint| format!("note: {hint}")));
                 lines.join("\n")
@@ -150,7 +149,7 @@ pub(crate) async fn run(args: SensorsArgs, context: &Context) -> anyhow::Result<
     }
 }
 
-/// Reads a file of JSON; `-` is the standard input.
+/// Reads a JSON file; `-` reads standard input.
 pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: PathBuf) -> anyhow::Result<T> {
     let text = if path.as_os_str() == "-" {
         std::io::read_to_string(std::io::stdin())?
@@ -158,7 +157,7 @@ pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: PathBuf) -> anyhow
         std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?
     };
     serde_json::from_str(&text)
-        .with_context(|| format!("{} does not hold what is expected", path.display()))
+        .with_context(|| format!("{} has unexpected content", path.display()))
 }
 
 pub(crate) fn parse_preset(name: &str) -> Result<SensorPreset, String> {

@@ -1,4 +1,4 @@
-//! `palpate serve`: the service, until Ctrl-C or a supervisor's SIGTERM.
+//! `palpate serve`: the service, until Ctrl-C or SIGTERM.
 
 use std::io::IsTerminal as _;
 use std::net::SocketAddr;
@@ -24,17 +24,17 @@ use crate::output::Output;
     palpate serve --data /var/lib/palpate --listen 127.0.0.1:7411")]
 #[expect(clippy::struct_excessive_bools, reason = "flags, each for itself")]
 pub(crate) struct ServeArgs {
-    /// The folder of the database; made if it does not exist.
+    /// Folder of the database; created if missing.
     #[arg(long, env = "PALPATE_DATA", value_name = "DIR", default_value = "palpate-data")]
     data: PathBuf,
-    /// Where to listen; port 0 takes any free one.
+    /// Address to listen on; port 0 takes any free port.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDR", default_value = DEFAULT_LISTEN)]
     listen: SocketAddr,
-    /// Allow an address that other machines can reach, though nobody is asked for a key.
+    /// Allow an address that other machines can reach although the server requires no keys.
     #[arg(long)]
     insecure_bind: bool,
-    /// With --insecure-bind, a name that this machine has in the network; may be given several
-    /// times. Requests for other names are refused, addresses are always taken.
+    /// With --insecure-bind: a network name of this machine, repeatable. Requests for other names
+    /// are refused; addresses are always accepted.
     #[arg(
         long = "host-name",
         env = "PALPATE_HOST_NAME",
@@ -42,31 +42,30 @@ pub(crate) struct ServeArgs {
         value_delimiter = ','
     )]
     host_names: Vec<String>,
-    /// Whether requests need an API key: `auto` as soon as one is stored, `keys` always (the
-    /// first admin's key is made), `open` never.
+    /// When requests need an API key: `auto` if a key is stored, `keys` always (the first admin key
+    /// is created), `open` never.
     #[arg(long, env = "PALPATE_ACCESS", value_name = "HOW", default_value = "auto")]
     access: AccessChoice,
-    /// Make one more admin's key, for those who have lost theirs.
+    /// Create one more admin key, if the others are lost.
     #[arg(long)]
     new_admin_key: bool,
-    /// Write an admin's key that is made at the start to this file, which only its owner may
-    /// read [default: printed on a terminal, else DIR/admin.key].
+    /// File for an admin key created at the start, readable only by its owner [default: printed on
+    /// a terminal, else DIR/admin.key].
     #[arg(long, env = "PALPATE_ADMIN_KEY_FILE", value_name = "FILE")]
     admin_key_file: Option<PathBuf>,
-    /// Let everybody read /metrics, also without a key.
+    /// Serve /metrics without a key.
     #[arg(long, env = "PALPATE_OPEN_METRICS")]
     open_metrics: bool,
-    /// Speak TLS with this certificate, a PEM file with the chain up to the authority's.
+    /// TLS certificate: a PEM file with the chain up to the authority.
     #[arg(long, env = "PALPATE_TLS_CERT", value_name = "FILE", requires = "tls_key")]
     tls_cert: Option<PathBuf>,
-    /// The certificate's private key, a PEM file.
+    /// Private key of the TLS certificate: a PEM file.
     #[arg(long, env = "PALPATE_TLS_KEY", value_name = "FILE", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
-    /// Send a span of every request to the collector at this address, by OTLP over HTTP, such as
-    /// http://localhost:4318.
+    /// OTLP/HTTP collector to send a span of every request to, such as http://localhost:4318.
     #[arg(long, env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
     pub(crate) otlp_endpoint: Option<String>,
-    /// Let pages of this origin use the API from a browser; may be given several times.
+    /// Allow browser pages of this origin to use the API; repeatable.
     #[arg(
         long = "cors-origin",
         env = "PALPATE_CORS_ORIGIN",
@@ -74,7 +73,7 @@ pub(crate) struct ServeArgs {
         value_delimiter = ','
     )]
     cors_origins: Vec<String>,
-    /// How many entries of what changed something the audit log keeps; older ones go.
+    /// Number of audit log entries to keep for changes; the oldest are dropped.
     #[arg(
         long,
         env = "PALPATE_AUDIT_ENTRIES",
@@ -83,7 +82,7 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=10_000_000)
     )]
     audit_entries: u64,
-    /// How many entries it keeps of what was refused to holders of keys, or failed.
+    /// Number of audit log entries to keep for refused and failed requests of key holders.
     #[arg(
         long,
         env = "PALPATE_AUDIT_REFUSED",
@@ -92,7 +91,7 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=10_000_000)
     )]
     audit_refused: u64,
-    /// How many entries it keeps of what callers without a key tried.
+    /// Number of audit log entries to keep for refused and failed requests without a key.
     #[arg(
         long,
         env = "PALPATE_AUDIT_STRANGERS",
@@ -101,12 +100,12 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=10_000_000)
     )]
     audit_strangers: u64,
-    /// How many changes of one key may fail within a minute; after that it has to wait (429).
+    /// Number of changes per key that may fail within a minute. Beyond it, the key has to wait
+    /// (429).
     #[arg(long, env = "PALPATE_FAILED_CHANGES", value_name = "N", default_value = "300")]
     failed_changes: NonZeroU32,
-    /// Memory for the models that sessions recognise by, in MB. Of a version the part is loaded
-    /// that a session's method needs; what was not used for longest leaves. A model that needs
-    /// more by itself is refused (503).
+    /// Memory for models, in MB. Of each version, only the parts that sessions use are loaded, and
+    /// the least recently used are unloaded. A model larger than this is refused (503).
     #[arg(
         long,
         env = "PALPATE_MODEL_MEMORY_MB",
@@ -115,8 +114,8 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000_000)
     )]
     model_memory_mb: u64,
-    /// Memory for the beliefs of sessions, in MB; those that were not used for longest are
-    /// rebuilt from their readings when they are needed again.
+    /// Memory for the beliefs of sessions, in MB. The least recently used are dropped and rebuilt
+    /// from their readings when needed.
     #[arg(
         long,
         env = "PALPATE_BELIEF_MEMORY_MB",
@@ -125,8 +124,8 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     belief_memory_mb: u64,
-    /// Memory for the bodies of all requests under way, in MB; what finds no room is told to
-    /// come back (503). A mesh of 64 MB must fit.
+    /// Memory for the bodies of all requests in progress, in MB. A request that does not fit is
+    /// refused (503). A mesh of 64 MB must fit.
     #[arg(
         long,
         env = "PALPATE_BODY_MEMORY_MB",
@@ -135,7 +134,7 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     body_memory_mb: u64,
-    /// How many sessions may be open at once; one more is refused (429).
+    /// Maximum number of open sessions; one more is refused (429).
     #[arg(
         long,
         env = "PALPATE_SESSIONS_OPEN",
@@ -144,12 +143,11 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=10_000_000)
     )]
     sessions_open: u64,
-    /// Seconds without a new reading after which sessions expire that do not say it themselves;
-    /// 0 is never.
+    /// Seconds without a new reading after which a session expires, unless it sets its own limit; 0
+    /// is never.
     #[arg(long, env = "PALPATE_SESSION_TTL_S", value_name = "S", default_value_t = 86_400)]
     session_ttl_s: u64,
-    /// Seconds after their end in which sessions are deleted, with their readings; without it they
-    /// are kept until somebody deletes them.
+    /// Seconds after its end at which a session is deleted with its readings [default: never].
     #[arg(
         long,
         env = "PALPATE_KEEP_SESSIONS_S",
@@ -157,8 +155,8 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..)
     )]
     keep_sessions_s: Option<u64>,
-    /// Memory for answers that are not read yet, in MB; a request whose answer finds no room is
-    /// told to come back (503).
+    /// Memory for answers not yet read by clients, in MB. A request whose answer does not fit is
+    /// refused (503).
     #[arg(
         long,
         env = "PALPATE_ANSWER_MEMORY_MB",
@@ -167,8 +165,8 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000_000)
     )]
     answer_memory_mb: u64,
-    /// How many connections may be open at once; fewer where the system allows fewer open files.
-    /// When all are taken, health checks alone are answered.
+    /// Maximum number of open connections, less if the system allows fewer open files. At the
+    /// maximum, only health checks are answered.
     #[arg(
         long,
         env = "PALPATE_CONNECTIONS",
@@ -177,13 +175,11 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u32).range(1..=1_000_000)
     )]
     connections: u32,
-    /// How many requests a second each client may make, which is a key's holder, or an address
-    /// where nobody is asked for a key; more are refused (429). Without it only the bounds on
-    /// all clients together count.
+    /// Maximum requests per second of each client (the holder of a key, or an address on a server
+    /// without keys); more are refused (429) [default: only the limits on all clients together].
     #[arg(long, env = "PALPATE_RATE", value_name = "N")]
     rate: Option<NonZeroU32>,
-    /// How many requests may be under way at once; more are told to come back (503) [default: 128
-    /// for each core].
+    /// Maximum number of requests in progress; more are refused (503) [default: 128 per core].
     #[arg(
         long,
         env = "PALPATE_REQUESTS",
@@ -191,7 +187,7 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     requests: Option<u64>,
-    /// Memory for pages of the database, in MB.
+    /// Memory for the database's page cache, in MB.
     #[arg(
         long,
         env = "PALPATE_STORE_CACHE_MB",
@@ -200,7 +196,7 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=1_000_000)
     )]
     store_cache_mb: u64,
-    /// How many pieces of computing may wait for a thread; more are told to come back (503).
+    /// Maximum number of computations that wait for a thread; more are refused (503).
     #[arg(
         long,
         env = "PALPATE_COMPUTE_QUEUE",
@@ -209,7 +205,7 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000)
     )]
     compute_queue: u64,
-    /// How long one training may take, in seconds; then it fails, and the next one begins.
+    /// Seconds that one training may take; then it fails, and the next one starts.
     #[arg(
         long,
         env = "PALPATE_TRAINING_MAX_S",
@@ -218,12 +214,11 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(1..=31_536_000)
     )]
     training_max_s: u64,
-    /// Bring stored data of an older layout to this version's; take a snapshot or a copy before.
-    /// Without it such data is refused.
+    /// Migrate stored data of an older layout at the start; take a snapshot or a copy first.
+    /// Without it, such data is refused.
     #[arg(long, env = "PALPATE_MIGRATE")]
     migrate: bool,
-    /// How much of the disk stays free, in MB: with less, writes are refused (507) and reading
-    /// goes on.
+    /// Disk space to keep free, in MB. With less, writes are refused (507) and reads still work.
     #[arg(
         long,
         env = "PALPATE_DISK_RESERVE_MB",
@@ -232,7 +227,7 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
     )]
     disk_reserve_mb: u64,
-    /// Room on the disk beyond 1.5 times the live data at which it is compacted by itself, in MB.
+    /// Garbage beyond 1.5 times the live data at which the database compacts itself, in MB.
     #[arg(
         long,
         env = "PALPATE_STORE_SLACK_MB",
@@ -241,8 +236,8 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
     )]
     store_slack_mb: u64,
-    /// How much stored data one API key may hold, in MB: sessions, readings, objects, versions and
-    /// what else it wrote; more is refused (409) until something of it is removed. 0 is no bound.
+    /// Stored data that one API key may hold, in MB: its sessions, readings, objects and versions.
+    /// More is refused (409) until some of it is removed. 0 is no bound.
     #[arg(
         long,
         env = "PALPATE_STORE_QUOTA_MB",
@@ -253,10 +248,10 @@ pub(crate) struct ServeArgs {
     store_quota_mb: u64,
 }
 
-/// Whether requests need an API key.
+/// When requests need an API key.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum AccessChoice {
-    /// As soon as one is stored.
+    /// If a key is stored.
     Auto,
     /// Always.
     Keys,
@@ -264,11 +259,11 @@ enum AccessChoice {
     Open,
 }
 
-/// How often to look whether the files of the certificate changed.
+/// Interval at which the certificate files are checked for changes.
 const CERTIFICATE_LOOK_EVERY: Duration = Duration::from_secs(30);
 const ADMIN_KEY: &str = "An admin's key was made. It is shown this once; keep it, and make others \
     with it:\n`PALPATE_KEY=… palpate keys create NAME --role robot`";
-/// File in the data folder that gets the admin's key when standard output is no terminal.
+/// File in the data folder for the admin key if standard output is not a terminal.
 const ADMIN_KEY_FILE: &str = "admin.key";
 
 /// Serves until told to stop.
@@ -300,7 +295,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
         match (&shown, &written) {
             (Some(key), _) => format!("{serving}\n\n{ADMIN_KEY}\n\n{key}\n"),
             (None, Some(file)) => {
-                format!("{serving}\n\nAn admin's key was made and written to {}", file.display())
+                format!("{serving}\n\nAn admin key was created and written to {}", file.display())
             }
             (None, None) => serving,
         }
@@ -314,7 +309,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
     stopped
 }
 
-/// Where an admin's key goes that is made; `None`: to the terminal that the answer goes to.
+/// The file for a new admin key; `None` for the terminal.
 fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
     let path = match &args.admin_key_file {
         Some(path) => path.clone(),
@@ -332,7 +327,7 @@ fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
     }
 }
 
-/// The settings that the arguments are.
+/// The server's configuration from the arguments.
 fn config(args: ServeArgs) -> Config {
     let access = match args.access {
         AccessChoice::Auto => Access::Auto,
@@ -381,7 +376,7 @@ fn config(args: ServeArgs) -> Config {
     }
 }
 
-/// Ctrl-C, or SIGTERM where there is such a thing.
+/// Waits for Ctrl-C, or SIGTERM where it exists.
 #[cfg(unix)]
 pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
@@ -393,7 +388,7 @@ pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Ctrl-C.
+/// Waits for Ctrl-C.
 #[cfg(not(unix))]
 pub(crate) async fn until_told_to_stop() -> anyhow::Result<()> {
     Ok(tokio::signal::ctrl_c().await?)

@@ -1,4 +1,4 @@
-//! `palpate sessions`: objects being touched, and what is known of them.
+//! `palpate sessions`: sessions, their readings and beliefs.
 
 mod history;
 
@@ -29,99 +29,99 @@ pub(crate) struct SessionsArgs {
 enum Action {
     /// List the sessions.
     List {
-        /// Only those that take readings.
+        /// Only open sessions.
         #[arg(long)]
         open: bool,
     },
-    /// Keep a session open though nothing comes: a lease.
+    /// Keep a session open without new readings (a lease).
     Extend {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
-        /// For so many seconds from now on.
+        /// Seconds from now for which the session stays open.
         #[arg(long, value_parser = clap::value_parser!(u32).range(1..=31_536_000))]
         seconds: u32,
     },
-    /// Close a session: it takes no more readings, its belief can still be read.
+    /// Close a session: it accepts no more readings, but its belief can still be read.
     Close {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
-        /// What the object was, by id or name, or `none` for none of the catalogue's: the server
-        /// counts how often it is right.
+        /// Id or name of the true object, or `none` if the catalogue does not have it. The server
+        /// counts how often it was right.
         #[arg(long, alias = "truth", conflicts_with = "none_of_these")]
         object: Option<String>,
-        /// It was none of the catalogue's objects.
+        /// The object was not in the catalogue.
         #[arg(long)]
         none_of_these: bool,
     },
     /// Show a session and its belief.
     Show {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
-        /// How many pose hypotheses at most.
+        /// Maximum number of pose hypotheses.
         #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=100))]
         poses: u32,
     },
-    /// Watch a session's belief until it is closed or Ctrl-C.
+    /// Follow a session's belief until the session closes or Ctrl-C.
     Watch {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
     },
-    /// Show how probable each value of each coordinate is (methods `geometric…`).
+    /// Show the marginals of the pose (methods `geometric…`).
     Marginals {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
-        /// Id or name of an object of its version [default: the likeliest].
+        /// Id or name of an object of the session's version [default: the likeliest].
         #[arg(long)]
         object: Option<String>,
     },
-    /// List a session's readings, withdrawn ones included.
+    /// List a session's readings, including retracted ones.
     Readings {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
     },
-    /// Withdraw a reading: it counts no more, as if it had never come.
+    /// Retract a reading: it no longer counts, as if it had never arrived.
     #[command(after_help = "Examples:\n  palpate sessions retract <session> 17\n  \
         palpate sessions retract <session> --robot arm-3 --seq 4")]
     Retract {
-        /// The session's id.
+        /// Id of the session.
         session: Uuid,
-        /// The reading's number within the session, as `readings` lists it.
+        /// Number of the reading within the session, as `readings` lists it.
         #[arg(required_unless_present = "robot", conflicts_with = "robot")]
         number: Option<u32>,
-        /// The robot that took it.
+        /// Robot that took the reading.
         #[arg(long, requires = "seq")]
         robot: Option<String>,
-        /// The robot's number of it.
+        /// The robot's sequence number of the reading.
         #[arg(long, requires = "robot")]
         seq: Option<u64>,
     },
-    /// Show what a session believed, revision by revision.
+    /// Show the answer of a session at each revision.
     Replay {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
-        /// The last revision [default: the newest].
+        /// Last revision [default: the newest].
         #[arg(long)]
         upto: Option<u32>,
-        /// The revision behind which to begin.
+        /// Show only the steps after this revision.
         #[arg(long, default_value_t = 0)]
         after: u32,
     },
-    /// Show what each reading contributed, and which disagree with the rest.
+    /// Show what each reading contributed, and which readings disagree with the rest.
     Explain {
-        /// The session's id.
+        /// Id of the session.
         session: Uuid,
-        /// The revision to explain [default: the newest].
+        /// Revision to explain [default: the newest].
         #[arg(long)]
         at: Option<u32>,
     },
-    /// Remove a session with its readings.
+    /// Delete a session with its readings.
     Remove {
-        /// Its id.
+        /// Id of the session.
         session: Uuid,
     },
 }
 
-/// A session and what is known of its object.
+/// A session and its belief.
 #[derive(Debug, Serialize)]
 struct Shown {
     session: Session,
@@ -129,7 +129,7 @@ struct Shown {
     written: Vec<history::Written>,
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
@@ -181,7 +181,7 @@ pub(crate) async fn run(args: SessionsArgs, context: &Context) -> anyhow::Result
             let retracted = history::retract(client, session, number, robot.zip(seq)).await?;
             output.answer(&retracted, |retracted| {
                 let belief = retracted.belief.as_ref().map(one_line).unwrap_or_default();
-                format!("withdrew reading {}\n{belief}", retracted.number)
+                format!("retracted reading {}\n{belief}", retracted.number)
             })
         }
         Action::Replay { session, upto, after } => {
@@ -250,7 +250,7 @@ fn belief_words(belief: &Belief) -> String {
             }),
     );
     let poses = output::table(
-        ["pose of", "share", "position (m)", "orientation x y z w", "looks the same after"],
+        ["pose of", "share", "position (m)", "orientation x y z w", "symmetry"],
         belief.poses.iter().map(|mode| {
             let [x, y, z] = mode.pose.position;
             let orientation: Vec<_> =

@@ -1,5 +1,5 @@
-//! `palpate snapshot`: all that a server has stored as one file, taken while it serves,
-//! verified and restored without one.
+//! `palpate snapshot`: everything a server has stored, as one file. Taken while the server runs;
+//! verified and restored without it.
 
 use std::fs::{self, File};
 use std::io::{BufReader, Write};
@@ -37,46 +37,45 @@ pub(crate) struct SnapshotArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Take a snapshot of a running server into a new file.
+    /// Take a snapshot of a running server.
     Create {
-        /// The file; it must not exist.
+        /// File to write; it must not exist.
         file: PathBuf,
     },
-    /// Read a file to its end and check all that is in it.
+    /// Verify a snapshot: read all of it and check every record.
     Verify {
-        /// The file.
+        /// Snapshot file.
         file: PathBuf,
     },
-    /// Write a file's content into a new folder, to be served from.
+    /// Restore a snapshot into a new folder for `palpate serve`.
     Restore {
-        /// The file.
+        /// Snapshot file.
         file: PathBuf,
-        /// The folder; it must not exist, or be empty.
+        /// Folder to write to; it must not exist, or be empty.
         #[arg(long, value_name = "DIR")]
         data: PathBuf,
-        /// What to do with the snapshot's API keys; must be said when it has some that were not
-        /// revoked when it was taken.
+        /// What to do with the snapshot's API keys; required if it holds any that were not revoked.
         #[arg(long, value_name = "WHICH")]
         keys: Option<KeysChoice>,
-        /// The folder that the snapshot replaces, for `--keys newer`; no server may have it open.
+        /// Folder that the restored one replaces, for `--keys newer`; no server may have it open.
         #[arg(long, value_name = "DIR", required_if_eq("keys", "newer"))]
         current: Option<PathBuf>,
     },
 }
 
-/// Which API keys a restored folder has.
+/// API keys of a restored folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum KeysChoice {
-    /// Those of the snapshot: what was revoked since is let in again.
+    /// Keep the snapshot's keys. Keys revoked since then are valid again.
     Keep,
-    /// None: the first administrator's key is made when a server starts with `--access keys`.
+    /// Drop all keys. A server started with `--access keys` creates the first admin key.
     Drop,
-    /// Those of the folder that the snapshot replaces (`--current`): what was revoked, rotated or
-    /// made since stays so.
+    /// Take the keys of the folder being replaced (`--current`): revocations, rotations and new
+    /// keys since the snapshot stay in force.
     Newer,
 }
 
-/// Takes, verifies or restores.
+/// Runs the command.
 pub(crate) async fn run(
     args: SnapshotArgs,
     output: Output,
@@ -101,7 +100,7 @@ pub(crate) async fn run(
     }
 }
 
-/// Receives into a file beside, which gets its name when it is whole.
+/// Downloads into a temporary file, which is renamed when it is complete.
 async fn create(file: &Path, client: &Client, output: Output) -> anyhow::Result<()> {
     if file.exists() {
         bail!("{} exists already, expected a new file", file.display());
@@ -143,8 +142,8 @@ fn verified(file: &Path) -> anyhow::Result<(SnapshotManifest, Report)> {
     Ok(verify(opened(file)?)?)
 }
 
-/// Restores beside the folder, which gets its name when all is there. Gives the keys that are let
-/// in from then on as well.
+/// Restores into a temporary folder, which is renamed when it is complete. Also returns the keys
+/// that are valid from then on.
 fn restored(
     file: &Path,
     data: &Path,
@@ -207,7 +206,7 @@ fn restored(
     outcome.map(|manifest| (manifest, held))
 }
 
-/// A folder that is there and that no server has open.
+/// Checks that a folder exists and that no server has it open.
 fn opened_folder(folder: &Path) -> anyhow::Result<Arc<SledEngine>> {
     if !folder.is_dir() {
         bail!("there is no folder {}, expected the one that is replaced", folder.display());
@@ -215,7 +214,7 @@ fn opened_folder(folder: &Path) -> anyhow::Result<Arc<SledEngine>> {
     Ok(Arc::new(SledEngine::open(folder, &SledOptions::default())?))
 }
 
-/// Names of keys, as the end of a sentence's part.
+/// Names of keys, as the end of a clause.
 fn names(keys: &[AccessKey]) -> String {
     match keys {
         [] => String::new(),
@@ -231,7 +230,7 @@ fn opened(file: &Path) -> anyhow::Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 20, opened))
 }
 
-/// Says what a snapshot holds, and fails when records in it are damaged.
+/// Prints what a snapshot holds. Fails if records in it are damaged.
 fn said(manifest: &SnapshotManifest, report: &Report, output: Output) -> anyhow::Result<()> {
     let mut answer = shown(manifest);
     answer["records"] = json!(report.records);

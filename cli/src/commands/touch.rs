@@ -30,66 +30,65 @@ use crate::verdict::{NONE, can_answer_none};
     after_help = "Example:\n  palpate touch --object mug --mesh mug.stl --readings 15 --seed 7\n\n\
     Example:\n  palpate touch --object none --mesh vase.stl\n\n\
     The answer is the likeliest of the catalogue's objects and \"none of these\". Exits with 4 \
-    when the answer at the end is not what was touched."
+    if the final answer is wrong."
 )]
 pub(crate) struct TouchArgs {
-    /// Which object the mesh is: its name when it was trained, or `none` for an object outside
-    /// the catalogue: "none of these" is right then (method `surface`).
+    /// The true object of the mesh: its name when it was trained, or `none` if the catalogue does
+    /// not have it (method `surface`).
     #[arg(long)]
     object: String,
-    /// The mesh to touch: .stl, .obj, .ply or .off.
+    /// Mesh to touch: .stl, .obj, .ply or .off.
     #[arg(long, value_name = "FILE")]
     mesh: PathBuf,
-    /// The unit of the file's coordinates.
+    /// Unit of the mesh file's coordinates.
     #[arg(long, value_enum, default_value = "mm")]
     unit: Unit,
-    /// How often to touch it.
+    /// Number of touches.
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=1000))]
     readings: u32,
-    /// Decides where the object lies and how it is touched.
+    /// Seed of the object's pose and the touches.
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// How long the robot takes between two touches, in milliseconds; by default as fast as it
-    /// can.
+    /// Pause between two touches in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 0)]
     pace: u64,
-    /// The catalogue to recognise with.
+    /// Catalogue to recognise with.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// How to recognise [default: surface]. The methods `geometric…` need a version trained with
-    /// `--geometry`: planar, and the robot presses straight down within 8 mm of where a camera
-    /// saw the object; or solid, and it touches from all sides, and the camera is right to
-    /// within 8 mm and 0.2 rad. The methods `appearance…` need one trained with
-    /// `--appearance`; the robot sends no poses then.
+    /// Recognition method [default: surface]. The methods `geometric…` need a version trained with
+    /// `--geometry`. With `planar` maps, the robot presses straight down within 8 mm of where a
+    /// camera saw the object; with `solid` maps, it touches from all sides, and the camera is
+    /// accurate to 8 mm and 0.2 rad. The methods `appearance…` need a version trained with
+    /// `--appearance`; the robot then sends no poses.
     #[arg(long, value_enum)]
     method: Option<TouchMethod>,
-    /// How probable it is before the first touch that the object is none of the catalogue's:
-    /// above 0 and below 1, for the method `surface` [default: 0.05].
+    /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `surface`
+    /// [default: 0.05].
     #[arg(long, value_name = "PROBABILITY")]
     unknown_prior: Option<f64>,
-    /// The robot's sensor.
+    /// Sensor of the robot.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
 }
 
-/// How to recognise.
+/// Recognition method.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum TouchMethod {
-    /// Proposed, verified and refined hypotheses.
+    /// Surface matching.
     Surface,
-    /// Spatially varying appearance.
+    /// Spatially varying appearance (chapter 5).
     Sva,
-    /// Spatially varying appearance as printed.
+    /// Spatially varying appearance as the dissertation prints it.
     SvaLiteral,
-    /// Maps of contact and pressure.
+    /// Contact and pressure maps (chapter 3).
     Geometric,
-    /// Maps of contact with the printed histogram filter.
+    /// Contact maps with the dissertation's histogram filter.
     GeometricHistogram,
-    /// Maps of contact with the printed particle filter.
+    /// Contact maps with the dissertation's particle filter.
     GeometricParticles,
-    /// Bags of features: which object, not where.
+    /// Bags of features (chapter 4): identity only, no pose.
     Appearance,
-    /// Bags of features as printed.
+    /// Bags of features as the dissertation prints them.
     AppearanceLiteral,
 }
 
@@ -108,12 +107,12 @@ impl TouchMethod {
     }
 }
 
-/// The answer.
+/// The answer of the command.
 #[derive(Debug, Serialize)]
 struct Touched {
     session: uuid::Uuid,
     truth: String,
-    /// The likeliest answer at the end, its probability, and that of "none of these".
+    /// The final answer, its probability, and that of "none of these".
     answer: String,
     probability: f64,
     unknown: f64,
@@ -124,7 +123,7 @@ struct Touched {
     steps: Vec<Step>,
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     let mesh = robot::read_mesh(&args.mesh, args.unit.wire())?;
@@ -182,7 +181,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
 }
 
 impl Touched {
-    /// What a trial gave.
+    /// The answer for the result of a trial.
     fn of(session: uuid::Uuid, result: &TrialResult) -> Self {
         let last = &result.last;
         Self {
@@ -200,11 +199,11 @@ impl Touched {
     }
 }
 
-/// The last line: the answer, the truth, and how far off the pose is where there is one.
+/// The last line: the answer, the truth, and the pose error if there is a pose.
 fn verdict(touched: &Touched, last: &Step, is_posed: bool) -> String {
     let verdict = if touched.right { "right" } else { "wrong" };
     let identity = format!(
-        "\n{verdict}: {} with {:.1} %; it was {}",
+        "\n{verdict}: {} with {:.1} %; truth: {}",
         touched.answer,
         touched.probability * 100.0,
         touched.truth
@@ -231,7 +230,7 @@ fn is_geometric(method: Option<Method>) -> bool {
     )
 }
 
-/// How the robot touches: maps of a plane are for presses straight down.
+/// The approach of the robot: straight down for planar maps.
 fn approach(method: Option<Method>, version: &CatalogueVersion) -> Approach {
     let mut kinds = version.report.objects.iter().filter_map(|object| object.geometry);
     let is_planar = kinds.any(|geometry| geometry.kind == GeometryKind::Planar);
@@ -257,7 +256,7 @@ pub(crate) fn described(preset: SensorPreset) -> SensorDescription {
     SensorDescription::preset_named(preset.name()).expect("the wire's presets are core's")
 }
 
-/// Makes sure that the server knows a sensor by its preset's name.
+/// Adds the sensor to the server under its preset's name, if missing.
 pub(crate) async fn ensure_sensor(
     client: &Client,
     preset: SensorPreset,

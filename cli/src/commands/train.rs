@@ -1,4 +1,4 @@
-//! `palpate train`: asks for a training, shows how far it is, and what came out.
+//! `palpate train`: starts a training, shows its progress and its result.
 
 mod appearance;
 
@@ -28,33 +28,33 @@ use appearance::{AppearanceArgs, DescriptorName, appearance_words};
     palpate train A E I O U --geometry planar\n  \
     palpate train --appearance --appearance-classes 24,48,96\n  \
     palpate train cup --extend 3\n\n\
-    Ctrl-C asks whether to cancel the training; without a terminal it goes on in the server.")]
+    Ctrl-C asks whether to cancel the training. Without a terminal it continues in the server.")]
 pub(crate) struct TrainArgs {
-    /// Ids or names of the objects; all that have a mesh or readings when none is given.
+    /// Ids or names of the objects [default: all with a mesh or readings].
     objects: Vec<String>,
-    /// The catalogue to train.
+    /// Catalogue to train.
     #[arg(long, default_value = "default")]
     catalogue: String,
-    /// Simulated readings for an object with a mesh only [default: 1000].
+    /// Simulated readings per object that has only a mesh [default: 1000].
     #[arg(long, value_parser = clap::value_parser!(u32).range(20..=20_000))]
     readings_per_object: Option<u32>,
     /// The seed of all random choices [default: 1].
     #[arg(long)]
     seed: Option<u64>,
-    /// The sensor that touches meshes in simulation [default: digitacts-6x6].
+    /// Sensor that touches meshes in simulation [default: digitacts-6x6].
     #[arg(long)]
     sensor: Option<String>,
     /// Number of appearance classes [default: 25].
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=255))]
     classes: Option<u32>,
-    /// How a press becomes a feature [default: mnti].
+    /// Descriptor that turns a press into a feature [default: mnti].
     #[arg(long, value_enum)]
     descriptor: Option<DescriptorName>,
-    /// Also learn maps of contact, for sessions with the methods `geometric…`: of a plane
-    /// that is pressed from above, or of a solid.
+    /// Also learn contact maps for the methods `geometric…`: of a plane pressed from above, or of a
+    /// solid.
     #[arg(long, value_enum)]
     geometry: Option<Geometry>,
-    /// The side of a cell of these maps, 0.1 to 50 mm [default: what suits the kind].
+    /// Cell size of the contact maps, 0.1 to 50 mm [default: suited to the kind].
     #[arg(long, requires = "geometry", value_parser = parse_cell_mm)]
     cell_mm: Option<f64>,
     /// Learn only what the method `surface` needs: a tenth of the memory, for large catalogues.
@@ -62,20 +62,20 @@ pub(crate) struct TrainArgs {
     only_surfaces: bool,
     #[command(flatten)]
     appearance: AppearanceArgs,
-    /// A version to add to: its vocabularies and other objects stay as they are, only the
-    /// named objects (those it does not know, when none is named) are trained, in its way.
+    /// Version to extend. Its vocabularies and objects stay as they are; only the named objects
+    /// (default: those it lacks) are trained, with its options.
     #[arg(long, value_name = "VERSION", value_parser = clap::value_parser!(u32).range(1..),
         conflicts_with_all = ["classes", "descriptor", "geometry", "only_surfaces", "AppearanceArgs"])]
     extend: Option<u32>,
-    /// Fail when nothing can be learnt of an object, instead of leaving it out.
+    /// Fail if an object cannot be trained, instead of skipping it.
     #[arg(long)]
     strict: bool,
-    /// Do not wait: print the job and leave.
+    /// Print the job and exit without waiting.
     #[arg(long)]
     detach: bool,
 }
 
-/// What maps of contact are of.
+/// Kind of contact maps.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Geometry {
     /// A raised shape in a plane, such as a letter.
@@ -98,7 +98,7 @@ struct Trained {
     version: Option<CatalogueVersion>,
 }
 
-/// Does what was asked.
+/// Runs the command.
 pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
     let geometry = args.geometry.map(|kind| GeometryTraining {
         kind: match kind {
@@ -131,7 +131,7 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
     wait(&job, context).await
 }
 
-/// Waits for a job and prints what it made.
+/// Waits for a job and prints its result.
 pub(crate) async fn wait(job: &Job, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     let job = follow(client, job, output).await?;
@@ -147,7 +147,7 @@ pub(crate) async fn wait(job: &Job, context: &Context) -> anyhow::Result<()> {
     }
 }
 
-/// Follows a job to its end with a progress bar; Ctrl-C offers to cancel it.
+/// Follows a job to its end with a progress bar. Ctrl-C offers to cancel it.
 pub(crate) async fn follow(client: &Client, job: &Job, output: Output) -> anyhow::Result<Job> {
     let shown = std::cell::RefCell::new(TrainingProgress::new(output));
     shown.borrow_mut().show(job);
@@ -173,7 +173,7 @@ pub(crate) async fn follow(client: &Client, job: &Job, output: Output) -> anyhow
     Ok(outcome?)
 }
 
-/// Asks, if there is somebody to ask. Another Ctrl-C is a no.
+/// Asks on a terminal whether to cancel. A second Ctrl-C means no.
 async fn wants_to_cancel(job: &Job) -> anyhow::Result<bool> {
     if !std::io::stdin().is_terminal() || !std::io::stderr().is_terminal() {
         return Ok(false);
@@ -193,7 +193,7 @@ async fn wants_to_cancel(job: &Job) -> anyhow::Result<bool> {
     }
 }
 
-/// What became of a training that made no version.
+/// Outcome of a training that made no version.
 fn state_words(job: &Job) -> String {
     match job.state {
         JobState::Queued | JobState::Running => {
@@ -239,9 +239,9 @@ fn trained_words(trained: &Trained) -> String {
     ) + &warning_words(report)
 }
 
-/// What was left out and what is probably a mistake, a line each.
+/// Skipped objects and probable mistakes, a line each.
 fn warning_words(report: &TrainingReport) -> String {
-    let skipped = report.skipped.iter().map(|left_out| format!("\nleft out: {}", left_out.reason));
+    let skipped = report.skipped.iter().map(|left_out| format!("\nskipped: {}", left_out.reason));
     let of_whole = report.warnings.iter().filter(|w| w.code != WarningCode::ObjectsSkipped);
     let of_whole = of_whole.map(|warning| format!("\nwarning: {}", warning.detail));
     let of_objects = report.objects.iter().flat_map(|object| {
@@ -251,11 +251,11 @@ fn warning_words(report: &TrainingReport) -> String {
     skipped.chain(of_whole).chain(of_objects).collect()
 }
 
-/// What the probabilities rest on; nothing when the report does not say.
+/// What the probabilities were calibrated on; empty if the report does not say.
 fn calibration_words(report: &TrainingReport) -> String {
     match (report.calibrated, report.uncalibrated_reason) {
         (Some(true), _) => format!(
-            "\nprobabilities calibrated on readings held back of {} objects",
+            "\nprobabilities calibrated on held-back readings of {} objects",
             report.calibrated_on
         ),
         (_, Some(reason)) => format!("\n{}", calibrated::note(reason)),

@@ -1,4 +1,4 @@
-//! `/v1/analyses`: computed from the request alone, nothing is stored.
+//! `/v1/analyses`: computations on the request alone. Nothing is stored.
 
 use axum::Json;
 use axum::extract::State;
@@ -11,11 +11,11 @@ use crate::wire;
 
 /// Compare coverings
 ///
-/// How finely places can be told apart under each covering, how deep it feels, and whether it
-/// avoids aliasing; recommends the sharpest one that does.
+/// Computes, for each covering, the spatial resolution, the depth range and whether the covering
+/// avoids aliasing. Recommends the sharpest covering that does.
 #[utoipa::path(post, path = "/v1/analyses/covering", operation_id = "analyse_coverings",
     tag = "analyses", request_body = AnalyseCoverings,
-    responses((status = 200, description = "How they compare", body = CoveringAnalysis)))]
+    responses((status = 200, description = "The comparison", body = CoveringAnalysis)))]
 pub(crate) async fn analyse_coverings(
     State(app): State<App>,
     JsonBody(request): JsonBody<AnalyseCoverings>,

@@ -11,13 +11,15 @@ use crate::audit::check_operation;
 use crate::extract::Params;
 use crate::refusal::Refusal;
 
-/// List who changed what
+/// List the audit log
 ///
-/// Every request that changes something (readings of sessions aside, which their journals
-/// have), with its outcome, and requests that were refused for want of a key or a role. Newest
-/// first. What changed something, what was refused to holders of keys and what strangers tried
-/// are three rings, each of which keeps its newest entries; repetitions of what failed within an
-/// hour are counted in one entry.
+/// Lists every request that changed something, with its outcome, and every request refused for lack
+/// of a key or a role, newest first. Readings posted to sessions are not listed; the session's
+/// journal records them.
+///
+/// The log has three rings: changes, requests refused to key holders, and requests refused to
+/// callers without a key. Each ring keeps its newest entries and never displaces entries of
+/// another. Failed requests repeated within an hour share one entry with a count.
 #[utoipa::path(get, path = "/v1/audit", operation_id = "list_audit", tag = "keys",
     params(AuditQuery),
     responses((status = 200, description = "A page of entries, newest first", body = AuditPage)))]

@@ -11,8 +11,9 @@ use crate::refusal::Refusal;
 
 /// Calibrate a sensor
 ///
-/// Fits each taxel's response to indentations, finds dead and cross-wired taxels, and stores
-/// the result: readings that come from now on are corrected with it, earlier ones are not.
+/// Fits the response of each taxel to the given indentations, detects dead and cross-wired taxels,
+/// and stores the result. The calibration applies to readings received after it, not to earlier
+/// ones.
 #[utoipa::path(post, path = "/v1/sensors/{sensor}/calibration", operation_id = "calibrate_sensor",
     tag = "sensors", request_body = CalibrateSensor,
     params(("sensor" = String, Path, description = "The sensor's id or name")),
@@ -30,7 +31,7 @@ pub(crate) async fn calibrate_sensor(
 
 /// Get a sensor's calibration
 ///
-/// The newest, or the one of a number; 404 when there is none.
+/// Returns the newest calibration, or the one with the given number. 404 if there is none.
 #[utoipa::path(get, path = "/v1/sensors/{sensor}/calibration", operation_id = "get_calibration",
     tag = "sensors",
     params(("sensor" = String, Path, description = "The sensor's id or name"), CalibrationQuery),

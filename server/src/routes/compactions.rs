@@ -9,12 +9,14 @@ use crate::refusal::Refusal;
 
 /// Compact the stored data
 ///
-/// Gives the room back that removed and replaced records still take on the disk, while requests
-/// go on, and answers when it is done. It happens by itself too, when the stored bytes exceed
-/// 1.5 times the live bytes by `--store-slack-mb`. 503 when its copy would not fit on the disk.
-/// An answer of 503 because of time does not end a compaction.
+/// Frees the disk space held by removed and replaced records. Other requests are served meanwhile,
+/// and the answer comes when compaction is done. The server also compacts by itself when the stored
+/// bytes exceed 1.5 times the live bytes by `--store-slack-mb`.
+///
+/// 503 if the compacted copy would not fit on the disk. A 503 because of a timeout does not stop
+/// the compaction.
 #[utoipa::path(post, path = "/v1/compactions", operation_id = "compact", tag = "admin",
-    responses((status = 200, description = "It is done", body = Compacted)))]
+    responses((status = 200, description = "Sizes before and after", body = Compacted)))]
 pub(crate) async fn compact(State(app): State<App>) -> Result<Json<Compacted>, Refusal> {
     let store = app.store().clone();
     let compacting = tokio::task::spawn_blocking(move || store.compact());

@@ -1,8 +1,7 @@
-//! Streams of server-sent events: what is now, then what happens.
+//! Server-sent event streams: the current state first, then every change.
 //!
-//! Every event carries the whole state, so one that is missed does no harm. A stream ends
-//! when there is nothing more to come, when the key that opened it is no longer let in, and when
-//! the server stops.
+//! Every event carries the whole state, so a missed event does no harm. A stream ends when nothing
+//! more can happen, when the key that opened it stops being valid, and when the server shuts down.
 
 use std::convert::Infallible;
 use std::time::Duration;
@@ -24,12 +23,13 @@ use crate::refusal::Refusal;
 use crate::sessions::is_last;
 use crate::wire::session::session_ids;
 
-/// How often a comment keeps proxies from closing a quiet stream.
+/// Interval of the comments that keep proxies from closing a quiet stream.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
 /// Follow a job
 ///
-/// Server-sent events named `job` whose data is the job; ends when the job is finished.
+/// Streams server-sent events named `job`, each with the whole job as data. The stream ends when
+/// the job finishes.
 #[utoipa::path(get, path = "/v1/jobs/{job}/events", operation_id = "job_events", tag = "jobs",
     params(("job" = String, Path, description = "The job's id")),
     responses((status = 200, description = "Server-sent events", body = String,
@@ -48,8 +48,8 @@ pub(crate) async fn job_events(
 
 /// Follow a session
 ///
-/// Server-sent events `belief`, `closed` and `deleted` whose data is a `SessionEvent`; the
-/// first is the belief as it is now, unless `Last-Event-ID` says that it is known.
+/// Streams server-sent events named `belief`, `closed` and `deleted`, each with a `SessionEvent` as
+/// data. The first event is the current belief, unless `Last-Event-ID` names its revision.
 #[utoipa::path(get, path = "/v1/sessions/{session}/events", operation_id = "session_events",
     tag = "sessions", params(("session" = String, Path, description = "The session's id")),
     responses((status = 200, description = "Server-sent events", body = String,
@@ -68,9 +68,10 @@ pub(crate) async fn session_events(
     sse(&app, (caller, client), events.filter_map(async |event| session_event(&event)).boxed())
 }
 
-/// Follow several sessions in one stream
+/// Follow several sessions
 ///
-/// As the stream of one session, for up to 100 of them; it goes on when one of them closes.
+/// Streams the events of up to 100 sessions as one stream. The stream continues when one of the
+/// sessions closes.
 #[utoipa::path(get, path = "/v1/events", operation_id = "events", tag = "sessions",
     params(EventsQuery),
     responses((status = 200, description = "Server-sent events", body = String,
@@ -93,7 +94,8 @@ pub(crate) async fn events(
     )
 }
 
-/// What is now, then what happens. Who lags behind misses events that newer ones replace.
+/// The current state, then every change. A subscriber that lags misses events that newer ones
+/// replace.
 fn session_stream(
     now: Option<Belief>,
     events: Receiver<SessionEvent>,
@@ -114,7 +116,7 @@ fn session_event(event: &SessionEvent) -> Option<Event> {
     named.json_data(event).ok()
 }
 
-/// The stream up to and with the first item that is the last.
+/// The stream up to and including the first item that `is_last` accepts.
 fn until<T: Send + 'static>(
     items: BoxStream<'static, T>,
     is_last: impl Fn(&T) -> bool + Send + 'static,
@@ -128,7 +130,7 @@ fn until<T: Send + 'static>(
     rest.boxed()
 }
 
-/// The response of a stream. It counts against the bound on streams while it is open.
+/// The response that carries a stream. It counts towards the limit on streams while it is open.
 fn sse(
     app: &App,
     (caller, client): (Caller, Option<Client>),

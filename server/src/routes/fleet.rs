@@ -8,14 +8,13 @@ use crate::app::App;
 use crate::extract::Params;
 use crate::refusal::Refusal;
 
-/// Look at the fleet
+/// Get the fleet
 ///
-/// The open sessions in which something happened last, with their robots and the time of their
-/// newest reading. Ask again now and then; what is believed in between comes by
-/// `GET /v1/events`.
+/// Returns the most recently active open sessions, with their robots and the time of their newest
+/// reading. This is a snapshot: poll it, and follow beliefs with `GET /v1/events`.
 #[utoipa::path(get, path = "/v1/fleet", operation_id = "get_fleet", tag = "sessions",
     params(FleetQuery),
-    responses((status = 200, description = "The open sessions", body = Fleet)))]
+    responses((status = 200, description = "The most recently active open sessions", body = Fleet)))]
 pub(crate) async fn get_fleet(
     State(app): State<App>,
     Params(query): Params<FleetQuery>,

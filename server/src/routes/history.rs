@@ -14,7 +14,8 @@ use crate::refusal::Refusal;
 
 /// List a session's readings
 ///
-/// In the order in which they came, with the numbers by which they can be withdrawn.
+/// Lists readings in the order of arrival, with the sequence numbers by which they can be
+/// retracted.
 #[utoipa::path(get, path = "/v1/sessions/{session}/readings",
     operation_id = "list_session_readings", tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), PageQuery),
@@ -27,17 +28,17 @@ pub(crate) async fn list_session_readings(
     Ok(Json(app.apart(move |app| app.sessions().readings(&session, &query)).await?))
 }
 
-/// Withdraw a reading
+/// Retract a reading
 ///
-/// It stays listed and counts no more: the belief is as if it had never come, what it said of
-/// motions included. Sent again it stays withdrawn. Withdrawing it again changes nothing and
-/// answers as the first time. 410 when the session has ended.
+/// Keeps the reading in the list but removes it from the belief, as if it had never arrived,
+/// including any motion it announced. Sending the reading again does not restore it. Retracting it
+/// again changes nothing and returns the first answer. 410 if the session has ended.
 #[utoipa::path(delete, path = "/v1/sessions/{session}/readings/{number}",
     operation_id = "retract_reading", tag = "sessions",
     params(("session" = String, Path, description = "The session's id"),
         ("number" = String, Path, description = "The reading's number within the session"),
         ReadingsQuery),
-    responses((status = 200, description = "What became of the reading",
+    responses((status = 200, description = "The result of the retraction",
         body = ReadingRetracted), Conflict, Ended))]
 pub(crate) async fn retract_reading(
     State(app): State<App>,
@@ -48,16 +49,16 @@ pub(crate) async fn retract_reading(
     Ok(Json(app.sessions().retract(&session, &number, detail).await?))
 }
 
-/// Withdraw a reading by its robot's number
+/// Retract a reading by robot and `seq`
 ///
-/// As by its number within the session.
+/// Does the same as retracting by the number within the session.
 #[utoipa::path(delete, path = "/v1/sessions/{session}/readings/{robot}/{seq}",
     operation_id = "retract_robot_reading", tag = "sessions",
     params(("session" = String, Path, description = "The session's id"),
         ("robot" = String, Path, description = "The robot that took it"),
-        ("seq" = String, Path, description = "The robot's number of it"),
+        ("seq" = String, Path, description = "The reading's `seq`"),
         ReadingsQuery),
-    responses((status = 200, description = "What became of the reading",
+    responses((status = 200, description = "The result of the retraction",
         body = ReadingRetracted), Conflict, Ended))]
 pub(crate) async fn retract_robot_reading(
     State(app): State<App>,
@@ -70,9 +71,9 @@ pub(crate) async fn retract_robot_reading(
 
 /// Replay a session
 ///
-/// What came with each revision and what was believed then, and the belief of revision `upto`
-/// in full. Late readings are folded where they belong from the revision on that brought them.
-/// When `next_after` is not null, ask again with it for the steps that are missing.
+/// Returns what each revision added and the answer it led to, and the full belief of revision
+/// `upto`. A late reading is folded in at its place from the revision that brought it. If
+/// `next_after` is not null, call again with it to get the remaining steps.
 #[utoipa::path(get, path = "/v1/sessions/{session}/replay", operation_id = "replay_session",
     tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), ReplayQuery),
@@ -87,15 +88,16 @@ pub(crate) async fn replay_session(
 
 /// Explain a session's belief
 ///
-/// Compares the belief with what it would be without each of its readings: what each contributes
-/// in bits, and which disagree with the rest. With `surface` a reading disagrees when the others
-/// expect it, on the object where they have it, 256 times less than a touch anywhere or worse;
-/// with the other methods when the odds of what all others say are at least 16 times as large
-/// without it. 409 when the belief rests on more than 200 readings.
+/// Compares the belief with what it would be without each reading. For each reading it returns the
+/// contribution in bits and whether the reading disagrees with the rest.
+///
+/// With `surface`, a reading disagrees if the other readings make it at least 256 times less likely
+/// than a touch at a random place. With the other methods, it disagrees if removing it raises the
+/// odds of the others' answer at least 16-fold. 409 if the belief rests on more than 200 readings.
 #[utoipa::path(get, path = "/v1/sessions/{session}/explain", operation_id = "explain_session",
     tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), ExplainQuery),
-    responses((status = 200, description = "What each reading contributed", body = Explanation),
+    responses((status = 200, description = "The contribution of each reading", body = Explanation),
         Conflict))]
 pub(crate) async fn explain_session(
     State(app): State<App>,

@@ -33,8 +33,8 @@ pub(crate) async fn get_job(
 
 /// Cancel a job
 ///
-/// A queued job never begins; a running one stops at its next step, within seconds. 409 when
-/// it is finished already.
+/// A queued job never starts; a running job stops at its next step, within seconds. 409 if the job
+/// has already finished.
 #[utoipa::path(post, path = "/v1/jobs/{job}/cancel", operation_id = "cancel_job", tag = "jobs",
     params(("job" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The job", body = Job), Conflict))]

@@ -14,7 +14,7 @@ use crate::refusal::Refusal;
 
 /// List the keys
 ///
-/// Without their secrets, which nobody can show again.
+/// Lists the keys without their secrets. A secret cannot be shown again.
 #[utoipa::path(get, path = "/v1/keys", operation_id = "list_keys", tag = "keys",
     params(PageQuery),
     responses((status = 200, description = "A page of keys, oldest first", body = ApiKeyPage)))]
@@ -27,8 +27,8 @@ pub(crate) async fn list_keys(
 
 /// Create a key
 ///
-/// The answer holds the secret, this once. On a server that does not ask for keys yet, it does
-/// from its next start on.
+/// Returns the secret, once. The first key takes effect at the next start: from then on the server
+/// requires keys.
 #[utoipa::path(post, path = "/v1/keys", operation_id = "create_key", tag = "keys",
     request_body = CreateKey,
     responses((status = 201, description = "The new key and its secret", body = NewApiKey),
@@ -54,11 +54,11 @@ pub(crate) async fn get_key(
 
 /// Revoke a key
 ///
-/// It is refused from now on, and streams of events that it opened end. It stays in the list.
-/// The last admin's key cannot be revoked: 409.
+/// Refuses the key from now on and ends the event streams it opened. The key stays in the list. 409
+/// for the last admin key, which cannot be revoked.
 #[utoipa::path(delete, path = "/v1/keys/{key}", operation_id = "revoke_key", tag = "keys",
     params(("key" = String, Path, description = "The key's id or name")),
-    responses((status = 204, description = "It is refused from now on"), Conflict))]
+    responses((status = 204, description = "The key is revoked"), Conflict))]
 pub(crate) async fn revoke_key(
     State(app): State<App>,
     Segment1(key): Segment1,
@@ -67,10 +67,10 @@ pub(crate) async fn revoke_key(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Give a key a new secret
+/// Rotate a key's secret
 ///
-/// The answer holds the new secret, this once. The one before is refused at once, or after
-/// `grace_s` seconds. 409 when the key was revoked or has expired.
+/// Returns the new secret, once. The previous secret stops working at once, or after `grace_s`
+/// seconds. 409 if the key was revoked or has expired.
 #[utoipa::path(post, path = "/v1/keys/{key}/rotate", operation_id = "rotate_key", tag = "keys",
     request_body = RotateKey,
     params(("key" = String, Path, description = "The key's id or name")),
@@ -84,7 +84,7 @@ pub(crate) async fn rotate_key(
     Ok(Json(app.keys().rotate(&key, &request).await?))
 }
 
-/// Say whom the server takes the caller for
+/// Show the caller's key and role
 #[utoipa::path(get, path = "/v1/whoami", operation_id = "whoami", tag = "keys",
     responses((status = 200, description = "The caller's key and role", body = Whoami)))]
 pub(crate) async fn whoami(

@@ -1,4 +1,4 @@
-//! `/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy` and merges of maps.
+//! `/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy`, and merging contact maps.
 
 use axum::Json;
 use axum::extract::State;
@@ -11,13 +11,13 @@ use crate::extract::{JsonBody, Params, Segment1, Segment3};
 use crate::openapi::{Conflict, MapFile};
 use crate::refusal::Refusal;
 
-/// What never changes may be kept for a year.
+/// Cache policy of answers that never change: one year.
 const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 
-/// Get an object's map of contact
+/// Get an object's contact map
 ///
-/// Which cells around the object generate contact, as learnt with `geometry`; in the object
-/// frame. With `slice` the log-odds of that layer of cells. It never changes. 409 when the
+/// Returns the cells around the object that generate contact, as learnt with `geometry`, in the
+/// object frame. `slice` adds the log-odds of one layer of cells. The map never changes. 409 if the
 /// version was trained without geometry.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",
     operation_id = "get_occupancy", tag = "training",
@@ -27,7 +27,7 @@ const IMMUTABLE: &str = "private, max-age=31536000, immutable";
         SliceQuery),
     responses((status = 200, description = "The map", body = OccupancyMap,
             headers(("etag" = String, description = "The version's tag"))),
-        (status = 304, description = "It is the one of `If-None-Match`"), Conflict))]
+        (status = 304, description = "Not modified: the client has it"), Conflict))]
 pub(crate) async fn get_occupancy(
     State(app): State<App>,
     Segment3(name, version, object): Segment3,
@@ -39,10 +39,10 @@ pub(crate) async fn get_occupancy(
     Ok(immutable(&headers, &mapped.tag(), Json(map)))
 }
 
-/// Get an object's map of contact as an image
+/// Get an object's contact map as an image
 ///
-/// A heat map of one layer of cells, one or more pixels a cell, y up; the layer in the middle
-/// when `slice` names none.
+/// Renders one layer of cells as a heat map, at least one pixel per cell, with y up. Without
+/// `slice` it shows the middle layer.
 #[utoipa::path(get,
     path = "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.png",
     operation_id = "get_occupancy_png", tag = "training",
@@ -52,7 +52,7 @@ pub(crate) async fn get_occupancy(
         SliceQuery),
     responses((status = 200, description = "The image", body = MapFile, content_type = "image/png",
             headers(("etag" = String, description = "The version's tag"))),
-        (status = 304, description = "It is the one of `If-None-Match`"), Conflict))]
+        (status = 304, description = "Not modified: the client has it"), Conflict))]
 pub(crate) async fn get_occupancy_png(
     State(app): State<App>,
     Segment3(name, version, object): Segment3,
@@ -65,10 +65,10 @@ pub(crate) async fn get_occupancy_png(
     Ok(immutable(&headers, &tag, ([(header::CONTENT_TYPE, "image/png")], png)))
 }
 
-/// Get an object's map of contact as a PLY file
+/// Get an object's contact map as a PLY file
 ///
-/// The cells that are likely occupied as `points`, or the surface around them as a `mesh`; in
-/// the object frame, in metres.
+/// Exports the likely occupied cells as `points`, or the surface around them as a `mesh`, in the
+/// object frame and in metres.
 #[utoipa::path(get,
     path = "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy.ply",
     operation_id = "get_occupancy_ply", tag = "training",
@@ -78,7 +78,7 @@ pub(crate) async fn get_occupancy_png(
         PlyQuery),
     responses((status = 200, description = "The file", body = MapFile, content_type = "model/ply",
             headers(("etag" = String, description = "The version's tag"))),
-        (status = 304, description = "It is the one of `If-None-Match`"), Conflict))]
+        (status = 304, description = "Not modified: the client has it"), Conflict))]
 pub(crate) async fn get_occupancy_ply(
     State(app): State<App>,
     Segment3(name, version, object): Segment3,
@@ -91,12 +91,12 @@ pub(crate) async fn get_occupancy_ply(
     Ok(immutable(&headers, &tag, ([(header::CONTENT_TYPE, "model/ply")], ply)))
 }
 
-/// Merge the maps of contact of two versions
+/// Merge the contact maps of two versions
 ///
-/// Makes a new version of this catalogue: the one that is added to, with the evidence of
-/// another version's maps of contact (of another robot, for instance) added to those of the
-/// same objects. Readings that both were trained from count twice. Everything else, such as
-/// vocabulary, pair maps and pressures, is that of the version added to.
+/// Creates a new version of this catalogue: a copy of the base version in which the evidence of
+/// another version's contact maps is added to the maps of the same objects. The other version may
+/// come from another robot. Readings that trained both versions count twice. Everything else
+/// (vocabulary, pair maps, pressures) comes from the base version.
 #[utoipa::path(post, path = "/v1/catalogues/{name}/merges", operation_id = "merge_maps",
     tag = "training", request_body = MergeMaps,
     params(("name" = String, Path, description = "The catalogue's name")),
@@ -111,7 +111,7 @@ pub(crate) async fn merge_maps(
     Ok(super::created(format!("/v1/catalogues/{name}/versions/{}", merged.version), merged))
 }
 
-/// An answer that never changes, or 304 when it is known.
+/// An answer that never changes, or 304 if the client already has it.
 fn immutable(headers: &HeaderMap, tag: &str, content: impl IntoResponse) -> Response {
     let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
     let is_known = known.is_some_and(|known| {

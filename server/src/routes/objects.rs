@@ -26,7 +26,7 @@ pub(crate) async fn list_objects(
     Ok(Json(app.apart(move |app| app.objects().list(&query)).await?))
 }
 
-/// Add an object
+/// Create an object
 #[utoipa::path(post, path = "/v1/objects", operation_id = "create_object", tag = "objects",
     request_body = CreateObject,
     responses((status = 201, description = "The new object", body = ObjectInfo), Conflict))]
@@ -54,7 +54,7 @@ pub(crate) async fn get_object(
 #[utoipa::path(patch, path = "/v1/objects/{object}", operation_id = "update_object",
     tag = "objects", request_body = UpdateObject,
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 200, description = "The object as it is now", body = ObjectInfo), Conflict))]
+    responses((status = 200, description = "The updated object", body = ObjectInfo), Conflict))]
 pub(crate) async fn update_object(
     State(app): State<App>,
     Segment1(object): Segment1,
@@ -66,12 +66,12 @@ pub(crate) async fn update_object(
 
 /// Delete an object
 ///
-/// Its mesh and training readings go too. Versions that were trained with it keep what they
-/// learnt and go on recognising it. 409 while an unfinished job needs it.
+/// Also deletes its mesh and training readings. Versions trained with the object still recognise
+/// it. 409 while an unfinished job needs the object.
 #[utoipa::path(delete, path = "/v1/objects/{object}", operation_id = "delete_object",
     tag = "objects",
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 204, description = "It is gone"), Conflict))]
+    responses((status = 204, description = "Deleted"), Conflict))]
 pub(crate) async fn delete_object(
     State(app): State<App>,
     Segment1(object): Segment1,
@@ -82,10 +82,10 @@ pub(crate) async fn delete_object(
 
 /// Get an object's mesh
 ///
-/// The file as it was uploaded, with the content type of its format.
+/// Returns the uploaded file with the content type of its format.
 #[utoipa::path(get, path = "/v1/objects/{object}/mesh", operation_id = "get_mesh", tag = "objects",
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 200, description = "The file, in the format that it was uploaded in",
+    responses((status = 200, description = "The file in its original format",
         content((MeshFile = "model/stl"), (MeshFile = "model/obj"), (MeshFile = "model/ply"),
             (MeshFile = "model/off")))))]
 pub(crate) async fn get_mesh(
@@ -98,15 +98,15 @@ pub(crate) async fn get_mesh(
 
 /// Upload an object's mesh
 ///
-/// The raw file as the body. The unit is mandatory, because no format says it: millimetres
-/// are usual in CAD, metres in robotics. The format is named by the content type (`model/stl`,
-/// `model/obj`, `model/ply`, `model/off`), or by `format` with `application/octet-stream`.
-/// The mesh before it, if any, is replaced; versions trained from that do not change.
+/// The body is the raw file. `unit` is mandatory because no mesh format records it; CAD programs
+/// usually write millimetres, robotics tools metres. The content type names the format
+/// (`model/stl`, `model/obj`, `model/ply`, `model/off`); with `application/octet-stream`, `format`
+/// does. The upload replaces the previous mesh. Versions trained from that mesh do not change.
 #[utoipa::path(put, path = "/v1/objects/{object}/mesh", operation_id = "put_mesh", tag = "objects",
     params(("object" = String, Path, description = "The object's id or name"), MeshQuery),
     request_body(content = MeshFile, content_type = "application/octet-stream",
         description = "The mesh file"),
-    responses((status = 200, description = "How the mesh is understood", body = MeshReport)))]
+    responses((status = 200, description = "The server's interpretation of the mesh", body = MeshReport)))]
 pub(crate) async fn put_mesh(
     State(app): State<App>,
     Segment1(object): Segment1,
@@ -120,7 +120,7 @@ pub(crate) async fn put_mesh(
 #[utoipa::path(get, path = "/v1/objects/{object}/readings", operation_id = "list_object_readings",
     tag = "objects",
     params(("object" = String, Path, description = "The object's id or name"), PageQuery),
-    responses((status = 200, description = "A page of readings in the order they came",
+    responses((status = 200, description = "A page of readings in the order of arrival",
         body = StoredReadingPage)))]
 pub(crate) async fn list_object_readings(
     State(app): State<App>,
@@ -132,13 +132,13 @@ pub(crate) async fn list_object_readings(
 
 /// Add training readings of an object
 ///
-/// 1 to 1000 readings that a robot took of the object at rest, with poses in one frame that
-/// is fixed to it. All are taken or none. An object with readings is trained from them, not
+/// Stores 1 to 1000 readings taken of the object at rest, with poses in one frame fixed to it. The
+/// request is stored whole or not at all. An object that has readings is trained from them, not
 /// from its mesh.
 #[utoipa::path(post, path = "/v1/objects/{object}/readings", operation_id = "add_object_readings",
     tag = "objects", request_body = AddTrainingReadings,
     params(("object" = String, Path, description = "The object's id or name")),
-    responses((status = 200, description = "How many are stored", body = TrainingReadingsAdded),
+    responses((status = 200, description = "The number of readings stored", body = TrainingReadingsAdded),
         Conflict))]
 pub(crate) async fn add_object_readings(
     State(app): State<App>,

@@ -10,11 +10,11 @@ use crate::extract::{JsonBody, Params, Segment1};
 use crate::openapi::Conflict;
 use crate::refusal::Refusal;
 
-/// List the names of robots that belong to keys
+/// List the robot names held by keys
 ///
-/// A robot's name belongs to the key that used it first in a session's reading, over the whole
-/// fleet; a reading that another key posts with it is refused (403). Revoking a key releases its
-/// names. Where nobody is asked for a key, names belong to nobody.
+/// A robot name belongs, across the whole fleet, to the key that first used it in a session's
+/// reading. A reading posted under that name with another key is refused (403). Revoking a key
+/// releases its names. On a server without keys, names belong to nobody.
 #[utoipa::path(get, path = "/v1/robots", operation_id = "list_robots", tag = "keys",
     params(PageQuery),
     responses((status = 200, description = "A page of names", body = RobotPage)))]
@@ -25,10 +25,10 @@ pub(crate) async fn list_robots(
     Ok(Json(app.apart(move |app| app.keys().list_robots(&query)).await?))
 }
 
-/// Give a robot's name to a key
+/// Assign a robot name to a key
 ///
-/// Whatever key it belonged to. What is stored keeps the key that it was written with. 409 when
-/// the key was revoked.
+/// Takes the name from the key that held it. Stored readings keep the key they were written with.
+/// 409 if the key was revoked.
 #[utoipa::path(put, path = "/v1/robots/{robot}", operation_id = "bind_robot", tag = "keys",
     request_body = BindRobot,
     params(("robot" = String, Path, description = "The robot's name")),
@@ -41,12 +41,12 @@ pub(crate) async fn bind_robot(
     Ok(Json(app.keys().bind_robot(&robot, &request).await?))
 }
 
-/// Release a robot's name
+/// Release a robot name
 ///
-/// It belongs to the key that uses it next.
+/// The name then belongs to the next key that uses it.
 #[utoipa::path(delete, path = "/v1/robots/{robot}", operation_id = "release_robot", tag = "keys",
     params(("robot" = String, Path, description = "The robot's name")),
-    responses((status = 204, description = "It belongs to no key")))]
+    responses((status = 204, description = "Released")))]
 pub(crate) async fn release_robot(
     State(app): State<App>,
     Segment1(robot): Segment1,

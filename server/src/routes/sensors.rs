@@ -22,11 +22,12 @@ pub(crate) async fn list_sensors(
     Ok(Json(app.apart(move |app| app.sensors().list(&query)).await?))
 }
 
-/// Add a sensor
+/// Create a sensor
 ///
-/// From a preset or a description; what its data sheet does not say of the point spread, the
-/// force curve and the noise is filled in from the covering and the range. Every preset is there from the start under its own
-/// name. A sensor does not change: readings rely on its geometry; add another one instead.
+/// Creates the sensor from a preset or a description. If the description omits the point spread,
+/// the force curve or the noise, they are derived from the covering and the range. Every preset
+/// exists from the start under its own name. Sensors are immutable because stored readings rely on
+/// their geometry: to change one, create another.
 #[utoipa::path(post, path = "/v1/sensors", operation_id = "create_sensor", tag = "sensors",
     request_body = CreateSensor,
     responses((status = 201, description = "The new sensor", body = Sensor), Conflict))]
@@ -52,12 +53,12 @@ pub(crate) async fn get_sensor(
 
 /// Delete a sensor
 ///
-/// Its calibrations go too. 409 while something needs it: an object or a session that is kept
-/// has a reading of it, or an unfinished job touches with it. Presets stay.
+/// Also deletes its calibrations. 409 while a stored object or session has a reading of the sensor,
+/// or an unfinished job touches with it. Presets cannot be deleted.
 #[utoipa::path(delete, path = "/v1/sensors/{sensor}", operation_id = "delete_sensor",
     tag = "sensors",
     params(("sensor" = String, Path, description = "The sensor's id or name")),
-    responses((status = 204, description = "It is gone"), Conflict))]
+    responses((status = 204, description = "Deleted"), Conflict))]
 pub(crate) async fn delete_sensor(
     State(app): State<App>,
     Segment1(sensor): Segment1,
@@ -66,15 +67,15 @@ pub(crate) async fn delete_sensor(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Try a reading out
+/// Check a reading
 ///
-/// Says how the server understands a reading: which way the image is turned, what is missing
-/// or saturated, where it touches. Nothing is stored. The reading's own `sensor` must be the
-/// one of the path.
+/// Reports how the server interprets a reading: the orientation of the image, missing and saturated
+/// taxels, and the area of contact. Nothing is stored. The reading's `sensor` must be the sensor in
+/// the path.
 #[utoipa::path(post, path = "/v1/sensors/{sensor}/check", operation_id = "check_reading",
     tag = "sensors", request_body = Reading,
     params(("sensor" = String, Path, description = "The sensor's id or name")),
-    responses((status = 200, description = "How the reading is understood", body = ReadingCheck)))]
+    responses((status = 200, description = "The server's interpretation of the reading", body = ReadingCheck)))]
 pub(crate) async fn check_reading(
     State(app): State<App>,
     Segment1(sensor): Segment1,

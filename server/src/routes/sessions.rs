@@ -27,11 +27,11 @@ pub(crate) async fn list_sessions(
     Ok(Json(app.apart(move |app| app.sessions().list(&query)).await?))
 }
 
-/// Begin a session
+/// Create a session
 ///
-/// One object that rests in one frame and is touched, by one robot or several. The session
-/// keeps the catalogue's version that it begins with. 409 when there is none yet, 429 when as
-/// many are open as may be.
+/// A session is one object, touched in one frame by one or more robots. It keeps the catalogue
+/// version that is current when it starts. 409 if the catalogue has no version yet, 429 if the
+/// maximum number of sessions is open.
 #[utoipa::path(post, path = "/v1/sessions", operation_id = "create_session", tag = "sessions",
     request_body = CreateSession,
     responses((status = 201, description = "The new session", body = Session), Conflict))]
@@ -57,7 +57,7 @@ pub(crate) async fn get_session(
 /// Delete a session with its readings
 #[utoipa::path(delete, path = "/v1/sessions/{session}", operation_id = "delete_session",
     tag = "sessions", params(("session" = String, Path, description = "The session's id")),
-    responses((status = 204, description = "It is gone")))]
+    responses((status = 204, description = "Deleted")))]
 pub(crate) async fn delete_session(
     State(app): State<App>,
     Segment1(session): Segment1,
@@ -68,12 +68,13 @@ pub(crate) async fn delete_session(
 
 /// Close a session
 ///
-/// It takes no more readings; its belief can still be read. Who knows what the object was may
-/// say so, also later and of a session that has expired: `truth` then tells how right the belief
-/// was, and the metrics count it. Closing again changes nothing else; 409 with another truth.
+/// Stops the session from accepting readings; its belief can still be read. Optionally pass the
+/// true object, even later or after the session has expired: `truth` then reports the probability
+/// that the belief gave it, and the metrics count it. Closing again has no other effect. 409 if
+/// another truth is already recorded.
 #[utoipa::path(post, path = "/v1/sessions/{session}/close", operation_id = "close_session",
     tag = "sessions", params(("session" = String, Path, description = "The session's id")),
-    request_body(content = CloseSession, description = "What the object was; may be left out"),
+    request_body(content = CloseSession, description = "The true object; optional"),
     responses((status = 200, description = "The closed session", body = Session), Conflict))]
 pub(crate) async fn close_session(
     State(app): State<App>,
@@ -85,12 +86,12 @@ pub(crate) async fn close_session(
 
 /// Keep a session open
 ///
-/// A lease: it does not expire for so long, though nothing comes. Asking again extends it;
-/// readings and closing need none. 410 when the session has ended.
+/// Keeps the session open for `seconds` without new readings. Call again to extend. Not needed to
+/// add readings or to close. 410 if the session has ended.
 #[utoipa::path(post, path = "/v1/sessions/{session}/lease", operation_id = "extend_session",
     tag = "sessions", request_body = ExtendSession,
     params(("session" = String, Path, description = "The session's id")),
-    responses((status = 200, description = "The session, with its lease", body = Session),
+    responses((status = 200, description = "The session with its new deadline", body = Session),
         Ended))]
 pub(crate) async fn extend_session(
     State(app): State<App>,
@@ -102,18 +103,20 @@ pub(crate) async fn extend_session(
 
 /// Add readings
 ///
-/// 1 to 1000 readings in one list, also when it is only one; all are taken or none. Answered
-/// when they are durable, with the belief after them. `robot` and `seq` together identify a
-/// reading: sent again with the same content it is not counted twice, and when all of a request
-/// are known it is answered with the belief of the first time, also after a restart and when the
-/// reading was withdrawn since. 409 with other content, or when the session is full; 410 when it
+/// Takes a list of 1 to 1000 readings, stores it whole or not at all, and returns the belief once
+/// the readings are durable.
+///
+/// `robot` and `seq` together identify a reading. A repeated reading with the same content is not
+/// counted again. A request made only of known readings returns the belief of the first time, even
+/// after a restart or a retraction. 409 if the content differs or the session is full, 410 if it
 /// has ended.
-/// The belief is the same in whatever order readings with ids come: they are folded in the order
-/// of their stamps (those without first), then robots, then `seq`.
+///
+/// The belief does not depend on the order of arrival: readings with ids are folded in by stamp
+/// (readings without a stamp first), then robot, then `seq`.
 #[utoipa::path(post, path = "/v1/sessions/{session}/readings", operation_id = "add_readings",
     tag = "sessions", request_body = AddReadings,
     params(("session" = String, Path, description = "The session's id"), ReadingsQuery),
-    responses((status = 200, description = "What became of the readings", body = ReadingsAdded),
+    responses((status = 200, description = "The belief after the readings", body = ReadingsAdded),
         Conflict, Ended))]
 pub(crate) async fn add_readings(
     State(app): State<App>,
@@ -127,15 +130,15 @@ pub(crate) async fn add_readings(
 
 /// Get a session's belief
 ///
-/// With `If-None-Match` and the `ETag` of a belief that is still the newest, 304. With `at`
-/// the belief of an earlier revision, computed anew from the stored readings; it never changes,
-/// and its `ETag` is the one that it had then.
+/// Returns 304 if `If-None-Match` carries the `ETag` of the newest belief. `at` returns the belief
+/// of an earlier revision, recomputed from the stored readings; it never changes and has the `ETag`
+/// it had then.
 #[utoipa::path(get, path = "/v1/sessions/{session}/belief", operation_id = "get_belief",
     tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), BeliefQuery),
     responses((status = 200, description = "The belief", body = Belief,
             headers(("etag" = String, description = "The revision"))),
-        (status = 304, description = "The belief is still the one of `If-None-Match`")))]
+        (status = 304, description = "Not modified: the client has the newest belief")))]
 pub(crate) async fn get_belief(
     State(app): State<App>,
     Segment1(session): Segment1,
@@ -150,18 +153,18 @@ pub(crate) async fn get_belief(
     Ok((etag, Json(belief)).into_response())
 }
 
-/// Get how probable each coordinate of the pose is
+/// Get the marginals of a session's pose
 ///
-/// For plotting, in sessions with the methods `geometric…`: given that the object is the one
-/// named (or the likeliest), the probabilities of bins along x, y and the turn in the prior's
-/// plane, or along the session's axes. With `If-None-Match` and the `ETag` of a belief that is
-/// still the newest, 304. 409 when there are none.
+/// For plots, with the methods `geometric…`: given that the object is the named one (default: the
+/// likeliest), the probabilities of bins along x, y and the rotation in the prior's plane, or along
+/// the session's axes. Returns 304 if `If-None-Match` carries the `ETag` of the newest belief. 409
+/// if the session has no marginals.
 #[utoipa::path(get, path = "/v1/sessions/{session}/marginals", operation_id = "get_marginals",
     tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), MarginalsQuery),
     responses((status = 200, description = "The marginals", body = Marginals,
             headers(("etag" = String, description = "The revision"))),
-        (status = 304, description = "The belief is still the one of `If-None-Match`"),
+        (status = 304, description = "Not modified: the client has the newest belief"),
         Conflict))]
 pub(crate) async fn get_marginals(
     State(app): State<App>,
@@ -177,14 +180,15 @@ pub(crate) async fn get_marginals(
     Ok((etag, Json(marginals)).into_response())
 }
 
-/// Ask where to touch next
+/// Rank the next touches
 ///
-/// In sessions with the method `surface`: ranks the `candidates`, or approaches of the service's
-/// own, by what their outcomes are expected to say about which object it is, times the
-/// probability of a contact, and per `cost` when there is one. What was evaluated by
-/// `deadline_ms` is ranked; equal questions that are evaluated completely get equal answers.
-/// Nothing is stored. 409 with other methods, and before the first touch without a `workspace`;
-/// 410 when the session has ended.
+/// With the method `surface`: ranks `candidates`, or approaches that the service generates. The
+/// score is the expected information about the object's identity times the probability of contact,
+/// divided by `cost` where given. Only approaches evaluated before `deadline_ms` are ranked;
+/// identical questions that are evaluated completely get identical answers. Nothing is stored.
+///
+/// 409 with other methods, and before the first touch without a `workspace`; 410 if the session has
+/// ended.
 #[utoipa::path(post, path = "/v1/sessions/{session}/next-touches",
     operation_id = "ask_next_touches", tag = "sessions", request_body = AskNextTouches,
     params(("session" = String, Path, description = "The session's id")),

@@ -1,4 +1,4 @@
-//! What is not about robots: health, metrics, version, documentation, the dashboard.
+//! Everything outside the robots' API: health, metrics, version, documentation, the dashboard.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, Uri, header};
@@ -11,24 +11,24 @@ use crate::app::App;
 use crate::refusal::Refusal;
 use crate::{dashboard, openapi, telemetry};
 
-/// Pages for people, and the API's description.
+/// The dashboard, and the API's description and documentation.
 pub(crate) fn pages() -> Router<App> {
     let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
     let pages = Router::new().merge(docs).route("/openapi.json", axum::routing::get(description));
     dashboard::paths().fold(pages, |pages, path| pages.route(path, axum::routing::get(file)))
 }
 
-/// Whether the process answers
+/// Check that the process answers
 #[utoipa::path(get, path = "/livez", operation_id = "livez", tag = "site",
-    responses((status = 200, description = "It does", body = Liveness)))]
+    responses((status = 200, description = "The process answers", body = Liveness)))]
 pub(crate) async fn livez() -> Json<Liveness> {
     Json(Liveness { alive: true })
 }
 
-/// Whether the server does its work
+/// Check that the server is ready
 ///
-/// 503 tells a load balancer to look elsewhere; its problem names the checks that failed. Where
-/// keys are asked for, the figures (`detail`) are for callers with a key; it may have any role.
+/// 503 tells a load balancer to route elsewhere; the problem names the failed checks. On a server
+/// with keys, only callers with a valid key (any role) see the figures in `detail`.
 #[utoipa::path(get, path = "/readyz", operation_id = "readyz", tag = "site",
     responses((status = 200, description = "All checks passed", body = Readiness)))]
 pub(crate) async fn readyz(
@@ -43,9 +43,9 @@ pub(crate) async fn readyz(
     if readiness.ready { Ok(Json(readiness)) } else { Err(Refusal::NotReady(readiness)) }
 }
 
-/// Figures for Prometheus
+/// Get metrics for Prometheus
 #[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "site",
-    responses((status = 200, description = "Figures in the text format of Prometheus",
+    responses((status = 200, description = "Metrics in the Prometheus text format",
         body = String, content_type = "text/plain")))]
 pub(crate) async fn metrics(State(app): State<App>) -> Response {
     app.measure();
@@ -54,7 +54,7 @@ pub(crate) async fn metrics(State(app): State<App>) -> Response {
     (content_type, text).into_response()
 }
 
-/// Which server this is
+/// Get the server's version
 #[utoipa::path(get, path = "/version", operation_id = "version", tag = "site",
     responses((status = 200, description = "The version", body = Version)))]
 pub(crate) async fn version() -> Json<Version> {

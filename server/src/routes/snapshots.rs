@@ -18,10 +18,10 @@ use crate::snapshots::{IN_MEMORY, take};
 
 /// Take a snapshot
 ///
-/// Everything that is stored and acknowledged by now, as one file, whatever is written while it
-/// is sent. Up to four are taken side by side, of which one key never has all (429; 503 when all
-/// are taken). A download ends with its key. A file that was cut off has no end and is refused by
-/// `palpate snapshot verify` and `restore`.
+/// Streams everything stored and acknowledged so far as one consistent file; writes continue
+/// meanwhile. At most four snapshots run at once. One key never holds all four (429); 503 when all
+/// four are taken. A download ends when its key stops being valid. A truncated file lacks its end
+/// marker, and `palpate snapshot verify` and `restore` refuse it.
 #[utoipa::path(post, path = "/v1/snapshots", operation_id = "take_snapshot", tag = "admin",
     responses((status = 200, description = "The snapshot", body = SnapshotFile,
         content_type = "application/octet-stream")))]

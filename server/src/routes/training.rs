@@ -29,7 +29,7 @@ pub(crate) async fn list_catalogues(
 
 /// Get a catalogue
 ///
-/// What is current, and what was when.
+/// Returns the current version and the history of switches.
 #[utoipa::path(get, path = "/v1/catalogues/{name}", operation_id = "get_catalogue",
     tag = "training", params(("name" = String, Path, description = "The catalogue's name")),
     responses((status = 200, description = "The catalogue", body = Catalogue)))]
@@ -42,8 +42,8 @@ pub(crate) async fn get_catalogue(
 
 /// Train a new version
 ///
-/// Answers at once with a job; jobs are done one at a time. The catalogue is made if it does
-/// not exist. Sessions that run keep the version they began with.
+/// Returns a job at once; jobs run one at a time. Creates the catalogue if it does not exist.
+/// Running sessions keep their version.
 #[utoipa::path(post, path = "/v1/catalogues/{name}/trainings", operation_id = "start_training",
     tag = "training", request_body = StartTraining,
     params(("name" = String, Path, description = "The catalogue's name, such as `default`")),
@@ -60,11 +60,11 @@ pub(crate) async fn start_training(
 
 /// Delete a catalogue
 ///
-/// All its versions go too. 409 while something needs it: a session that is kept began with one
-/// of them, or an unfinished job trains it.
+/// Also deletes all its versions. 409 while a stored session uses one of them or an unfinished job
+/// trains the catalogue.
 #[utoipa::path(delete, path = "/v1/catalogues/{name}", operation_id = "delete_catalogue",
     tag = "training", params(("name" = String, Path, description = "The catalogue's name")),
-    responses((status = 204, description = "It is gone"), Conflict))]
+    responses((status = 204, description = "Deleted"), Conflict))]
 pub(crate) async fn delete_catalogue(
     State(app): State<App>,
     Segment1(name): Segment1,
@@ -102,14 +102,13 @@ pub(crate) async fn get_version(
 
 /// Delete a version
 ///
-/// Its model goes, as far as no other version shares it; its number is not used again. 409 while
-/// something needs it: it is current, a session that is kept began with it, or an unfinished job
-/// extends it.
+/// Deletes the parts of its model that no other version shares. The number is not reused. 409 while
+/// the version is current, a stored session uses it, or an unfinished job extends it.
 #[utoipa::path(delete, path = "/v1/catalogues/{name}/versions/{version}",
     operation_id = "delete_version", tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"),
         ("version" = u32, Path, description = "The version's number")),
-    responses((status = 204, description = "It is gone"), Conflict))]
+    responses((status = 204, description = "Deleted"), Conflict))]
 pub(crate) async fn delete_version(
     State(app): State<App>,
     Segment2(name, version): Segment2,
@@ -118,9 +117,9 @@ pub(crate) async fn delete_version(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Get what a version's training made
+/// Get a version's training report
 ///
-/// Objects, patches, memory, time and seed.
+/// Returns its objects, patches, memory, training time and seed.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/report",
     operation_id = "get_report", tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"),
@@ -133,10 +132,11 @@ pub(crate) async fn get_report(
     Ok(Json(app.catalogues().version(&name, &version)?.report))
 }
 
-/// Get what held-back readings say of a version's appearance
+/// Get a version's appearance report
 ///
-/// Who is taken for whom, how alike the objects are, and which pairs touch can hardly tell
-/// apart. It never changes. 409 when the version was trained without appearance.
+/// Returns the confusion matrix of the held-back readings, the pairwise similarity, and the object
+/// pairs that touch barely separates. The report never changes. 409 if the version was trained
+/// without appearance.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/report/appearance",
     operation_id = "get_appearance_report", tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"),
@@ -149,9 +149,9 @@ pub(crate) async fn get_appearance_report(
     Ok(Json(app.catalogues().appearance_report(&name, &version).await?))
 }
 
-/// Get the trained map of one object
+/// Get the trained map of an object
 ///
-/// Where its surface is, patch by patch, in the object frame. It never changes.
+/// Returns the object's surface, patch by patch, in the object frame. The map never changes.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/objects/{object}/map",
     operation_id = "get_object_map", tag = "training",
     params(("name" = String, Path, description = "The catalogue's name"),
@@ -168,9 +168,10 @@ pub(crate) async fn get_object_map(
     Ok(Json(app.catalogues().object_map(&name, &version, &object, &query).await?))
 }
 
-/// Get what new sessions use
+/// Get the current version
 ///
-/// The `ETag` is what a change expects in `If-Match`. 409 while no version is current.
+/// New sessions use this version. Pass its `ETag` as `If-Match` to switch. 409 if no version is
+/// current.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/current", operation_id = "get_current",
     tag = "training", params(("name" = String, Path, description = "The catalogue's name")),
     responses((status = 200, description = "The current version", body = CurrentVersion,
@@ -182,17 +183,17 @@ pub(crate) async fn get_current(
     current(wire::training::catalogue(&app.catalogues().find(&name)?))
 }
 
-/// Choose what new sessions use
+/// Set the current version
 ///
-/// Switches to any version of the catalogue, also back to an older one. `If-Match` carries
-/// the `ETag` of the current version, so that of two who switch at once one is told.
+/// Switches new sessions to any version of the catalogue, including an older one. `If-Match`
+/// carries the `ETag` of the current version, so that of two concurrent switches only one succeeds.
 #[utoipa::path(put, path = "/v1/catalogues/{name}/current", operation_id = "set_current",
     tag = "training", request_body = SetCurrent,
     params(("name" = String, Path, description = "The catalogue's name"),
         ("if-match" = String, Header, description = "The `ETag` of the current version")),
     responses((status = 200, description = "The current version", body = CurrentVersion,
             headers(("etag" = String, description = "The new revision"))),
-        (status = 412, description = "Somebody else has switched in between", body = Problem,
+        (status = 412, description = "The current version has changed meanwhile", body = Problem,
             content_type = "application/problem+json"),
         (status = 428, description = "`If-Match` is missing", body = Problem,
             content_type = "application/problem+json")))]

@@ -49,7 +49,7 @@ impl std::fmt::Display for End {
             EndReason::Closed => write!(formatter, "was closed at {at}"),
             EndReason::Expired => write!(
                 formatter,
-                "expired at {at}: nothing new came within its time to live, and no lease kept it open"
+                "expired at {at}: no reading arrived within its time to live, and no lease kept it open"
             ),
         }
     }

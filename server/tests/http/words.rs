@@ -107,12 +107,12 @@ async fn small_slips_get_a_hint() {
     let slash = it.get("/v1/objects/").await.problem(404, "not-found", None);
     assert!(slash["detail"].as_str().unwrap().ends_with("as /v1/objects"), "{slash}");
     let other = it.get("/v1/things").await.problem(404, "not-found", None);
-    assert_eq!(other["detail"], "there is nothing at /v1/things");
+    assert_eq!(other["detail"], "nothing exists at /v1/things");
 
     let job = it.train().await;
     let cancel = format!("/v1/jobs/{}/cancel", job["id"].as_str().unwrap());
     let ended = it.post(&cancel, &json!({})).await.problem(409, "wrong-state", None);
-    assert!(ended["detail"].as_str().unwrap().ends_with("ended already: succeeded"), "{ended}");
+    assert!(ended["detail"].as_str().unwrap().ends_with("already ended: succeeded"), "{ended}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,8 +1,9 @@
-//! Inverse kinematics: angles that put the sensor where it is wanted.
+//! Inverse kinematics: joint angles that bring the sensor to a target.
 //!
 //! Damped least squares with Levenberg's choice of the damping, within the joints' limits,
-//! begun anew from disturbed starts when it gets stuck, as at stretched links. An angle counts
-//! as the way it moves a point [`LEVER`] from the sensor's origin: all errors are metres.
+//! restarted from disturbed angles when it gets stuck, for example at stretched links. An
+//! angle error counts as the displacement of a point [`LEVER`] from the sensor's origin, so
+//! all errors are in metres.
 
 use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
@@ -12,47 +13,47 @@ use palpate_core::units::{DEG, MM};
 
 use super::{Arm, Configuration, Placement};
 
-/// What an angle of one radian is worth, metres.
+/// Metres of error that one radian counts as.
 const LEVER: f64 = 50.0 * MM;
-/// The longest error (metres) that one iteration works on.
+/// Largest error (metres) that one iteration corrects.
 const ERROR_MAX: f64 = 60.0 * MM;
-/// Bounds of the damping, square metres; above the higher one no step helps any more.
+/// Bounds of the damping, square metres; a step that needs more than the upper one cannot help.
 const DAMPING_MIN: f64 = 1e-9;
 const DAMPING_MAX: f64 = 10.0;
-/// How much more each restart disturbs the angles, radians.
+/// Increase of the angles' disturbance from one restart to the next, radians.
 const RESTART_STEP: f64 = 0.12;
 
-/// Where the sensor is wanted, in the session frame.
+/// Target of the sensor, in the session frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// A whole `session_from_sensor`.
+    /// A full pose, `session_from_sensor`.
     Pose(Pose),
     /// A position of the sensor's origin, metres; its orientation is free.
     Position(DVec3),
-    /// A position and where the sensor looks; its turn about that direction is free.
+    /// A position and a viewing direction; the rotation about that direction is free.
     Facing {
-        /// Where the sensor's origin is wanted, metres.
+        /// Position of the sensor's origin, metres.
         position: DVec3,
-        /// The wanted direction of its +z, of length 1.
+        /// Direction of its +z, of length 1.
         direction: DVec3,
     },
 }
 
-/// When a configuration is good enough, and when there is none.
+/// Tolerances and limits of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseConfig {
-    /// How far the sensor's origin may be from its target, metres.
+    /// Largest distance of the sensor's origin from its target, metres.
     pub position_tolerance: f64,
-    /// How far its orientation may be from the wanted one, radians.
+    /// Largest angle between its orientation and the target's, radians.
     pub angle_tolerance: f64,
-    /// Iterations of one attempt.
+    /// Maximum iterations of one attempt.
     pub iterations_max: usize,
-    /// Attempts after the first, from starts that are disturbed more and more.
+    /// Maximum restarts, each from angles that are disturbed more than before.
     pub restarts_max: usize,
 }
 
 impl InverseConfig {
-    /// As exact as poses are recorded: 1 µm and 1e-5 rad.
+    /// Accuracy of recorded poses: 1 µm and 1e-5 rad.
     pub const EXACT: Self = Self {
         position_tolerance: 1e-6,
         angle_tolerance: 1e-5,
@@ -60,7 +61,7 @@ impl InverseConfig {
         restarts_max: 8,
     };
 
-    /// For a step through free air: the place to 0.1 mm, where the sensor looks to 20°.
+    /// Accuracy for a step through free air: 0.1 mm in position, 20° in direction.
     pub const COARSE: Self = Self {
         position_tolerance: 0.1 * MM,
         angle_tolerance: 20.0 * DEG,
@@ -70,8 +71,8 @@ impl InverseConfig {
 }
 
 impl Arm {
-    /// A configuration that puts the sensor where it is wanted, near `start` if possible;
-    /// `None` when no attempt finds one. Restarts are drawn from `stream`.
+    /// A configuration that brings the sensor to `target`, near `start` if possible; `None`
+    /// if every attempt fails. Restarts are drawn from `stream`.
     #[must_use]
     pub fn inverse(
         &self,
@@ -88,8 +89,8 @@ impl Arm {
         })
     }
 
-    /// A configuration that puts the sensor where it is wanted, in one descent from `start`;
-    /// what is not near counts as out of reach.
+    /// A configuration that brings the sensor to `target` in one descent from `start`; `None`
+    /// if there is none nearby.
     #[must_use]
     pub fn inverse_near(
         &self,
@@ -100,7 +101,7 @@ impl Arm {
         self.descend(target, start.clone(), config)
     }
 
-    /// A configuration whose angles differ by `deviation` (radians) on average.
+    /// Adds a normal deviate of standard deviation `deviation` (radians) to every angle.
     fn disturbed(
         &self,
         start: &Configuration,
@@ -115,7 +116,8 @@ impl Arm {
     }
 
     /// Levenberg's descent: damping falls after a step that helped and rises after one that
-    /// did not, which is not taken. Near stretched links plain steps would overshoot for ever.
+    /// did not, which is discarded. Near stretched links undamped steps would overshoot
+    /// forever.
     fn descend(
         &self,
         target: &Target,
@@ -148,7 +150,7 @@ impl Arm {
         None
     }
 
-    /// One damped step; axes that would leave their limits stay there and the rest does it.
+    /// One damped step. Axes that would leave their limits stay there; the others take over.
     fn stepped(
         &self,
         configuration: &Configuration,
@@ -174,7 +176,7 @@ impl Arm {
         Configuration(angles.collect())
     }
 
-    /// The Jacobian's columns: what a radian of each axis does to the sensor.
+    /// The Jacobian's columns: the motion of the sensor per radian of each axis.
     fn columns(&self, placement: &Placement, target: &Target) -> Vec<Vector6<f64>> {
         let sensor = placement.session_from_sensor;
         let facing = sensor.turn(DVec3::Z);
@@ -191,7 +193,7 @@ impl Arm {
     }
 }
 
-/// The change of every free axis that brings `error` down: Jᵀ (J Jᵀ + damping)⁻¹ error.
+/// The changes of all free axes that reduce `error`: Jᵀ (J Jᵀ + damping)⁻¹ error.
 fn damped_changes(
     columns: &[Vector6<f64>],
     is_free: impl Fn(usize) -> bool,
@@ -210,11 +212,11 @@ fn damped_changes(
     columns.iter().enumerate().map(change).collect()
 }
 
-/// What is missing: a shift and, times [`LEVER`], a turn; metres in the session frame.
+/// The remaining error: a translation and, times [`LEVER`], a rotation; metres, session frame.
 #[derive(Clone, Copy, Debug)]
-struct Missing(Vector6<f64>);
+struct Residual(Vector6<f64>);
 
-impl Missing {
+impl Residual {
     fn position(&self) -> f64 {
         self.0.fixed_rows::<3>(0).norm()
     }
@@ -223,19 +225,19 @@ impl Missing {
         self.0.fixed_rows::<3>(3).norm() / LEVER
     }
 
-    /// As much of it as one step works on.
+    /// The error shortened to what one step corrects.
     fn clamped(&self) -> Vector6<f64> {
         self.0 * (ERROR_MAX / self.0.norm()).min(1.0)
     }
 }
 
 impl Target {
-    fn error(&self, session_from_sensor: Pose) -> Missing {
+    fn error(&self, session_from_sensor: Pose) -> Residual {
         let (shift, turn) = self.shift_and_turn(session_from_sensor);
-        Missing(stacked(shift, turn))
+        Residual(stacked(shift, turn))
     }
 
-    /// What is missing: a shift (metres) and a turn (axis times radians), session frame.
+    /// The remaining translation (metres) and rotation (axis times radians), session frame.
     fn shift_and_turn(&self, session_from_sensor: Pose) -> (DVec3, DVec3) {
         let at = session_from_sensor.translation;
         match *self {
@@ -249,7 +251,7 @@ impl Target {
                 let facing = session_from_sensor.turn(DVec3::Z);
                 let axis = facing.cross(direction);
                 let angle = axis.length().atan2(facing.dot(direction));
-                // Turned right away, any way round will do.
+                // Facing the opposite way, any axis across will do.
                 let axis = axis.try_normalize().unwrap_or_else(|| facing.any_orthonormal_vector());
                 (position - at, angle * axis)
             }
@@ -277,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_that_can_be_reached_are_reached_within_the_limits() {
+    fn reachable_poses_are_reached_within_the_limits() {
         for n_links in [3, 5, 8, 12] {
             let arm = Arm::new(ArmConfig::around(0.1, n_links)).unwrap();
             let mut stream = Stream::new(1, Purpose::Exploration, n_links as u64);
@@ -320,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_has_no_configuration() {
+    fn targets_out_of_reach_have_no_configuration() {
         let arm = Arm::new(ArmConfig::around(0.1, 6)).unwrap();
         let mut stream = Stream::new(3, Purpose::Exploration, 0);
         let target = Target::Facing { position: DVec3::splat(2.0), direction: DVec3::X };

@@ -9,7 +9,7 @@ use palpate_core::sensor::SensorDescription;
 
 use super::ContactConfig;
 
-/// The command of Orient, a rotation in the sensor frame, or `None` when it is content.
+/// The command of Orient, a rotation in the sensor frame; `None` within the tolerance.
 pub(super) fn command(
     sensor: &SensorDescription,
     pressures: &[f64],
@@ -23,9 +23,9 @@ pub(super) fn command(
 
 /// The shortest rotation, in the sensor frame, that makes the sensor face the surface it feels.
 ///
-/// `pressures` in Pa, row-major in the sensor frame's order; taxels above `threshold` (Pa)
-/// are points of the surface, their depth is the force curve's inverse. `None` for fewer than
-/// three of them or when they lie on a line. Source: algorithm 1.
+/// `pressures` in Pa, row-major in the sensor frame's order. Taxels above `threshold` (Pa)
+/// are points of the surface; their depth is the inverse of the force curve. `None` for fewer
+/// than three of them or when they lie on a line. Source: algorithm 1.
 #[must_use]
 pub fn turn_to_surface(
     sensor: &SensorDescription,
@@ -43,7 +43,7 @@ pub fn turn_to_surface(
         })
         .collect();
     let (slope_x, slope_y) = plane_slopes(&points)?;
-    // The surface z = slope_x x + slope_y y + c; this normal points away from the sensor.
+    // The surface is z = slope_x x + slope_y y + c; this normal points away from the sensor.
     let normal = DVec3::new(-slope_x, -slope_y, 1.0).normalize();
     Some(DQuat::from_rotation_arc(DVec3::Z, normal))
 }
@@ -62,7 +62,7 @@ fn plane_slopes(points: &[DVec3]) -> Option<(f64, f64)> {
     let (xx, xy, yy) = (moments.x_axis.x, moments.x_axis.y, moments.y_axis.y);
     let (xz, yz) = (moments.x_axis.z, moments.y_axis.z);
     let determinant = xx * yy - xy * xy;
-    // On a line the determinant is nothing beside the square of the trace.
+    // On a line the determinant vanishes beside the square of the trace.
     if determinant <= 1e-9 * (xx + yy).powi(2) {
         return None;
     }
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_deeper_at_large_x_turns_the_sensor_to_face_it() {
+    fn a_tilted_plane_turns_the_sensor_to_face_it() {
         // Depth 1 mm + x·tan 5°: the surface is z = −1 mm − x·tan 5°, its normal away from
         // the sensor (tan 5°, 0, 1), which is z turned by +5° about y.
         let sensor = SensorDescription::digitacts_6x6();
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn one_command_takes_three_tenths_of_the_way() {
+    fn one_command_turns_three_tenths_of_the_angle() {
         let sensor = SensorDescription::digitacts_6x6();
         let config = ContactConfig::for_sensor(&sensor, crate::noise::NoiseLevel::NONE);
         let tilted = pressures(|_, y| 1.0 * MM + y * (10.0 * DEG).tan());
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_points_or_points_on_a_line_give_no_command() {
+    fn few_or_collinear_points_give_no_command() {
         let sensor = SensorDescription::digitacts_6x6();
         let turn = |pressed: &[usize]| {
             let mut image = vec![0.0; 36];

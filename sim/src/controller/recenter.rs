@@ -1,10 +1,10 @@
-//! Re-centring: touch, read where contact began, lift, shift there, and touch again.
+//! Re-centring: lifts the sensor after the first contact, centres it there and touches again.
 //!
-//! A sensor that comes from afar meets the object with a corner as often as not. The place of
-//! the first contact on the array says how far to shift so that the next approach along the
-//! same direction meets the object in the middle. A press that misses is evidence: it is
-//! answered with how far the sensor went in free air. Frames and bounds as in `controller`.
-//! Not here: where rays come from (`sampler::rays`).
+//! A sensor that approaches from afar often meets the object with a corner. The position of
+//! the first contact on the array gives the shift with which the next approach along the same
+//! direction meets the object in the middle. A press that misses is evidence too: its result
+//! is the length of free air that the sensor crossed. Frames and limits as in `controller`.
+//! Not here: the choice of rays (`sampler::rays`).
 
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
@@ -19,38 +19,38 @@ use crate::press::PressSimulator;
 /// Which first contacts are centred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recenter {
-    /// Those from which Press and Orient do not come to rest, or rest with little pressure.
+    /// Only contacts from which Press and Orient do not come to rest, or rest at low pressure.
     ///
-    /// Centring every contact climbs to the corners and edges that are foremost along the ray:
-    /// of 400 rays at a box of 60 × 30 × 20 mm 262 come to rest with more than half of the
-    /// target pressure without it, 153 with it and 302 by this rule; at a screwdriver 37, 167
-    /// and 207 (`sampler::rays`, seed 5, three shifts).
+    /// Centring every contact climbs to the corners and edges that are foremost along the
+    /// ray: of 400 rays at a box of 60 × 30 × 20 mm, 262 come to rest with more than half of
+    /// the target pressure without centring, 153 when all are centred and 302 by this rule;
+    /// at a screwdriver 37, 167 and 207 (`sampler::rays`, seed 5, three shifts).
     WhenNeeded,
-    /// All that are not centred yet, before anything is pressed.
+    /// Every contact that is off centre, before anything is pressed.
     Always,
 }
 
-/// When a first contact is centred, and how it is made so.
+/// When and how a first contact is centred.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecenterConfig {
-    /// The controllers' bounds, of every approach too.
+    /// The controllers' limits, also for every approach.
     pub contact: ContactConfig,
     /// Which first contacts are centred.
     pub rule: Recenter,
-    /// How often the sensor may be lifted and shifted; 0 presses wherever it lands.
+    /// Maximum number of shifts; 0 presses wherever the sensor lands.
     pub shifts_max: usize,
-    /// A first contact this near to the array's middle is centred, metres.
+    /// Distance from the array's middle within which a first contact is centred, metres.
     pub centered_within: f64,
-    /// A rest with a mean pressure below this is little, pascal.
+    /// Mean pressure below which a rest counts as weak, pascal.
     pub weak_below: f64,
-    /// How far the sensor is lifted from the first contact before it is shifted, metres.
+    /// Lift from the first contact before the shift, metres.
     pub lift: f64,
 }
 
 impl RecenterConfig {
-    /// Three shifts when needed, centred to three quarters of a taxel, little pressure below
-    /// half of the target. A lift of 20 mm clears slopes of up to 67° over the greatest shift,
-    /// half the diagonal of an array of 12 mm.
+    /// Three shifts when needed, centred to three quarters of a taxel, weak below half of the
+    /// target. A lift of 20 mm clears slopes of up to 67° over the greatest shift, half the
+    /// diagonal of an array of 12 mm.
     #[must_use]
     pub fn for_sensor(sensor: &SensorDescription, noise_level: NoiseLevel) -> Self {
         let contact = ContactConfig::for_sensor(sensor, noise_level);
@@ -65,45 +65,45 @@ impl RecenterConfig {
     }
 }
 
-/// A way that met nothing.
+/// An approach that met nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Miss {
-    /// Where the way ended.
+    /// The pose at its end.
     pub object_from_sensor: Pose,
-    /// How far the array went to there along its +z without feeling anything, metres.
+    /// Length of the free path along the array's +z, metres.
     pub travel: f64,
-    /// What the sensor reports of free air, pascal, row-major in the sensor frame's order.
+    /// Pressures reported in free air, pascal, row-major in the sensor frame's order.
     pub pressures: Vec<f64>,
 }
 
-/// How a touch with re-centring ended.
+/// Result of a touch with re-centring.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Landing {
     /// Press and Orient came to rest.
     Converged {
-        /// Where and how.
+        /// The contact at rest.
         contact: Contact,
-        /// How often the sensor was shifted before.
+        /// Number of shifts before it.
         shifts: usize,
     },
     /// The last approach met nothing that the sensor feels.
     Missed {
-        /// The way that it went.
+        /// The last approach.
         miss: Miss,
-        /// How often the sensor was shifted before.
+        /// Number of shifts before it.
         shifts: usize,
     },
-    /// Something was felt, but a bound was reached before the controllers came to rest.
+    /// Something was felt, but a limit was reached before the controllers came to rest.
     NoConvergence,
-    /// What carries the sensor could not follow a command.
+    /// The carrier of the sensor could not follow a command.
     Unreachable,
 }
 
-/// Touches the object along the +z of `object_from_sensor` and centres the first contact as
-/// the rule says; noise from `stream`. Of several rests with little pressure the one with the
-/// most is answered.
+/// Touches along the +z of `object_from_sensor` and centres the first contact as the rule
+/// says; noise from `stream`. Of several weak rests it returns the one with the most
+/// pressure.
 ///
-/// The sensor goes wherever it is commanded, as if nothing carried it.
+/// The sensor follows every command, as if nothing carried it.
 #[must_use]
 pub fn touch_recentered(
     simulator: &PressSimulator,
@@ -114,10 +114,10 @@ pub fn touch_recentered(
     touch_recentered_carried(simulator, object_from_sensor, config, stream, &mut |_| true)
 }
 
-/// Touches like [`touch_recentered`] with a sensor that something carries.
+/// Like [`touch_recentered`], but with a sensor that an arm carries.
 ///
-/// `carry` hears every commanded `object_from_sensor` and answers whether the sensor got
-/// there; the first command that is not followed ends the touch.
+/// `carry` receives every commanded `object_from_sensor` and returns whether the sensor got
+/// there; the first command that fails ends the touch.
 #[must_use]
 pub fn touch_recentered_carried(
     simulator: &PressSimulator,
@@ -192,8 +192,8 @@ fn mean(landing: &Landing) -> f64 {
     }
 }
 
-/// Where on the array a contact is: the centre of the pressure above `threshold` (Pa), in the
-/// plane of the sensor frame, metres; its origin when no taxel is above.
+/// Position of a contact on the array: the centre of the pressure above `threshold` (Pa), in
+/// the plane of the sensor frame, metres; the frame's origin when no taxel is above.
 ///
 /// `pressures` in Pa, row-major in the sensor frame's order.
 #[must_use]

@@ -1,4 +1,4 @@
-//! What the contact controllers must hold, on bodies whose touches can be computed by hand.
+//! Tests of the contact controllers, on bodies whose touches can be computed by hand.
 
 use std::f64::consts::PI;
 
@@ -15,7 +15,7 @@ fn setup(mesh: Mesh) -> (PressSimulator, ContactConfig, Stream) {
     (PressSimulator::new(mesh, sensor), config, Stream::new(1, Purpose::SensorNoise, 0))
 }
 
-/// Looks down on the origin from `height`, tilted about the sensor's x.
+/// A sensor that looks down on the origin from `height`, tilted about its x.
 fn above(height: f64, tilt: f64) -> Pose {
     let rotation = DQuat::from_rotation_x(PI) * DQuat::from_rotation_x(tilt);
     Pose::from_parts(rotation, DVec3::new(0.0, 0.0, height))
@@ -29,7 +29,7 @@ fn converged(outcome: Outcome) -> Contact {
 }
 
 #[test]
-fn a_tilted_sensor_comes_to_rest_flat_on_a_plate_at_the_target_pressure() {
+fn a_tilted_sensor_comes_to_rest_flat_at_the_target_pressure() {
     for tilt in [-20.0 * DEG, -8.0 * DEG, 0.0, 12.0 * DEG, 25.0 * DEG] {
         let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
         let (simulator, config, mut stream) = setup(plate);
@@ -43,7 +43,7 @@ fn a_tilted_sensor_comes_to_rest_flat_on_a_plate_at_the_target_pressure() {
 }
 
 #[test]
-fn a_thin_rod_stops_on_the_raw_depth_not_on_the_pressure() {
+fn a_thin_rod_stops_press_on_the_raw_depth() {
     // A rod of 2 mm diameter: blurred, it never gives a quarter of the range on average.
     let rod = tube(40, |ring| (1.0 * MM, (f64::from(ring) - 19.5) * 2.0 * MM));
     let (simulator, config, mut stream) = setup(rod);
@@ -84,7 +84,7 @@ fn travel_and_rounds_are_bounded() {
 }
 
 #[test]
-fn a_sensor_that_is_carried_is_told_every_pose_and_stops_when_it_cannot_follow() {
+fn carry_receives_every_pose_and_a_refusal_ends_the_touch() {
     let (simulator, config, _) = setup(sphere(30.0 * MM, 60));
     let touch_within = |n_followed: usize| {
         let mut stream = Stream::new(1, Purpose::SensorNoise, 0);
@@ -98,7 +98,7 @@ fn a_sensor_that_is_carried_is_told_every_pose_and_stops_when_it_cannot_follow()
     };
     let (outcome, poses) = touch_within(usize::MAX);
     let contact = converged(outcome);
-    // First contact, then a press a round and a turn in every round but the last.
+    // The first contact, then one press per round and one turn in every round but the last.
     assert_eq!(poses.len(), 2 * contact.rounds);
     // Every turn of Orient, and at least the first press, took a command.
     assert!(contact.commands >= contact.rounds, "{contact:?}");
@@ -107,7 +107,7 @@ fn a_sensor_that_is_carried_is_told_every_pose_and_stops_when_it_cannot_follow()
 }
 
 #[test]
-fn heavy_noise_ends_in_bounded_time_and_mostly_converges() {
+fn touches_under_heavy_noise_end_and_mostly_converge() {
     let sensor = SensorDescription::digitacts_6x6();
     let noise_level = NoiseLevel::new(0.4).unwrap();
     let press_config =
@@ -125,7 +125,7 @@ fn heavy_noise_ends_in_bounded_time_and_mostly_converges() {
 }
 
 #[test]
-fn without_noise_both_rules_of_idleness_rest_alike_and_with_it_the_printed_one_takes_longer() {
+fn the_printed_idle_rule_takes_longer_only_under_noise() {
     let quiet = {
         let parameters = SensorDescription::digitacts_6x6().parameters().clone();
         let silent = palpate_core::sensor::SensorParameters { noise: 0.0, ..parameters };
@@ -141,10 +141,10 @@ fn without_noise_both_rules_of_idleness_rest_alike_and_with_it_the_printed_one_t
     let [one, consecutive] =
         [Idle::OneReading, Idle::Consecutive].map(|idle| rest(NoiseLevel::NONE, idle, 0));
     assert_eq!(one.object_from_sensor, consecutive.object_from_sensor);
-    // The same turns, and a last look of Press, unless it had nothing to do in the last one.
+    // The same turns and a last reading of Press, unless Press had no command in the last round.
     assert!((one.rounds..=one.rounds + 1).contains(&consecutive.rounds), "{consecutive:?}");
     assert_eq!(one.commands, consecutive.commands);
-    // With 20 % the two hardly differ, with 40 % they do.
+    // With 20 % the two rules hardly differ, with 40 % they do.
     let noise_level = NoiseLevel::new(0.4).unwrap();
     let rounds =
         |idle: Idle| (0..40).map(|index| rest(noise_level, idle, index).rounds).sum::<usize>();

@@ -1,26 +1,26 @@
 //! A covering of the elastic reference on a sensor: images by superposition.
 //!
-//! The response to a point load, scaled to the covering's thickness (linear elasticity knows
-//! no length of its own), is taken as the kernel of the indentation profile: every displaced
-//! point of the surface acts as a load of its depth. Lengths in metres in the sensor frame;
-//! images row-major, in metres of blurred displacement, as those of `press`.
+//! The response to a point load, scaled to the covering's thickness (linear elasticity has no
+//! length scale of its own), is the kernel of the indentation profile: every displaced point
+//! of the surface acts as a load of its depth. Lengths in metres in the sensor frame; images
+//! row-major, in metres of blurred displacement, as those of `press`.
 
 use palpate_core::sensor::TaxelGrid;
 use palpate_core::units::MM;
 
 use super::PointResponse;
 
-/// Distance of the table's points.
+/// Spacing of the table, metres.
 const TABLE_STEP: f64 = 0.1 * MM;
-/// Points across a taxel over which the kernel is averaged.
+/// Points along each side of a taxel over which the kernel is averaged.
 const MEAN_POINTS: usize = 9;
 
 /// One point of an indentation profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfilePoint {
-    /// Where, (x, y).
+    /// Position, (x, y).
     pub at: (f64, f64),
-    /// Depth (m) times the area (m²) that the point stands for.
+    /// Depth (m) times the area (m²) that the point represents.
     pub volume: f64,
 }
 
@@ -33,8 +33,8 @@ pub struct ElasticCovering {
 }
 
 impl ElasticCovering {
-    /// The covering of `thickness` (m) with the response of a slab of any number of layers, as
-    /// taxels of `taxel_width` (m) feel it.
+    /// The covering of `thickness` (m), from the response of a slab of any number of layers,
+    /// for taxels of `taxel_width` (m).
     #[must_use]
     pub fn new(response: &PointResponse, thickness: f64, taxel_width: f64) -> Self {
         let element = thickness / response.n_layers() as f64;
@@ -66,7 +66,7 @@ impl ElasticCovering {
         (0..grid.n_taxels()).map(taxel).collect()
     }
 
-    /// Bilinear in the table; 0 beyond it.
+    /// Bilinear interpolation in the table; 0 beyond it.
     fn at(&self, x: f64, y: f64) -> f64 {
         let (x, y) = (x.abs() / TABLE_STEP, y.abs() / TABLE_STEP);
         let (col, row) = (x as usize, y as usize);
@@ -78,7 +78,7 @@ impl ElasticCovering {
     }
 }
 
-/// The force on an area (1/m² of the load) at (x, y), between the bottom's nodes bilinear.
+/// Force per area (1/m² for unit load) at (x, y), bilinear between the bottom's nodes.
 fn density(response: &PointResponse, element: f64, x: f64, y: f64) -> f64 {
     let (x, y) = (x / element, y / element);
     let (col, row) = (x.floor(), y.floor());
@@ -92,7 +92,7 @@ fn bilinear(value: impl Fn(usize, usize) -> f64, x: f64, y: f64) -> f64 {
     row(0) * (1.0 - y) + row(1) * y
 }
 
-/// A disc pressed evenly `depth` deep, as points.
+/// Points of a disc pressed evenly `depth` deep.
 #[must_use]
 pub fn disc(at: (f64, f64), diameter: f64, depth: f64) -> Vec<ProfilePoint> {
     let n = 12;
@@ -110,7 +110,7 @@ mod tests {
     use crate::elastic::{POISSON_RATIO, Slab, point_response};
 
     #[test]
-    fn an_even_displacement_stays_what_it_is() {
+    fn a_uniform_displacement_is_preserved() {
         // A profile 1 mm deep, 30 mm wide: the kernel's integral is the load, 1.
         let slab = Slab { half_width: 12, n_layers: 3, poisson_ratio: POISSON_RATIO };
         let response = point_response(&slab).unwrap();
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disc_has_its_volume() {
+    fn a_disc_profile_has_the_discs_volume() {
         let points = disc((0.0, 0.0), 1.0 * MM, 0.5 * MM);
         let volume: f64 = points.iter().map(|point| point.volume).sum();
         let expected = std::f64::consts::PI * (0.5 * MM).powi(2) * 0.5 * MM;

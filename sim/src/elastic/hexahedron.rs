@@ -43,7 +43,7 @@ pub(super) fn stiffness(poisson_ratio: f64) -> Stiffness {
     stiffness
 }
 
-/// 2 · (deviator of the strain of `row`) : (deviator of the strain of `col`).
+/// 2 · (deviatoric strain of `row`) : (deviatoric strain of `col`).
 fn shear_energy(gradients: &Gradients, row: usize, col: usize) -> f64 {
     let (a, b) = (gradients[row / 3], gradients[col / 3]);
     let (i, j) = (row % 3, col % 3);
@@ -90,9 +90,9 @@ mod tests {
     }
 
     #[test]
-    fn even_strains_have_the_energy_of_the_material() {
+    fn uniform_strains_have_the_materials_energy() {
         // ν = 0.25: λ = 1 for μ = 1. Stretch ε along x alone: ½ (λ + 2 μ) ε² = 1.5 ε²; simple
-        // shear γ: ½ μ γ²; rigid turns nothing. The patch test: even strain is exact.
+        // shear γ: ½ μ γ²; a rigid rotation: 0. The patch test: uniform strain is exact.
         let stiffness = stiffness(0.25);
         let stretch = linear([[0.1, 0.0, 0.0], [0.0; 3], [0.0; 3]]);
         assert!((energy(&stiffness, &stretch) - 0.015).abs() < 1e-12);
@@ -103,9 +103,9 @@ mod tests {
     }
 
     #[test]
-    fn nodes_pull_as_the_stress_of_an_even_strain_does() {
-        // The same stretch: stress λ + 2 μ = 3 along x and λ = 1 across, times 0.1. Four nodes
-        // share each unit face: a quarter of the traction each.
+    fn nodal_forces_match_the_stress_of_uniform_strain() {
+        // The same stretch: stress λ + 2 μ = 3 along x and λ = 1 across, times 0.1. Four
+        // nodes share each unit face: a quarter of the traction each.
         let stiffness = stiffness(0.25);
         let stretch = linear([[0.1, 0.0, 0.0], [0.0; 3], [0.0; 3]]);
         for (degree, row) in stiffness.iter().enumerate() {
@@ -118,8 +118,8 @@ mod tests {
 
     #[test]
     fn a_nearly_incompressible_element_bends_without_locking() {
-        // Bending u_x = x z on average keeps the volume: with plain integration its energy
-        // grows like the bulk modulus, with the mean dilatation it stays that of the shear.
+        // Bending u_x = x z keeps the volume on average: with plain integration its energy
+        // grows with the bulk modulus, with the mean dilatation it stays that of the shear.
         let bent = std::array::from_fn(|degree| {
             let node = degree / 3;
             let at = |axis: usize| (node >> axis & 1) as f64 - 0.5;

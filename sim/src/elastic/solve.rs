@@ -1,19 +1,19 @@
 //! A quarter of the slab as a grid of equal elements, and conjugate gradients over it.
 //!
 //! The matrix is never formed: each element's stiffness is applied to its 24 displacements.
-//! Nodes are x-major within y within z; z = 0 is the bottom. Held are the bottom (all
-//! directions) and the planes of symmetry x = 0 and y = 0 (across themselves).
+//! Nodes are x-major within y within z; z = 0 is the bottom. Fixed are the bottom (all
+//! directions) and the planes of symmetry x = 0 and y = 0 (their normal direction).
 
 use thiserror::Error;
 
 use super::hexahedron::{N_DEGREES, Stiffness, stiffness};
 
-/// The residual over the load at which the iteration ends.
+/// Ratio of residual to load at which the iteration ends.
 const TOLERANCE: f64 = 1e-8;
-/// More iterations than any permitted slab was seen to take.
+/// Iteration limit; larger than any permitted slab was seen to take.
 const ITERATIONS_MAX: usize = 20_000;
 
-/// Why the equations were not solved.
+/// Error of equations that were not solved.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum SolveError {
     /// The residual stayed too large.
@@ -29,18 +29,18 @@ pub enum SolveError {
     },
 }
 
-/// The grid.
+/// The grid of a quarter.
 pub(super) struct Quarter {
     /// Nodes along x and along y.
     n: usize,
     n_layers: usize,
     stiffness: Stiffness,
     is_held: Vec<bool>,
-    /// The inverse of the matrix's diagonal; 0 where held.
+    /// The inverse of the matrix's diagonal; 0 for fixed degrees of freedom.
     inverse_diagonal: Vec<f64>,
 }
 
-/// Displacements, and what they cost.
+/// Displacements, and the number of iterations they took.
 pub(super) struct Solution {
     pub(super) displacements: Vec<f64>,
     pub(super) n_iterations: usize,
@@ -79,12 +79,12 @@ impl Quarter {
         vec![0.0; self.is_held.len()]
     }
 
-    /// The forces that hold the nodes at displacements; also those of held degrees.
+    /// The forces that hold the nodes at `displacements`, fixed degrees of freedom included.
     pub(super) fn forces(&self, displacements: &[f64]) -> Vec<f64> {
         let mut forces = self.zeros();
         self.for_elements(|degrees| {
             let own: [f64; N_DEGREES] = std::array::from_fn(|d| displacements[degrees[d]]);
-            // Symmetric: columns are rows, and columns vectorise.
+            // The matrix is symmetric: columns are rows, and columns vectorise.
             let mut sums = [0.0; N_DEGREES];
             for (column, u) in self.stiffness.iter().zip(own) {
                 sums.iter_mut().zip(column).for_each(|(sum, k)| *sum += k * u);
@@ -94,7 +94,7 @@ impl Quarter {
         forces
     }
 
-    /// Visits the degrees of freedom of every element.
+    /// Calls `visit` with the degrees of freedom of every element.
     fn for_elements(&self, mut visit: impl FnMut(&[usize; N_DEGREES])) {
         for z in 0..self.n_layers {
             for y in 0..self.n - 1 {
@@ -110,7 +110,7 @@ impl Quarter {
     }
 }
 
-/// The displacements under a load, by conjugate gradients with the diagonal as preconditioner.
+/// The displacements under a load, by conjugate gradients preconditioned with the diagonal.
 pub(super) fn solve(grid: &Quarter, load: &[f64]) -> Result<Solution, SolveError> {
     let mut displacements = grid.zeros();
     let mut residual = load.to_vec();
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_evenly_loaded_slab_far_from_its_sides_is_compressed_as_the_formula_says() {
+    fn a_wide_slab_under_uniform_load_sinks_by_the_formula() {
         // No sideways motion in the middle: thickness · pressure / (λ + 2 μ). ν = 0.3, μ = 1:
         // λ = 1.5, so 2 layers under a pressure of 1 sink by 2 / 3.5.
         let grid = Quarter::new(16, 2, 0.3);
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn the_solution_holds_its_load() {
+    fn forces_of_the_solution_equal_the_load() {
         let grid = Quarter::new(5, 2, 0.45);
         let mut load = grid.zeros();
         load[grid.degree(1, 2, 2)] = 0.3;

@@ -1,7 +1,7 @@
-//! Where the sensor has measured: an implicit uniform grid over the workspace.
+//! Places of contacts in an implicit uniform grid over the workspace.
 //!
-//! Source: section 4.2.1, local strategy: a cell with contacts is chosen with a probability
-//! inversely proportional to how many it has, then one of its contacts evenly.
+//! Source: section 4.2.1, local strategy: a cell with contacts is chosen with probability
+//! inversely proportional to their number, then one of its contacts uniformly.
 
 use std::collections::BTreeMap;
 
@@ -21,13 +21,13 @@ impl ContactCells {
         Self { width, cells: BTreeMap::new() }
     }
 
-    /// Adds the place of a measurement, metres in the session frame.
+    /// Adds a contact, metres in the session frame.
     pub(super) fn add(&mut self, position: DVec3) {
         let cell = (position / self.width).floor().to_array().map(|index| index as i64);
         self.cells.entry(cell).or_default().push(position);
     }
 
-    /// A place of a measurement; `None` as long as there is none.
+    /// A contact drawn at random; `None` if there is none.
     pub(super) fn draw(&self, stream: &mut Stream) -> Option<DVec3> {
         let weight = |contacts: &Vec<DVec3>| 1.0 / contacts.len() as f64;
         let total: f64 = self.cells.values().map(weight).sum();
@@ -36,7 +36,7 @@ impl ContactCells {
             left -= weight(contacts);
             left < 0.0
         });
-        // Rounding may leave a hair of weight behind the last cell.
+        // Rounding may leave a remainder of weight after the last cell.
         let contacts = chosen.or_else(|| self.cells.values().next_back())?;
         Some(contacts[stream.index(contacts.len())])
     }
@@ -49,12 +49,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_are_drawn_inversely_to_their_number_of_contacts() {
+    fn cell_probability_is_inverse_to_its_contacts() {
         let mut cells = ContactCells::new(0.02);
         let mut stream = Stream::new(1, Purpose::Exploration, 0);
         assert_eq!(cells.draw(&mut stream), None);
-        // One contact in the cell of x < 0, three in the one above: 3/4 to 1/4, and each of
-        // the three 1/12.
+        // One contact in the cell x < 0, three in the cell x > 0: 3/4 to 1/4, and each of the
+        // three 1/12.
         cells.add(DVec3::new(-0.001, 0.001, 0.001));
         let crowded = [0.001, 0.011, 0.019].map(|x| DVec3::new(x, 0.001, 0.001));
         crowded.iter().for_each(|contact| cells.add(*contact));

@@ -1,4 +1,4 @@
-//! How an arm explores: its sizes, where it looks, how it chooses, and when it gives up.
+//! Configuration of an exploration: the arm, the workspace, the strategies and the limits.
 //!
 //! The dissertation gives none of the sizes; only the probability L has values (figure 4.11).
 
@@ -11,58 +11,58 @@ use crate::arm::ArmConfig;
 use crate::controller::ContactConfig;
 use crate::press::PressSimulator;
 
-/// Whether the arm presses again where it has pressed before.
+/// Whether the arm presses where it has pressed before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PressAgain {
-    /// Whenever a motion meets the object. As printed: the vertex behind the newest contact is
-    /// the nearest to most targets, so one place is pressed again and again.
+    /// At every contact. As printed: the vertex behind the newest contact is the nearest to
+    /// most targets, so one place is pressed again and again.
     AsPrinted,
-    /// With probability 1/(1 + n)², where n of the last contacts lie within `radius` metres. The
-    /// square is chosen: where nothing else is in reach the n-th press takes about n²
-    /// attempts, of a millisecond each, so that the arm goes elsewhere if it can.
+    /// With probability 1/(1 + n)², where n of the last contacts lie within `radius` metres.
+    /// The square is chosen: if nothing else is in reach, the n-th press takes about n²
+    /// attempts of one millisecond, so the arm goes elsewhere if it can.
     Rarely {
-        /// What counts as the same place, metres.
+        /// Radius of a place, metres.
         radius: f64,
-        /// How many of the last contacts count. Older ones are forgotten: an object that is
-        /// smaller than what they cover, or that moves, can still be pressed.
+        /// Number of recent contacts that count. Older ones are forgotten, so that an object
+        /// smaller than the area they cover, or one that moves, can still be pressed.
         n_last: usize,
     },
 }
 
-/// How an arm explores.
+/// Configuration of an exploration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExploreConfig {
     /// The arm.
     pub arm: ArmConfig,
-    /// Where the object may be: the sensor looks for it here.
+    /// The region in which the sensor searches for the object.
     pub workspace: Bounds,
     /// The walls that the arm must not touch.
     pub room: Bounds,
     /// The probability L of the local strategy.
     pub local: f64,
-    /// The longest step towards a target, metres.
+    /// Longest step towards a target, metres.
     pub step: f64,
-    /// The width of the cells that count contacts, metres.
+    /// Width of the cells that count contacts, metres.
     pub cell_width: f64,
-    /// How far from an earlier contact the local strategy aims, metres.
+    /// Largest distance of a local target from an earlier contact, metres.
     pub local_radius: f64,
-    /// Whether it presses again where it has pressed before.
+    /// Whether the arm presses where it has pressed before.
     pub press_again: PressAgain,
-    /// How far the sensor draws back from a contact, metres.
+    /// Distance that the sensor retracts from a contact, metres.
     pub retreat: f64,
-    /// How far the sensor turns towards its target in one step, radians.
+    /// Largest turn of the sensor towards its target in one step, radians.
     pub turn_max: f64,
-    /// How the object moves after every reading; `None` for one that rests.
+    /// Motion of the object after every reading; `None` for an object at rest.
     pub perturbation: Option<Perturbation>,
-    /// How often the planner may choose a target.
+    /// Maximum number of targets.
     pub iterations_max: usize,
-    /// The controllers' bounds.
+    /// The controllers' limits.
     pub contact: ContactConfig,
 }
 
 impl ExploreConfig {
-    /// An arm of `n_links` around a workspace into which the object fits with room to spare:
-    /// half as wide again as the object's largest dimension, and 60 mm more.
+    /// An arm of `n_links` around a workspace that is 60 mm wider than 1.5 times the object's
+    /// largest dimension.
     #[must_use]
     pub fn for_simulator(simulator: &PressSimulator, n_links: usize) -> Self {
         let half_width = 30.0 * MM + 0.75 * simulator.mesh().largest_dimension();
@@ -70,7 +70,8 @@ impl ExploreConfig {
     }
 
     /// An arm of `n_links` around the cube that reaches `half_width` metres from the session
-    /// frame's origin along each axis. Equally many local and global targets, steps of 10 mm.
+    /// frame's origin along each axis. Local and global targets are equally likely, steps are
+    /// 10 mm.
     #[must_use]
     pub fn around(simulator: &PressSimulator, half_width: f64, n_links: usize) -> Self {
         let arm = ArmConfig::around(half_width, n_links);
@@ -94,14 +95,14 @@ impl ExploreConfig {
     }
 }
 
-/// Half the width of the sensor's array, metres: presses nearer to each other than this feel
+/// Half the width of the sensor's array, metres; presses nearer to each other than this feel
 /// mostly the same patch.
 fn array_half_width(simulator: &PressSimulator) -> f64 {
     let grid = simulator.sensor().grid();
     0.5 * grid.pitch * grid.rows.max(grid.cols) as f64
 }
 
-/// The box within which the arm can turn once about its shoulder.
+/// The box in which the arm can turn once about its shoulder.
 fn room_of(arm: &ArmConfig) -> Bounds {
     let shoulder = arm.foot + DVec3::Z * arm.first_link_length;
     let reach = arm.link_length * (arm.n_links.max(2) - 1) as f64 + arm.sensor_mount;

@@ -1,4 +1,4 @@
-//! Objects that do not stay where they are: they move a little whenever they are touched.
+//! Objects that move a little at every touch.
 //!
 //! Source: section 4.4.2.4: up to 10° in orientation and 10 % of the object's width in
 //! translation, both at once, each time a reading is taken. Moves add up, so they are kept
@@ -11,24 +11,26 @@ use palpate_core::units::DEG;
 
 use crate::mesh::Mesh;
 
-/// How far an object may move when it is touched.
+/// Limits of an object's motion at one touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perturbation {
-    /// The largest turn about the middle of the object, radians.
+    /// Largest turn about the middle of the object, radians.
     pub angle_max: f64,
-    /// The longest shift, metres.
+    /// Longest translation, metres.
     pub shift_max: f64,
 }
 
 impl Perturbation {
-    /// The dissertation's: 10° and a tenth of the object's width, here its largest dimension.
+    /// The dissertation's limits: 10° and a tenth of the object's width, here its largest
+    /// dimension.
     #[must_use]
     pub fn printed(mesh: &Mesh) -> Self {
         Self { angle_max: 10.0 * DEG, shift_max: 0.1 * mesh.largest_dimension() }
     }
 
-    /// A pose of the object near `session_from_object`; `middle_in_object` (metres) stays but
-    /// for the shift. Angle and length are drawn evenly, axis and direction from the sphere.
+    /// A random pose near `session_from_object`. The object turns about `middle_in_object`
+    /// (metres) and shifts; angle and length are uniform, axis and direction uniform on the
+    /// sphere.
     #[must_use]
     pub fn drawn(
         &self,
@@ -56,7 +58,7 @@ mod tests {
     use crate::mesh::tests_support::cuboid;
 
     #[test]
-    fn an_object_turns_about_its_middle_and_no_farther_than_permitted() {
+    fn an_object_turns_about_its_middle_within_its_limits() {
         let box_of_80_mm = cuboid(DVec3::new(80.0 * MM, 30.0 * MM, 20.0 * MM));
         let perturbation = Perturbation::printed(&box_of_80_mm);
         assert!((perturbation.shift_max - 8.0 * MM).abs() < 1e-12);

@@ -1,6 +1,6 @@
-//! What the arm may run into: itself, the walls of its room, the object; and what it feels.
+//! The arm, the object and the walls, and the collisions and contacts among them.
 //!
-//! A motion goes straight in the joints' angles and is checked in steps so short that the
+//! A motion is a straight line in the joints' angles, checked in steps so short that the
 //! sensor meets the object with the outer part of its covering. The object's pose is known
 //! here and nowhere in the planner.
 
@@ -14,9 +14,9 @@ use crate::press::{HOUSING_DEPTH, PressSimulator};
 /// A box along the session frame's axes, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Its lowest corner.
+    /// Lowest corner.
     pub low: DVec3,
-    /// Its highest corner.
+    /// Highest corner.
     pub high: DVec3,
 }
 
@@ -34,7 +34,7 @@ impl Bounds {
     }
 }
 
-/// The arm, the object where it is now, and the walls.
+/// The arm, the object at its present pose, and the walls.
 #[derive(Clone, Debug)]
 pub(super) struct Scene<'a> {
     arm: &'a Arm,
@@ -43,18 +43,18 @@ pub(super) struct Scene<'a> {
     room: Bounds,
 }
 
-/// How a motion ended.
+/// Result of a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Motion {
-    /// At its end, without meeting anything.
+    /// The motion reached its end without contact.
     Arrived,
     /// The sensor's covering met the object at `touching`; `free` is the step before.
     Sensed { free: Configuration, touching: Configuration },
-    /// Something else met something.
+    /// Another pair of bodies collided.
     Blocked,
 }
 
-/// What a configuration meets.
+/// What a configuration touches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Met {
     Nothing,
@@ -63,7 +63,7 @@ enum Met {
     Obstacle,
 }
 
-/// The longest step of any point of the arm between two checks, metres.
+/// Longest step of any point of the arm between two checks, metres.
 const CHECK_STEP: f64 = 1.0 * MM;
 
 impl<'a> Scene<'a> {
@@ -77,7 +77,7 @@ impl<'a> Scene<'a> {
         Self { arm, simulator, session_from_object, room }
     }
 
-    /// Moves from one free configuration towards another until it arrives or meets something.
+    /// Moves from a free configuration towards another until it arrives or touches something.
     pub(super) fn motion(&self, from: &Configuration, to: &Configuration) -> Motion {
         let n_steps = self.n_steps(from, to);
         let mut free = from.clone();
@@ -92,13 +92,13 @@ impl<'a> Scene<'a> {
         Motion::Arrived
     }
 
-    /// Whether the motion meets nothing, its beginning included.
+    /// Whether the motion touches nothing, its start included.
     pub(super) fn is_free(&self, from: &Configuration, to: &Configuration) -> bool {
         self.met(from) == Met::Nothing && self.motion(from, to) == Motion::Arrived
     }
 
-    /// Whether the arm can follow a command while its sensor touches: only the sensor's
-    /// covering and housing may meet the object, they are what the command is about.
+    /// Whether the arm can follow a command during contact: only the sensor's covering and
+    /// housing may touch the object.
     pub(super) fn can_follow(&self, from: &Configuration, to: &Configuration) -> bool {
         let n_steps = self.n_steps(from, to);
         (1..=n_steps).all(|step| {
@@ -115,8 +115,9 @@ impl<'a> Scene<'a> {
         self.session_from_object.inverse() * session_from_sensor
     }
 
-    /// How many checks a motion needs: every point of the arm lies on a straight line between
-    /// joints, so none goes farther than the joints, the sensor and what its turning adds.
+    /// The number of checks of a motion. Every point of the arm lies on a straight line
+    /// between joints, so none moves farther than the joints, the sensor and the sensor's
+    /// rotation together.
     fn n_steps(&self, from: &Configuration, to: &Configuration) -> usize {
         let (start, end) = (self.arm.forward(from), self.arm.forward(to));
         let joints = start.points.iter().zip(&end.points).map(|(a, b)| a.distance(*b));
@@ -149,7 +150,7 @@ impl<'a> Scene<'a> {
         outside || self.arm.meets_itself(capsules)
     }
 
-    /// Whether a link or the stem meets the object; the housing is the sensor's.
+    /// Whether a link or the stem collides with the object; `met_by_sensor` checks the housing.
     fn hits_object(&self, capsules: &[Capsule]) -> bool {
         let object_from_session = self.session_from_object.inverse();
         capsules[..capsules.len() - 1].iter().any(|capsule| {
@@ -159,7 +160,7 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// What the sensor meets: the object in its covering is felt, in its housing it is hit.
+    /// What the sensor touches: an object in its covering is felt, one in its housing collides.
     fn met_by_sensor(&self, placement: &Placement) -> Met {
         let object_from_sensor = self.session_from_object.inverse() * placement.session_from_sensor;
         let back = object_from_sensor * (-HOUSING_DEPTH * DVec3::Z);
@@ -178,7 +179,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// From the middle of the sensor's array to its corners, metres.
+    /// Distance from the middle of the sensor's array to its corners, metres.
     fn half_diagonal(&self) -> f64 {
         let grid = self.simulator.sensor().grid();
         0.5 * grid.pitch * ((grid.rows * grid.rows + grid.cols * grid.cols) as f64).sqrt()
@@ -206,7 +207,7 @@ mod tests {
         Arm::new(config).unwrap()
     }
 
-    /// A ball of 60 mm across with its middle at the origin of its frame.
+    /// A ball of 60 mm diameter, its middle at the origin of its frame.
     fn ball() -> PressSimulator {
         PressSimulator::new(sphere(30.0 * MM, 60), SensorDescription::digitacts_6x6())
     }
@@ -222,7 +223,7 @@ mod tests {
         Scene::new(arm, simulator, session_from_object, Bounds::cube(half_width))
     }
 
-    /// Turned about z at the shoulder, the hand turned about z at the wrist; degrees.
+    /// The arm turned about z at the shoulder, the hand about z at the wrist; degrees.
     fn swung(arm: &Arm, shoulder: f64, wrist: f64) -> Configuration {
         let angles = [0.0, shoulder * DEG, 0.0, 0.0, 0.0, 0.0, 0.0, wrist * DEG];
         arm.configuration(&angles).unwrap()
@@ -237,7 +238,7 @@ mod tests {
         let free = scene(&arm, &simulator, FAR, 1.0);
         assert_eq!(free.motion(&from, &to), Motion::Arrived);
         assert!(free.is_free(&from, &to) && free.can_follow(&from, &to));
-        // The sensor gets as far as 0.35 m · sin 40° = 0.225 m; at x it begins at 0.35 m.
+        // The sensor gets as far as 0.35 m · sin 40° = 0.225 m in y; in x it starts at 0.35 m.
         let low = Bounds { high: DVec3::new(1.0, 0.2, 1.0), ..Bounds::cube(1.0) };
         let walled = Scene { room: low, ..free.clone() };
         assert_eq!(walled.motion(&from, &to), Motion::Blocked);
@@ -251,14 +252,14 @@ mod tests {
     }
 
     #[test]
-    fn an_object_in_the_way_of_a_link_or_of_the_housing_blocks_a_motion() {
+    fn an_object_before_link_or_housing_blocks_a_motion() {
         let (arm, simulator) = (arm(), ball());
         let (from, to) = (arm.initial(), swung(&arm, 40.0, 0.0));
         // 0.19 m from the shoulder at 39°: between the first and the second 0.1 m of links.
         let by_link = scene(&arm, &simulator, DVec3::new(0.15, 0.12, 0.2), 1.0);
         assert_eq!(by_link.motion(&from, &to), Motion::Blocked);
         assert!(!by_link.can_follow(&from, &to));
-        // Beside the housing where the swing ends, its middle 5 mm behind the sensor's face.
+        // Beside the housing at the end of the swing, its middle 5 mm behind the sensor's face.
         let pose = arm.forward(&to).session_from_sensor;
         let left = DVec3::new(0.0, 33.0 * MM, -5.0 * MM);
         let beside = [left, left * DVec3::new(1.0, -1.0, 1.0)].map(|at| pose * at);
@@ -269,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_in_the_covering_is_sensed_before_it_is_deep_in_it() {
+    fn the_covering_senses_an_object_before_it_is_deep() {
         let (arm, simulator) = (arm(), ball());
         let thickness = simulator.sensor().parameters().covering_thickness;
         // The hand points along the swing; at 20° the ball is 1 mm deep in the covering.

@@ -1,4 +1,4 @@
-//! What an exploration must hold: free motions, frequencies, determinism, readings on the mesh.
+//! Tests of exploration: free motions, frequencies, determinism, readings on the mesh.
 
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
@@ -26,9 +26,9 @@ fn explored(simulator: &PressSimulator, n: usize, config: &ExploreConfig) -> Exp
     explore(simulator, place(1), n, 1, config, &mut |_, _| ControlFlow::Continue(())).unwrap()
 }
 
-/// Whether a motion goes through the object, checked finely and without the scene: no link's
-/// axis may cross the mesh, and nothing may lie in the housing or deeper in the covering than
-/// half a step of the check: as far as it can go in and come out again unseen.
+/// Whether a motion goes through the object, checked finely and without the scene. No link's
+/// axis may cross the mesh, and the object may be neither in the housing nor deeper in the
+/// covering than half a check step, the depth it can reach and leave unseen.
 fn passes_through(
     simulator: &PressSimulator,
     arm: &Arm,
@@ -49,7 +49,7 @@ fn passes_through(
 }
 
 #[test]
-fn an_exploration_yields_readings_that_lie_on_the_object_and_look_into_it() {
+fn readings_lie_on_the_object_and_face_it() {
     let simulator = simulator("mug");
     let config = ExploreConfig::for_simulator(&simulator, 8);
     let found = explored(&simulator, 40, &config);
@@ -63,7 +63,7 @@ fn an_exploration_yields_readings_that_lie_on_the_object_and_look_into_it() {
         let object_from_sensor = touch.session_from_object.inverse() * pose;
         let lowest = simulator.heights(object_from_sensor, 0.0).lowest();
         assert!((-0.93 * thickness..0.0).contains(&lowest), "{lowest}");
-        // From the back of the housing to the covering there is nothing: it came from outside.
+        // Nothing lies between the back of the housing and the covering: it came from outside.
         let at = |z: f64| object_from_sensor * DVec3::new(0.0, 0.0, z);
         assert!(simulator.is_clear_between(at(-HOUSING_DEPTH), at(-thickness)));
         assert!(touch.reading.image().max() > config.contact.contact_threshold);
@@ -94,7 +94,7 @@ fn no_motion_of_the_tree_passes_through_the_object() {
 }
 
 #[test]
-fn strategies_are_chosen_with_their_probabilities_once_there_is_a_contact() {
+fn after_a_contact_strategies_follow_their_probabilities() {
     let simulator = ball();
     for (local, low, high) in [(0.0, 0.0, 0.0), (0.3, 0.22, 0.38), (1.0, 1.0, 1.0)] {
         let config = ExploreConfig { local, ..ExploreConfig::for_simulator(&simulator, 8) };
@@ -113,7 +113,7 @@ fn strategies_are_chosen_with_their_probabilities_once_there_is_a_contact() {
 }
 
 #[test]
-fn local_targets_lie_around_contacts_and_global_ones_fill_the_workspace() {
+fn local_targets_surround_contacts_and_global_ones_fill_space() {
     let simulator = ball();
     let config = ExploreConfig { local: 1.0, ..ExploreConfig::for_simulator(&simulator, 8) };
     let mut explorer = Explorer::new(&simulator, place(1), 2, &config).unwrap();
@@ -130,7 +130,7 @@ fn local_targets_lie_around_contacts_and_global_ones_fill_the_workspace() {
 }
 
 #[test]
-fn equal_seeds_explore_equally_and_others_do_not() {
+fn equal_seeds_explore_equally_and_others_differ() {
     let simulator = ball();
     let config = ExploreConfig::for_simulator(&simulator, 6);
     let run = |seed| {
@@ -144,7 +144,7 @@ fn equal_seeds_explore_equally_and_others_do_not() {
 }
 
 #[test]
-fn an_object_that_moves_when_touched_still_yields_readings() {
+fn a_moving_object_still_yields_readings() {
     let simulator = simulator("hand");
     let perturbation = Perturbation::printed(simulator.mesh());
     let config = ExploreConfig {
@@ -189,7 +189,7 @@ fn iterations_and_the_caller_bound_an_exploration() {
 }
 
 #[test]
-fn a_touch_covers_the_cap_of_a_ball_around_it() {
+fn a_touch_covers_a_cap_of_a_ball() {
     let simulator = ball();
     let config = ExploreConfig::for_simulator(&simulator, 8);
     let found = explored(&simulator, 1, &config);
@@ -202,8 +202,8 @@ fn a_touch_covers_the_cap_of_a_ball_around_it() {
     assert!((covered_share(&simulator, &places, 100.0 * MM) - 1.0).abs() < 1e-12);
 }
 
-/// The two places of 20 readings that are farthest from each other, as a share of the object's
-/// largest dimension, and how many of the places lie 5 mm or more from each other.
+/// The largest distance between two of 20 readings, as a share of the object's largest
+/// dimension, and the number of places that are at least 5 mm apart.
 fn spread(simulator: &PressSimulator, seed: u64, press_again: Option<PressAgain>) -> (f64, usize) {
     let config = ExploreConfig::for_simulator(simulator, 8);
     let press_again = press_again.unwrap_or(config.press_again);
@@ -235,8 +235,8 @@ fn twenty_readings_spread_over_the_object() {
 }
 
 #[test]
-fn as_printed_most_readings_are_of_few_places() {
-    // What the departure is for. Measured: 1, 2, 2, 4, 1 and 5 places.
+fn the_printed_rule_presses_few_places() {
+    // This is why the rule departs from the printed one. Measured: 1, 2, 2, 4, 1 and 5 places.
     let simulator = simulator("mug");
     let n_apart = |seed| spread(&simulator, seed, Some(PressAgain::AsPrinted)).1;
     let mut places: Vec<usize> = (301..=306).map(n_apart).collect();
@@ -245,7 +245,7 @@ fn as_printed_most_readings_are_of_few_places() {
 }
 
 #[test]
-fn a_place_that_was_pressed_is_pressed_again_rarely_until_it_is_forgotten() {
+fn a_pressed_place_is_rarely_pressed_again_until_forgotten() {
     let simulator = ball();
     let press_again = PressAgain::Rarely { radius: 6.0 * MM, n_last: 4 };
     let config = ExploreConfig { press_again, ..ExploreConfig::for_simulator(&simulator, 8) };
@@ -257,8 +257,8 @@ fn a_place_that_was_pressed_is_pressed_again_rarely_until_it_is_forgotten() {
     assert_eq!(pressed(&mut explorer, here), 2000);
     explorer.pressed.push(Pressed { met: here, rested: None });
     explorer.pressed.push(Pressed { met: 20.0 * MM * DVec3::Y, rested: Some(here) });
-    // Two contacts here, by where one was met and where the other rested: 1/9 of 2000 is 222,
-    // five deviations are 70. There, 7 mm away, none.
+    // Two contacts here, one by its first contact, one by its rest: 1/9 of 2000 is 222, five
+    // deviations are 70. At `there`, 7 mm away, none.
     let again = pressed(&mut explorer, here);
     assert!((152..=292).contains(&again), "{again}");
     assert_eq!(pressed(&mut explorer, there), 2000);

@@ -1,7 +1,7 @@
-//! The planner's tree: configurations of the arm, joined by motions that were free.
+//! The planner's tree: configurations of the arm joined by free motions.
 //!
 //! The root is the initial configuration. Every edge was checked when it was made; after the
-//! object has moved an edge counts only once it has been checked again.
+//! object has moved, an edge counts only once it has been checked again.
 
 use glam::DVec3;
 
@@ -12,11 +12,11 @@ use crate::arm::Configuration;
 pub struct Vertex {
     /// The arm's angles.
     pub configuration: Configuration,
-    /// Where the sensor is, metres in the session frame.
+    /// Position of the sensor, metres in the session frame.
     pub position: DVec3,
-    /// The vertex from which the motion came; `None` at the root.
+    /// The vertex at the start of the motion; `None` at the root.
     pub parent: Option<usize>,
-    /// For which place of the object the way from the root was last checked, and its outcome.
+    /// The epoch in which the path from the root was last checked, and the result.
     checked: (u32, bool),
 }
 
@@ -24,7 +24,7 @@ pub struct Vertex {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tree {
     vertices: Vec<Vertex>,
-    /// How often the object has moved.
+    /// Number of the object's moves.
     epoch: u32,
 }
 
@@ -52,9 +52,9 @@ impl Tree {
         self.vertices.len() - 1
     }
 
-    /// The vertex whose sensor is nearest to `target`, of those not known to be cut off.
+    /// The vertex whose sensor is nearest to `target`, among those not known to be cut off.
     ///
-    /// The root is never cut off as long as it is not itself where the object has come.
+    /// The root is cut off only if the object has moved onto it.
     fn nearest(&self, target: DVec3) -> Option<usize> {
         let open = |vertex: &Vertex| vertex.checked != (self.epoch, false);
         let distance = |vertex: &Vertex| vertex.position.distance_squared(target);
@@ -64,8 +64,8 @@ impl Tree {
             .map(|(vertex, _)| vertex)
     }
 
-    /// The vertex nearest to `target` that the arm can get to from the root, where `is_free`
-    /// says whether the motion between two configurations meets nothing.
+    /// The vertex nearest to `target` that the arm can reach from the root; `is_free` returns
+    /// whether the motion between two configurations touches nothing.
     pub(super) fn nearest_open(
         &mut self,
         target: DVec3,
@@ -79,8 +79,8 @@ impl Tree {
         }
     }
 
-    /// Whether the way from the root to a vertex is free, checking what was not checked since
-    /// the object moved.
+    /// Whether the path from the root to a vertex is free; checks edges not checked since the
+    /// object moved.
     pub(super) fn is_open(
         &mut self,
         vertex: usize,
@@ -94,7 +94,7 @@ impl Tree {
         }
         let mut open = at.is_none_or(|idx| self.vertices[idx].checked.1);
         for idx in way.into_iter().rev() {
-            // The root has no motion of its own: what matters is that it is free where it is.
+            // The root has no motion of its own: its own position must be free.
             let to = &self.vertices[idx].configuration;
             let from = self.vertices[idx].parent.map_or(to, |up| &self.vertices[up].configuration);
             open = open && is_free(from, to);
@@ -103,7 +103,7 @@ impl Tree {
         open
     }
 
-    /// Forgets what was checked: the object has moved.
+    /// Invalidates all checks after the object has moved.
     pub(super) fn forget_checks(&mut self) {
         self.epoch += 1;
     }
@@ -129,18 +129,18 @@ mod tests {
     fn the_nearest_sensor_is_chosen() {
         let mut tree = tree();
         let mut nearest = |x: f64, y: f64| tree.nearest_open(DVec3::new(x, y, 0.0), |_, _| false);
-        // Nothing is checked again as long as the object rests.
+        // Nothing is checked again while the object rests.
         assert_eq!(nearest(2.2, 0.1), Some(2));
         assert_eq!(nearest(9.0, 0.0), Some(3));
         assert_eq!(nearest(0.1, 0.8), Some(4));
     }
 
     #[test]
-    fn a_vertex_behind_a_blocked_motion_is_cut_off_until_the_object_moves_again() {
+    fn a_blocked_motion_cuts_off_vertices_until_the_object_moves() {
         let mut tree = tree();
         tree.forget_checks();
         let mut checked = 0;
-        // Asked for root, then 1, then 2: the third motion, to vertex 2, is blocked.
+        // Checked are the root, then 1, then 2: the third motion, to vertex 2, is blocked.
         let nearest = tree.nearest_open(3.0 * DVec3::X, |_, _| {
             checked += 1;
             checked != 3

@@ -1,8 +1,8 @@
-//! A font's 52 letters, ready to be raised: parsed, scaled and checked once.
+//! The 52 letters of a font: parsed, scaled and checked once.
 //!
-//! Built in is Quicksand Bold, round and plain as the dissertation's letters were, its I given
-//! cross-bars; any TrueType or OpenType font can be given instead. Source: section 4.4.4.1 and
-//! its footnote 3.
+//! Built in is Quicksand Bold, round and plain like the dissertation's letters, its I given
+//! cross-bars; any TrueType or OpenType font can be given instead. Source: section 4.4.4.1
+//! and its footnote 3.
 
 use glam::DVec2;
 use palpate_core::units::MM;
@@ -12,14 +12,14 @@ use ttf_parser::{Face, FaceParsingError, GlyphId};
 use super::outline::{Flattener, united};
 use super::{CAP_HEIGHT, Letter, Polygon, SYMBOLS, bounds};
 
-/// How far a flattened curve may be from the font's, metres.
+/// Largest distance of a flattened curve from the font's, metres.
 const TOLERANCE: f64 = 0.01 * MM;
 
-/// Width of the cross-bars of a capital I that has none of its own, as a part of its height:
+/// Width of the cross-bars added to a capital I without any, as a fraction of its height:
 /// that of a usual slab serif.
 const CROSS_BAR_WIDTH: f64 = 0.42;
 
-/// An I narrower than this many strokes has no cross-bars.
+/// Ratio of width to stroke below which an I has no cross-bars.
 const CROSS_BARS_FROM: f64 = 1.5;
 
 /// The letters A to Z and a to z of a font.
@@ -28,7 +28,7 @@ pub struct Font {
     letters: Vec<Letter>,
 }
 
-/// Why bytes are not a font of raised letters.
+/// Error of bytes that are not a font of raised letters.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum FontError {
     /// The bytes are not a font.
@@ -43,7 +43,7 @@ pub enum FontError {
 }
 
 impl Font {
-    /// Quicksand Bold 3.000, which comes with the program (`sim/fonts`).
+    /// Quicksand Bold 3.000, which is part of the program (`sim/fonts`).
     ///
     /// # Panics
     /// Never: a test reads the font that is built in.
@@ -53,8 +53,8 @@ impl Font {
             .expect("the font that comes with the program has all letters")
     }
 
-    /// The font of a file's bytes. An I without cross-bars is given two, 0.42 of its height
-    /// wide and as thick as its stem.
+    /// Parses the font of a file's bytes. An I without cross-bars gets two, 0.42 of its
+    /// height wide and as thick as its stem.
     ///
     /// # Errors
     /// [`FontError`] when the bytes are not a font or a letter has no outline.
@@ -121,7 +121,7 @@ fn with_cross_bars(polygons: Vec<Polygon>) -> Vec<Polygon> {
     united(&contours)
 }
 
-/// The width of what a letter covers at half its height, metres.
+/// Width of the letter's stroke at half its height, metres.
 fn stroke_at_middle(letter: &Letter) -> f64 {
     let n = 2000;
     let step = letter.size().x / f64::from(n);
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_have_the_parts_one_sees() {
+    fn letters_have_the_expected_parts_and_holes() {
         let font = Font::built_in();
         let parts = |symbol| {
             let letter = font.letter(symbol).unwrap();
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn an_i_without_cross_bars_is_given_two() {
+    fn an_i_without_cross_bars_gets_two() {
         let bar = [(-2.0, 0.0), (2.0, 0.0), (2.0, 25.0), (-2.0, 25.0)];
         let outline = bar.map(|(x, y)| DVec2::new(x, y) * MM).to_vec();
         let barred = with_cross_bars(vec![Polygon { outline, holes: vec![] }]);
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_that_are_no_font_are_refused() {
+    fn bytes_that_are_not_a_font_are_refused() {
         assert!(matches!(Font::from_bytes(vec![0; 64]), Err(FontError::Parse(_))));
     }
 }

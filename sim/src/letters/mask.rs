@@ -1,4 +1,4 @@
-//! A letter drawn on a grid: how much of every cell it covers.
+//! A letter on a grid: the covered fraction of every cell.
 //!
 //! Cells are squares in the letter's frame, x fastest, then y upwards.
 
@@ -6,7 +6,7 @@ use glam::DVec2;
 
 use super::{Letter, edges};
 
-/// Lines drawn through each row of cells; along x the coverage is exact.
+/// Scan lines per row of cells; along x the coverage is exact.
 const LINES_PER_ROW: usize = 4;
 
 /// The coverage of a grid of cells.
@@ -19,7 +19,7 @@ pub struct Mask {
 }
 
 impl Letter {
-    /// The letter on cells of side `cell` (metres), with at least `margin` metres of nothing
+    /// The letter on cells of side `cell` (metres), with a margin of at least `margin` metres
     /// around it. The grid is centred on the letter's origin.
     ///
     /// # Panics
@@ -73,7 +73,7 @@ impl Mask {
         (self.cols, self.rows)
     }
 
-    /// The part of each cell that is covered, 0 to 1; x fastest, then y upwards.
+    /// The covered fraction of each cell, 0 to 1; x fastest, then y upwards.
     #[must_use]
     pub fn coverage(&self) -> &[f32] {
         &self.coverage
@@ -92,8 +92,8 @@ impl Mask {
         self.min() + self.cell * place
     }
 
-    /// Whether the cell around a point (metres) is covered by half or more; outside of the
-    /// grid nothing is.
+    /// Whether at least half of the cell around a point (metres) is covered; false outside
+    /// the grid.
     #[must_use]
     pub fn is_covered(&self, at: DVec2) -> bool {
         let place = (at - self.min()) / self.cell;
@@ -102,7 +102,7 @@ impl Mask {
         inside && self.coverage[place.y as usize * self.cols + place.x as usize] >= 0.5
     }
 
-    /// The centres of the cells that are covered by half or more, metres.
+    /// The centres of the cells that are at least half covered, metres.
     pub fn covered(&self) -> impl Iterator<Item = DVec2> + '_ {
         let covered = self.coverage.iter().enumerate().filter(|(_, covered)| **covered >= 0.5);
         covered.map(|(cell, _)| self.center(cell))

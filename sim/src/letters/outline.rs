@@ -1,6 +1,6 @@
-//! From a glyph's curves to polygons: flattened, united by the non-zero rule, oriented.
+//! Conversion of a glyph's curves to polygons: flattened, united by the non-zero rule, oriented.
 //!
-//! Lengths are the font's units until the font scales them.
+//! Lengths are in the font's units until the font scales them.
 
 use glam::DVec2;
 use i_overlay::core::fill_rule::FillRule;
@@ -20,7 +20,7 @@ impl Flattener {
         Self { tolerance, contours: Vec::new() }
     }
 
-    /// The contours, as they came.
+    /// The contours, in the order of the glyph.
     pub(super) fn into_contours(self) -> Vec<Vec<DVec2>> {
         self.contours
     }
@@ -35,7 +35,7 @@ impl Flattener {
         }
     }
 
-    /// Adds a curve `at` of 0 ..= 1 whose second derivative is at most `bend`: a chord over
+    /// Adds a curve `at` of 0 ..= 1 whose second derivative is at most `bend`. A chord over
     /// 1/n of it is at most bend / (8n²) away.
     fn curve(&mut self, bend: f64, at: impl Fn(f64) -> DVec2) {
         let n = (bend / (8.0 * self.tolerance)).sqrt().ceil().clamp(1.0, 256.0) as usize;
@@ -76,7 +76,7 @@ fn point(x: f32, y: f32) -> DVec2 {
     DVec2::new(f64::from(x), f64::from(y))
 }
 
-/// The area that contours wind round, as polygons that neither cross nor overlap.
+/// The area that contours wind around, as polygons that neither cross nor overlap.
 pub(super) fn united(contours: &[Vec<DVec2>]) -> Vec<Polygon> {
     let contours: Vec<Vec<[f64; 2]>> = contours
         .iter()

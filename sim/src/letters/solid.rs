@@ -43,8 +43,8 @@ fn extrude(
         triangles.push([front + a, front + b, front + c]);
         triangles.push([back + a, back + c, back + b]);
     }
-    // The walls stand on the edges that only one triangle of the face has: whatever corners
-    // the triangulation leaves out, the solid stays closed.
+    // The walls stand on the edges that only one triangle of the face has. The solid stays
+    // closed whatever corners the triangulation leaves out.
     let edges: BTreeSet<[u32; 2]> =
         face.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
     for &[a, b] in edges.iter().filter(|[a, b]| !edges.contains(&[*b, *a])) {
@@ -82,7 +82,7 @@ mod tests {
     use crate::letters::Font;
 
     #[test]
-    fn every_letter_is_a_closed_solid_of_its_area_times_its_thickness() {
+    fn letters_are_closed_solids_of_area_times_thickness() {
         for letter in Font::built_in().letters() {
             let solid = letter.solid(3.0 * MM);
             assert!(solid.is_watertight(), "{}", letter.symbol());

@@ -1,7 +1,7 @@
-//! Which letters look the same when turned: themselves, and pairs of them.
+//! Rotational symmetry of letters, and pairs of letters that look alike under a rotation.
 //!
-//! A shape's overlap with another is the area they share over the area that either covers,
-//! 1 for equal shapes. What no method that is blind to rotation can tell apart shows here.
+//! The overlap of two shapes is the area they share over the area that either covers, 1 for
+//! equal shapes. A method that is blind to rotation cannot tell such pairs apart.
 
 use std::f64::consts::TAU;
 
@@ -10,29 +10,29 @@ use palpate_core::units::{DEG, MM};
 
 use super::{Letter, Mask};
 
-/// The overlap from which a turned letter counts as itself. Letters are drawn by eye: the X of
-/// a typeface is narrower above than below, its S smaller, by more than a sensor resolves.
+/// Overlap above which a turned letter counts as itself. Letters are drawn by eye: the X of a
+/// typeface is narrower above than below, its S smaller, by more than a sensor resolves.
 pub const SAME_SHAPE: f64 = 0.97;
 
-/// The overlap from which presses confuse two letters: n and u, b and q, d and p reach it in
-/// the usual typefaces.
+/// Overlap above which presses confuse two letters: n and u, b and q, d and p reach it in the
+/// usual typefaces.
 pub const LOOK_ALIKE: f64 = 0.85;
 
-/// Side of a cell in which symmetry is sought, metres.
+/// Side of a cell for symmetries, metres.
 const FINE_CELL: f64 = 0.1 * MM;
 
-/// Side of a cell in which pairs are compared, metres.
+/// Side of a cell for pairs, metres.
 const PAIR_CELL: f64 = 0.4 * MM;
 
-/// The most folds a symmetry of a letter is tried with.
+/// Largest order of symmetry that is tried.
 const FOLDS_MAX: u32 = 8;
 
-/// How often a shape meets itself in a full turn about its centroid.
+/// Order of a shape's rotational symmetry about its centroid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RotationOrder {
-    /// After every 1/n of a turn; 1 is a shape without symmetry.
+    /// The shape coincides with itself after every 1/n of a turn; 1 is a shape without symmetry.
     Finite(u32),
-    /// At every angle.
+    /// The shape coincides with itself at every angle.
     Continuous,
 }
 
@@ -45,13 +45,13 @@ pub struct LookAlike {
     pub second: char,
     /// The angle by which the second is turned about its centroid, counter-clockwise, radians.
     pub angle: f64,
-    /// Their overlap then, 0 to 1.
+    /// Their overlap at that angle, 0 to 1.
     pub overlap: f64,
 }
 
 impl Letter {
-    /// How often the letter meets itself in a full turn about its centroid: with an overlap of
-    /// at least [`SAME_SHAPE`] after 1/n of a turn.
+    /// The order of the letter's symmetry about its centroid: its overlap with itself is at
+    /// least [`SAME_SHAPE`] after 1/n of a turn.
     #[must_use]
     pub fn rotation_order(&self) -> RotationOrder {
         let shape = Shape::new(self, FINE_CELL);
@@ -64,8 +64,8 @@ impl Letter {
     }
 }
 
-/// The pairs of `letters` whose overlap reaches `overlap_min` (0 to 1) under the best rotation
-/// and a small shift, greatest overlap first; [`LOOK_ALIKE`] is a fair bound.
+/// The pairs of `letters` whose overlap reaches `overlap_min` (0 to 1) under the best
+/// rotation and a small shift, greatest overlap first; [`LOOK_ALIKE`] is a reasonable bound.
 #[must_use]
 pub fn look_alikes(letters: &[Letter], overlap_min: f64) -> Vec<LookAlike> {
     let shapes: Vec<Shape> = letters.iter().map(|letter| Shape::new(letter, PAIR_CELL)).collect();
@@ -88,11 +88,11 @@ pub fn look_alikes(letters: &[Letter], overlap_min: f64) -> Vec<LookAlike> {
     found
 }
 
-/// Steps of one climb; every step raises the overlap, the bound guards against rounding.
+/// Steps of one climb. Every step raises the overlap; the bound guards against rounding.
 const CLIMB_STEPS_MAX: usize = 1000;
 
-/// The angle and overlap of the best rotation of `second` onto `first`: every 6°, then the
-/// best of them by ever smaller steps of angle and shift.
+/// The angle and overlap of the best rotation of `second` onto `first`: every 6°, then
+/// refined by ever smaller steps of angle and shift.
 fn best_overlap(first: &Shape, second: &Shape) -> (f64, f64) {
     let at = |angle: f64, shift: DVec2| first.overlap(second, angle, shift);
     let mut coarse: Vec<(f64, f64)> = (0..60)
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disc_is_continuous_and_a_triangle_that_leans_has_no_symmetry() {
+    fn a_disc_is_continuous_and_a_leaning_triangle_has_order_1() {
         let disc =
             polygon((0..90).map(|step| 10.0 * DVec2::from_angle(f64::from(step) * 4.0 * DEG)));
         assert_eq!(disc.rotation_order(), RotationOrder::Continuous);
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn the_built_in_letters_have_the_symmetries_they_are_drawn_with() {
+    fn built_in_letters_have_their_drawn_symmetries() {
         let font = Font::built_in();
         for letter in font.letters() {
             // S, s, Z and z are smaller above than below: turned by half they overlap
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn turned_letters_that_are_one_shape_are_found() {
+    fn letters_equal_under_a_turn_are_found() {
         let pairs = look_alikes(Font::built_in().letters(), LOOK_ALIKE);
         let names: Vec<String> =
             pairs.iter().map(|pair| format!("{}{}", pair.first, pair.second)).collect();

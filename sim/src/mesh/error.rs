@@ -1,22 +1,22 @@
-//! Why bytes or numbers are not a mesh: what was found, and what was expected.
+//! Error of bytes or numbers that are not a mesh, with the found and the expected value.
 
 use thiserror::Error;
 
 use super::MeshFormat;
 
-/// Why bytes or numbers are not a mesh.
+/// Error of bytes or numbers that are not a mesh.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum MeshError {
     /// There is no triangle at all.
     #[error("mesh has no triangle, expected at least one")]
     Empty,
-    /// Every triangle is without area, or the whole is a point.
+    /// Every triangle has zero area, or the whole mesh is a point.
     #[error("mesh of extent {extent} m has no triangle with an area, expected at least one")]
     Degenerate {
         /// The largest dimension, metres.
         extent: f64,
     },
-    /// The mesh is larger than anything one could touch.
+    /// The mesh is larger than [`super::EXTENT_MAX`].
     #[error("mesh has an extent of {extent} m, expected at most {max} m (wrong unit?)")]
     Huge {
         /// The largest dimension, metres.
@@ -24,17 +24,17 @@ pub enum MeshError {
         /// The largest permitted dimension, metres.
         max: f64,
     },
-    /// A count is beyond what is permitted.
+    /// A count is above its limit.
     #[error("mesh has {found} {what}, expected at most {max}")]
     TooMany {
-        /// What was counted.
+        /// The counted thing.
         what: &'static str,
-        /// How many were found or announced.
+        /// The count found or announced.
         found: usize,
-        /// How many are permitted.
+        /// The maximum count.
         max: usize,
     },
-    /// A vertex is infinite or not a number.
+    /// A vertex has a coordinate that is not finite.
     #[error("vertex {vertex} is not finite, expected finite coordinates")]
     NotFinite {
         /// The vertex, counted from 0.
@@ -45,37 +45,37 @@ pub enum MeshError {
     Index {
         /// The triangle or polygon, counted from 0.
         triangle: usize,
-        /// The index that was found.
+        /// The given index.
         found: i64,
-        /// How many vertices there are.
+        /// The number of vertices.
         n_vertices: usize,
     },
-    /// The file is shorter than its header promises.
+    /// The file is shorter than its header requires.
     #[error("{format} file has {found} bytes, expected at least {expected} from its header")]
     Truncated {
         /// The format.
         format: MeshFormat,
-        /// Bytes there are.
+        /// The file's length in bytes.
         found: usize,
-        /// Bytes that the header's counts need at the least.
+        /// The length that the header's counts need at least, in bytes.
         expected: usize,
     },
-    /// A place in the file is not what the format demands.
+    /// A line of the file violates the format.
     #[error("{format} file, line {line}: expected {expected}")]
     Syntax {
         /// The format.
         format: MeshFormat,
         /// The line, counted from 1.
         line: usize,
-        /// What should have stood there.
+        /// The expected content of the line.
         expected: &'static str,
     },
-    /// The file is of another format than was said.
+    /// The file is of another format than the one given.
     #[error("the file begins as {found} does, expected {format}: name its own format")]
     OtherFormat {
-        /// The format that was said.
+        /// The given format.
         format: MeshFormat,
-        /// The format that its first word names.
+        /// The format that its first word indicates.
         found: MeshFormat,
     },
     /// The format's reader refused the file.
@@ -94,13 +94,13 @@ pub enum MeshError {
         line: usize,
         /// The corner of the face, counted from 0.
         corner: usize,
-        /// How many vertices there are.
+        /// The number of vertices.
         n_vertices: usize,
     },
-    /// The unit of length is not a number of metres.
+    /// The unit of length is out of range.
     #[error("unit is {found} m, expected 1e-9 to 1e6 (0.001 for a file in millimetres)")]
     Unit {
-        /// What was given.
+        /// The given unit, metres.
         found: f64,
     },
 }

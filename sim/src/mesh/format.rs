@@ -1,4 +1,4 @@
-//! The mesh formats we read, and the one door all their parsers stand behind.
+//! The supported mesh formats, and the one entry to their parsers.
 //!
 //! Uploads are hostile: counts are checked against the bytes before anything is allocated,
 //! and a panic inside a third-party reader becomes an error.
@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::{MeshError, obj, off, ply, stl};
 
-/// Vertices in the file's unit, and triangles that may still name vertices out of range.
+/// Vertices in the file's unit, and triangles whose indices may still be out of range.
 pub(super) type Soup = (Vec<DVec3>, Vec<[u32; 3]>);
 
 /// A mesh file format.
@@ -18,7 +18,7 @@ pub(super) type Soup = (Vec<DVec3>, Vec<[u32; 3]>);
 pub enum MeshFormat {
     /// Stereolithography, binary or ASCII.
     Stl,
-    /// Wavefront.
+    /// Wavefront OBJ.
     Obj,
     /// Polygon file format, ASCII or binary.
     Ply,
@@ -39,7 +39,7 @@ impl MeshFormat {
         }
     }
 
-    /// The format of a media type such as `model/stl`; parameters behind `;` are ignored.
+    /// The format of a media type such as `model/stl`; parameters after `;` are ignored.
     #[must_use]
     pub fn from_media_type(media_type: &str) -> Option<Self> {
         let essence = media_type.split(';').next().unwrap_or_default().trim();
@@ -54,7 +54,7 @@ impl MeshFormat {
         }
     }
 
-    /// The media type we name the format by.
+    /// The media type of the format.
     #[must_use]
     pub fn media_type(self) -> &'static str {
         match self {
@@ -90,11 +90,11 @@ pub(super) fn parse(format: MeshFormat, bytes: &[u8]) -> Result<Soup, MeshError>
     };
     let read = catch_unwind(AssertUnwindSafe(|| read(bytes)));
     let read = read.unwrap_or(Err(MeshError::Unreadable { format }));
-    // Some formats skip lines that they do not know, and find nothing in another one's file.
+    // Some formats skip unknown lines, and find nothing in a file of another format.
     let read =
         read.and_then(|soup| if soup.1.is_empty() { Err(MeshError::Empty) } else { Ok(soup) });
     read.map_err(|error| {
-        // A comment of a binary STL may begin with anything, so this is asked of failures alone.
+        // A comment of a binary STL may begin with anything, so only failures are checked.
         match first_word(bytes).filter(|found| *found != format) {
             Some(found) => MeshError::OtherFormat { format, found },
             None => error,
@@ -102,7 +102,7 @@ pub(super) fn parse(format: MeshFormat, bytes: &[u8]) -> Result<Soup, MeshError>
     })
 }
 
-/// The format that a file's first word names; `None` for formats that begin with anything.
+/// The format that a file's first word indicates; `None` if the word is none of ours.
 fn first_word(bytes: &[u8]) -> Option<MeshFormat> {
     let word = bytes.split(u8::is_ascii_whitespace).next()?;
     match word {
@@ -114,7 +114,7 @@ fn first_word(bytes: &[u8]) -> Option<MeshFormat> {
     }
 }
 
-/// Adds a polygon's fan of triangles.
+/// Triangulates a polygon as a fan and adds the triangles.
 ///
 /// `polygon` is the polygon's number for errors; fewer than three corners add nothing.
 pub(super) fn push_fan(
@@ -144,7 +144,7 @@ mod tests {
         [MeshFormat::Stl, MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off];
 
     #[test]
-    fn extensions_and_media_types_find_their_format() {
+    fn extensions_and_media_types_map_to_formats() {
         assert_eq!(MeshFormat::from_extension(".STL"), Some(MeshFormat::Stl));
         assert_eq!(MeshFormat::from_extension("dae"), None);
         for format in FORMATS {
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_of_another_format_is_recognised_by_its_first_word() {
+    fn the_first_word_reveals_another_format() {
         let files: [(MeshFormat, &[u8]); 4] = [
             (MeshFormat::Off, b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
             (MeshFormat::Ply, b"ply\nformat ascii 1.0\nend_header\n"),

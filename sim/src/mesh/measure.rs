@@ -32,7 +32,7 @@ impl Mesh {
         0.5 * self.area_vector(triangle).length()
     }
 
-    /// The unit normal of a triangle, outward when the mesh is wound as it should be.
+    /// The unit normal of a triangle, outward when the mesh is wound correctly.
     #[must_use]
     pub fn normal(&self, triangle: usize) -> DVec3 {
         self.area_vector(triangle).normalize_or(DVec3::Z)
@@ -44,10 +44,10 @@ impl Mesh {
         (0..self.triangles.len()).map(|triangle| self.area(triangle)).sum()
     }
 
-    /// The centroid of the surface: the mean of its points, each area weighing the same.
+    /// The centroid of the surface, weighted by area. Metres.
     ///
-    /// This is where touches spread evenly over the object have their mean; it exists for
-    /// meshes with holes too, unlike the centroid of the volume. Metres.
+    /// Touches spread evenly over the object have their mean here. It exists for meshes with
+    /// holes too, unlike the centroid of the volume.
     #[must_use]
     pub fn centroid(&self) -> DVec3 {
         let moment: DVec3 = (0..self.triangles.len())
@@ -59,8 +59,8 @@ impl Mesh {
         moment / self.surface_area()
     }
 
-    /// The enclosed volume, cubic metres; negative when the mesh is wound inside out, without
-    /// meaning when it is not closed.
+    /// The enclosed volume, cubic metres; negative when the mesh is wound inside out,
+    /// meaningless when it is not closed.
     #[must_use]
     pub fn signed_volume(&self) -> f64 {
         let origin = self.vertices[0];
@@ -83,7 +83,7 @@ impl Mesh {
         used_once && directed.iter().all(|&[a, b]| directed.binary_search(&[b, a]).is_ok())
     }
 
-    /// How mass is spread in the body: a solid of uniform density when the mesh is closed,
+    /// The distribution of mass: a solid of uniform density when the mesh is closed,
     /// otherwise a uniform shell.
     #[must_use]
     pub fn inertia(&self) -> Inertia {
@@ -122,7 +122,7 @@ mod tests {
     use crate::mesh::tests_support::cuboid;
 
     #[test]
-    fn a_box_measures_what_it_should() {
+    fn a_box_has_its_extent_area_and_volume() {
         let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0));
         assert!((mesh.surface_area() - 22.0).abs() < 1e-12);
         assert!((mesh.signed_volume() - 6.0).abs() < 1e-12);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_has_the_moments_of_a_solid_and_an_open_one_of_a_shell() {
+    fn closed_boxes_have_solid_moments_and_open_ones_shell() {
         // A solid's variance along a side s is s²/12.
         let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0)).translated(DVec3::new(5.0, 0.0, 0.0));
         for mesh in [mesh.clone(), mesh.inside_out()] {
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn scaling_and_moving_do_what_they_say() {
+    fn scaling_and_moving_change_the_bounds() {
         let mesh = cuboid(DVec3::new(1.0, 2.0, 3.0)).scaled_to_largest_dimension(0.08);
         assert!((mesh.extent().z - 0.08).abs() < 1e-15);
         assert!((mesh.translated(DVec3::X).bounds().0.z + 0.04).abs() < 1e-15);

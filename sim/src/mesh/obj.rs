@@ -1,8 +1,8 @@
 //! The OBJ parser: positions and faces of all groups, nothing else.
 //!
-//! Texture and normal indices, materials and curves are passed over; material files are not
-//! opened. Faces with fewer than three corners are ignored. Coordinates are of single precision,
-//! as most programs write them.
+//! Texture and normal indices, materials and curves are skipped; material files are not
+//! opened. Faces with fewer than three corners are ignored. Coordinates have single
+//! precision, as most programs write them.
 
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX, check_count};
 const FORMAT: MeshFormat = MeshFormat::Obj;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Soup, MeshError> {
-    // Names and comments may be in any encoding; numbers are in none but this.
+    // Names and comments may be in any encoding; numbers are ASCII.
     let text = String::from_utf8_lossy(bytes);
     check_lines(&text)?;
     let positions = positions(&text)?;
@@ -65,19 +65,19 @@ fn positions(text: &str) -> Result<Vec<DVec3>, MeshError> {
     Ok(positions)
 }
 
-/// The vertices that faces use, in the order of their first use: others are no part of the mesh.
+/// The vertices that faces use, in the order of first use; the others are not part of the mesh.
 struct Used {
     places: Vec<Option<u32>>,
     vertices: Vec<DVec3>,
 }
 
 impl Used {
-    /// The place of a position among the used ones.
+    /// The index of a position among the used ones, which it joins if it is new.
     fn place(&mut self, corner: usize, positions: &[DVec3]) -> u32 {
         let Self { places, vertices } = self;
         *places[corner].get_or_insert_with(|| {
             vertices.push(positions[corner]);
-            // Vertices are counted beforehand, and far fewer than 32 bits tell apart.
+            // Vertices are counted beforehand, and far fewer than 32 bits hold.
             vertices.len() as u32 - 1
         })
     }
@@ -88,8 +88,8 @@ fn position<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<DVec3> {
     Some(DVec3::new(number()?, number()?, number()?))
 }
 
-/// The place of the position that a corner names, from 0: it counts from 1 on, or from the
-/// newest of the `n_before` so far, -1, back. It may name one that is not there.
+/// The index, from 0, of the position that a corner names. A corner counts from 1, or
+/// backwards from the newest of the `n_before` so far, -1. The result may be out of range.
 fn corner(word: &str, line: usize, n_before: i64) -> Result<i64, MeshError> {
     let number = word.split('/').next().unwrap_or_default().parse::<i64>();
     let expected = "corners such as 1, 1/2, 1//3 or -1";
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn only_positions_count_whatever_stands_beside_them() {
+    fn only_positions_of_used_vertices_count() {
         // Without these the extent would be 1 m: vertices that no face uses are left out.
         let text = "v 0 0 0 1 0 0\nv 9 0 0\nv 0 9 0\nv 1000 0 0\nvt 0 0\nvn 0 0 1\n\
                     f 1/-4 2//7 -2/1/1 # a corner\n";

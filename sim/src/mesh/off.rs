@@ -1,7 +1,7 @@
 //! The OFF parser: a header, counts, vertices, polygons, all as words.
 //!
-//! Reads `OFF`, `COFF` and `NOFF` with counts on the same or the next line; what follows the
-//! coordinates or corners on a line (colours, normals) is ignored, and so are comments.
+//! Reads `OFF`, `COFF` and `NOFF` with counts on the same or the next line. Anything after
+//! the coordinates or corners on a line (colours, normals) is ignored, as are comments.
 
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ const FORMAT: MeshFormat = MeshFormat::Off;
 const VERTEX_BYTES_MIN: usize = 6;
 const POLYGON_BYTES_MIN: usize = 2;
 
-/// Lines that say something, with their numbers.
+/// Lines with content, and their numbers.
 struct Lines<'a> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
     line: usize,
@@ -82,7 +82,7 @@ fn vertex(line: &str) -> Option<DVec3> {
     Some(DVec3::new(words.next()??, words.next()??, words.next()??))
 }
 
-/// Reads "n i₁ … iₙ" into `corners`; whether the line was one.
+/// Reads "n i₁ … iₙ" into `corners`; false if the line has another form.
 fn read_polygon(line: &str, corners: &mut Vec<u32>) -> bool {
     corners.clear();
     let mut words = line.split_whitespace();
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_beyond_the_file_or_the_limit_are_refused_before_allocating() {
+    fn excessive_counts_are_refused_before_allocating() {
         let error = from_text("OFF\n1000000 1000000 0\n0 0 0\n").unwrap_err();
         assert!(matches!(error, MeshError::Truncated { .. }), "{error}");
         let error = from_text("OFF\n3 99999999999 0\n").unwrap_err();

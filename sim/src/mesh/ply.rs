@@ -1,6 +1,6 @@
 //! PLY through `ply-rs-bw`: the elements `vertex` and `face`, other elements skipped.
 //!
-//! The header is read first and every count held against the bytes that are left.
+//! The header is read first and every count checked against the remaining bytes.
 
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -14,7 +14,7 @@ use super::{MeshError, MeshFormat, TRIANGLES_MAX, VERTICES_MAX, check_count};
 
 const FORMAT: MeshFormat = MeshFormat::Ply;
 
-/// What we take from any element: coordinates, and corners where it has them.
+/// The used properties of any element: coordinates, and corners if it has them.
 struct Element {
     position: [f64; 3],
     corners: Vec<u32>,
@@ -85,7 +85,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, MeshError> {
     Ok((vertices, triangles))
 }
 
-/// Refuses counts that are over the limits or need more bytes than there are.
+/// Refuses counts that are over the limits or need more bytes than the file has.
 fn check_header(header: &Header, found: usize) -> Result<(), MeshError> {
     let mut expected = 0usize;
     for element in header.elements.values() {
@@ -103,7 +103,7 @@ fn check_header(header: &Header, found: usize) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// The least bytes an element takes; an element without properties counts as one byte.
+/// Minimum bytes of an element; an element without properties counts as one byte.
 fn element_bytes_min(element: &ElementDef, encoding: Encoding) -> usize {
     let property_bytes = |data_type: &PropertyType| match (encoding, data_type) {
         (Encoding::Ascii, _) => 2, // a digit and a blank
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_beyond_the_file_or_the_limit_are_refused_before_allocating() {
+    fn excessive_counts_are_refused_before_allocating() {
         let counted = |n: &str| HEADER.replace("vertex 4", &format!("vertex {n}"));
         assert!(matches!(read(&counted("5000000")), Err(MeshError::Truncated { .. })));
         assert!(matches!(read(&counted("99999999999999")), Err(MeshError::TooMany { .. })));

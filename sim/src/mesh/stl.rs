@@ -1,6 +1,6 @@
-//! STL through `stl_io`: triangles one by one, counted against the bytes first.
+//! STL through `stl_io`: triangle by triangle, their count checked against the bytes first.
 //!
-//! A binary file whose comment begins with "solid" is still binary: its length says so.
+//! A binary file whose comment begins with "solid" is recognised as binary by its length.
 
 use std::io::Cursor;
 
@@ -17,11 +17,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, MeshError> {
     let says_solid = bytes.starts_with(b"solid");
     match binary_count(bytes) {
         Some(n) if bytes.len() == HEADER_BYTES + n * TRIANGLE_BYTES && says_solid => {
-            // The reader judges by the first word: give it a comment without it.
+            // The reader judges by the first word, so the comment is replaced.
             read_triangles(&[b"binary", &bytes[6..]].concat())
         }
         _ if says_solid && !bytes.starts_with(b"solid ") => {
-            // "solid" without a name, which the reader does not know.
+            // "solid" without a name, which the reader does not accept.
             read_triangles(&[b"solid ", &bytes[5..]].concat())
         }
         _ if says_solid => read_triangles(bytes),

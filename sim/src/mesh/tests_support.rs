@@ -1,4 +1,4 @@
-//! Two bodies whose touches can be computed by hand, for the tests of this crate.
+//! Bodies for this crate's tests whose touches can be computed by hand.
 
 use std::f64::consts::{PI, TAU};
 

@@ -1,4 +1,5 @@
-//! Joins vertices that stand at exactly the same place, so that neighbours share them.
+//! Welding: joins vertices at exactly the same position, so that neighbouring triangles share
+//! them.
 //!
 //! STL repeats every vertex for every triangle; other formats repeat them along seams.
 
@@ -7,7 +8,7 @@ use glam::DVec3;
 use super::MeshError;
 use super::format::Soup;
 
-/// The soup in metres, with one vertex for each place, in the order of first use in space.
+/// The soup in metres, with one vertex per position, in order of first occurrence.
 pub(super) fn weld(
     vertices: &[DVec3],
     triangles: Vec<[u32; 3]>,
@@ -20,11 +21,11 @@ pub(super) fn weld(
     let mut by_place: Vec<u32> = (0..n_vertices as u32).collect();
     let place = |vertex: u32| vertices[vertex as usize].to_array();
     let order = |a: [f64; 3], b: [f64; 3]| {
-        // `partial_cmp` holds 0 and -0 for equal, as welding must.
+        // `partial_cmp` treats 0 and -0 as equal, as welding must.
         a.partial_cmp(&b).unwrap_or(std::cmp::Ordering::Equal)
     };
     by_place.sort_by(|&a, &b| order(place(a), place(b)).then(a.cmp(&b)));
-    // The first of each group of equal places stands for all.
+    // The first of each group of equal positions represents the group.
     let mut representative = vec![0u32; n_vertices];
     let mut first = 0;
     for (rank, &vertex) in by_place.iter().enumerate() {

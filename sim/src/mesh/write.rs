@@ -1,4 +1,4 @@
-//! Writing a mesh as OFF or STL, in metres, so that it can be uploaded and looked at.
+//! Writes a mesh as OFF or STL, in metres.
 
 use std::fmt::Write as _;
 
@@ -42,7 +42,7 @@ mod tests {
     use crate::mesh::MeshFormat;
 
     #[test]
-    fn what_is_written_as_off_reads_back_exactly() {
+    fn written_off_files_read_back_exactly() {
         let vertices = vec![DVec3::splat(0.1), DVec3::X / 3.0, DVec3::Y * 1e-7];
         let mesh = Mesh::new(vertices, vec![[0, 1, 2]]).unwrap();
         let read = Mesh::from_bytes(MeshFormat::Off, &mesh.to_off_bytes(), 1.0).unwrap();

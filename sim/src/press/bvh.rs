@@ -1,7 +1,7 @@
 //! A bounding-volume hierarchy: finds the few triangles near a sensor or on a line.
 //!
-//! Boxes in the object's frame, split at the median of the longest axis; triangles lie in the
-//! order of the leaves, so a leaf is one stretch of memory.
+//! Boxes are in the object's frame, split at the median of the longest axis. Triangles lie in
+//! the order of the leaves, so a leaf is one stretch of memory.
 
 use glam::{DMat3, DVec3};
 use palpate_core::pose::Pose;
@@ -13,12 +13,12 @@ use crate::mesh::Mesh;
 
 const LEAF_TRIANGLES_MAX: usize = 4;
 
-/// A box with its children's or its triangles' place.
+/// A box, and the position of its children or triangles.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     center: DVec3,
     half: DVec3,
-    /// First triangle of a leaf; of an inner node the right child (the left one follows it).
+    /// First triangle of a leaf; right child of an inner node (the left one follows the node).
     start: u32,
     /// Triangles of a leaf; 0 marks an inner node.
     n_triangles: u32,
@@ -50,8 +50,8 @@ impl Bvh {
         Self { nodes, triangles }
     }
 
-    /// Calls `visit` with every triangle, in the sensor frame, whose leaf meets the box `near`
-    /// of that frame; some of the triangles may lie outside of it.
+    /// Calls `visit` with every triangle, in the sensor frame, whose leaf meets the box
+    /// `near` of that frame; some of these triangles may lie outside of it.
     pub(super) fn visit_near(
         &self,
         sensor_from_object: Pose,
@@ -160,7 +160,7 @@ impl Bvh {
             if node.n_triangles == 0 {
                 let children = [node.start, idx + 1]
                     .map(|child| (child, box_squared(&self.nodes[child as usize])));
-                // The nearer one is looked at first.
+                // The nearer child first.
                 let [first, second] = children;
                 let (near, far) =
                     if first.1 <= second.1 { (first, second) } else { (second, first) };
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn nearness_to_a_segment_is_that_of_all_triangles() {
+    fn segment_proximity_matches_all_triangles() {
         let mesh = sphere(0.03, 24);
         let bvh = Bvh::new(&mesh);
         let mut stream = Stream::new(1, Purpose::Shape, 0);
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_point_is_the_nearest_of_all_triangles() {
+    fn nearest_point_matches_all_triangles() {
         let mesh = sphere(0.03, 16);
         let bvh = Bvh::new(&mesh);
         let mut stream = Stream::new(3, Purpose::Shape, 0);

@@ -1,9 +1,10 @@
-//! The covering as an elastic body: contact with the object solved, stress on the taxels.
+//! The covering as an elastic body: solves the contact with the object for the stress on the
+//! taxels.
 //!
 //! Source: Johnson (1985), chapter 3, and Polonsky and Keer (1999). The surface is the cells
-//! of the height map, the covering beyond the array included; what lies farther out presses
-//! on nothing. Small deformations, no friction, a rigid object. Cells and taxels are row-major
-//! in the sensor frame's order. Not here: the choice of the numbers (`physics`).
+//! of the height map, the covering beyond the array included; the object presses on nothing
+//! farther out. Small deformations, no friction, a rigid object. Cells and taxels are
+//! row-major in the sensor frame's order. Not here: the choice of the numbers (`physics`).
 
 mod convolution;
 mod kernel;
@@ -22,8 +23,8 @@ use kernel::Kernel;
 #[derive(Clone, Debug)]
 pub(super) struct Covering {
     compliance: Convolution,
-    /// Mean stress on a taxel per pascal on a cell, by half the distances of their centres in
-    /// half cells; the rows of a square of `n_offsets`.
+    /// Mean stress on a taxel per pascal on a cell, indexed by the distance of their centres
+    /// in half cells along each axis: `n_offsets` rows of `n_offsets`.
     taxel_stress: Vec<f64>,
     n_offsets: usize,
     layout: Layout,
@@ -32,7 +33,7 @@ pub(super) struct Covering {
     tolerance: f64,
 }
 
-/// Where taxels are among the cells.
+/// Position of the taxels among the cells.
 #[derive(Clone, Copy, Debug)]
 struct Layout {
     taxel_rows: usize,
@@ -42,7 +43,7 @@ struct Layout {
 }
 
 impl Layout {
-    /// Twice the place of a taxel's centre along one axis, in cells.
+    /// Twice the coordinate of a taxel's centre along one axis, in cells.
     fn doubled_center(&self, taxel: usize) -> usize {
         (2 * (taxel + self.padding) + 1) * self.sub_samples - 1
     }
@@ -63,8 +64,8 @@ impl Covering {
         let compliance = Convolution::new(rows, cols, |row, col| {
             kernel.give(step, col as f64 * step, row as f64 * step)
         });
-        // Centres of taxels lie on cells when there is an odd number of cells a taxel, and
-        // between two otherwise.
+        // Centres of taxels lie on cells when the number of cells per taxel is odd, otherwise
+        // between two cells.
         let shift = if sub_samples.is_multiple_of(2) { 0.5 } else { 0.0 };
         let offset = |index: usize| (index as f64 + shift) * step;
         let taxel_stress = (0..n_offsets * n_offsets).map(|at| {
@@ -83,7 +84,7 @@ impl Covering {
     }
 
     /// The mean pressure (Pa) on each taxel, times its gain, after moving `travel` along +z;
-    /// the object reaches no deeper than the covering is thick.
+    /// the object's depth is clamped to the covering's thickness.
     pub(super) fn taxel_pressures(&self, heights: &HeightMap, travel: f64) -> Vec<f64> {
         let stresses = self.below(&self.surface_pressures(heights, travel));
         stresses.iter().zip(&self.gains).map(|(stress, gain)| gain * stress).collect()
@@ -96,7 +97,7 @@ impl Covering {
         solve::pressures(&self.compliance, &penetrations, self.tolerance)
     }
 
-    /// The mean stress (Pa) on each taxel below pressures on the surface.
+    /// The mean stress (Pa) on each taxel below the given pressures on the surface.
     fn below(&self, surface: &[f64]) -> Vec<f64> {
         let Layout { taxel_rows, taxel_cols, .. } = self.layout;
         let n_cols = self.compliance.cols();
@@ -118,7 +119,7 @@ impl Covering {
     }
 }
 
-/// Gains about 1, no farther than three deviations and never backwards.
+/// Gains about 1, truncated at three deviations and never negative.
 fn gains(n_taxels: usize, config: &CoveringConfig) -> Vec<f64> {
     let mut stream = Stream::new(config.gain_seed, Purpose::TaxelGains, 0);
     let gain = |_| (1.0 + config.gain_spread * stream.normal().clamp(-3.0, 3.0)).max(0.0);

@@ -31,13 +31,13 @@ impl HeightMap {
         self.lowest
     }
 
-    /// How far in front of the covering was looked, metres.
+    /// The range in front of the covering that was drawn, metres.
     #[must_use]
     pub fn reach(&self) -> f64 {
         self.reach
     }
 
-    /// The points where a surface was seen: x, y and height, metres in the sensor frame.
+    /// The points with a visible surface: x, y and height, metres in the sensor frame.
     pub fn points(&self) -> impl Iterator<Item = (f64, f64, f64)> {
         self.z.iter().enumerate().filter(|(_, z)| z.is_finite()).map(|(idx, z)| {
             let along = |first: f64, index: usize| first + index as f64 * self.step;
@@ -68,8 +68,8 @@ pub(super) fn draw(
     bvh.visit_near(object_from_sensor.inverse(), &near, |corners| {
         heights.add(&corners, rows, array);
     });
-    // Only what lies above the array counts for the depth, between its points too: the
-    // corners were counted as they came, the rest is in the drawing.
+    // Only points above the array count for the depth. Corners between samples were counted
+    // as they came; the samples are in the drawing.
     let under_array = heights
         .points()
         .filter(|(x, y, _)| x.abs() <= array.0 && y.abs() <= array.1)
@@ -104,7 +104,7 @@ impl HeightMap {
             return; // seen edge-on; its neighbours show the edge
         }
         let inverse = 1.0 / doubled_area;
-        // Weights of b and c are linear in x and y; those of a are what is missing to 1.
+        // Weights of b and c are linear in x and y; that of a is the rest to 1.
         let b_along = ((c.y - a.y) * inverse, -(c.x - a.x) * inverse);
         let c_along = (-(b.y - a.y) * inverse, (b.x - a.x) * inverse);
         let (ab, ac) = (b.z - a.z, c.z - a.z);

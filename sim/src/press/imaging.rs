@@ -1,21 +1,21 @@
 //! From depths to an image: the point spread and each taxel's mean, folded into one matrix.
 //!
-//! image = W_rows · depth · W_colsᵀ. Every row of W sums to 1, so an even displacement stays
-//! what it is. Source: section 2.5.1 with equation 2.2 as corrected (a separable 2-D kernel).
+//! image = W_rows · depth · W_colsᵀ. Every row of W sums to 1, so a uniform displacement is
+//! preserved. Source: section 2.5.1 with equation 2.2 as corrected (a separable 2-D kernel).
 
 use palpate_core::sensor::SensorDescription;
 
 use super::heights::HeightMap;
 
-/// Points across a taxel over which its mean is taken.
+/// Points along each side of a taxel over which its mean is taken.
 const MEAN_POINTS: usize = 8;
 
-/// The folded matrices and the layout of the sub-samples they belong to.
+/// The folded matrices and the layout of their sub-samples.
 #[derive(Clone, Debug)]
 pub(super) struct Imaging {
-    /// One row of weights a taxel row, over the rows of sub-samples.
+    /// One row of weights per taxel row, over the rows of sub-samples.
     row_weights: Vec<Vec<f64>>,
-    /// One row of weights a taxel column, over the columns of sub-samples.
+    /// One row of weights per taxel column, over the columns of sub-samples.
     col_weights: Vec<Vec<f64>>,
     step: f64,
     array_half: (f64, f64),

@@ -1,9 +1,9 @@
-//! What happens in the covering when something is pressed into it: the physics of a press.
+//! Physics of the covering: the point spread, or an elastic body.
 //!
-//! [`Physics::PointSpread`] is section 2.5.1's image processing, with which everything is
-//! trained. [`Physics::ElasticCovering`] solves the contact with an elastic body and shares
-//! nothing with it but the object's heights: what recognises there too has not merely learnt
-//! our own blur. Used to test; never fitted to the other.
+//! [`Physics::PointSpread`] is section 2.5.1's image processing; all training uses it.
+//! [`Physics::ElasticCovering`] solves the contact with an elastic body and shares only the
+//! object's heights with it: recognition that works on it has not merely learnt our own blur.
+//! It is used for tests and never fitted to the other.
 
 use std::f64::consts::PI;
 
@@ -13,33 +13,33 @@ use palpate_core::units::{KPA, MM};
 use crate::elastic::POISSON_RATIO;
 use crate::noise::Electronics;
 
-/// How a press becomes what the taxels feel.
+/// Conversion of a press into loads on the taxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Physics {
     /// Depths, blurred by the point spread and put through the force curve (section 2.5.1).
     #[default]
     PointSpread,
-    /// A rigid object in frictionless contact with a linear elastic covering: it neither pulls
-    /// nor is penetrated, and where it touches is part of the answer.
+    /// A rigid object in frictionless contact with a linear elastic covering, without
+    /// adhesion or penetration; the contact area is part of the solution.
     ElasticCovering(CoveringConfig),
 }
 
-/// What is under the covering's surface.
+/// Support of the covering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
-    /// More of the same, without end: an elastic half-space, the taxels buried in it.
+    /// None: an elastic half-space with the taxels buried in it.
     Unbounded,
     /// The rigid sensor, to which the covering is bonded.
     Bonded,
 }
 
-/// The elastic covering and the electronics under it: a sensor's own numbers, not those of
-/// its description.
+/// The elastic covering and the electronics under it, with numbers of their own instead of
+/// those of the sensor's description.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoveringConfig {
-    /// What is under the covering's surface.
+    /// Support of the covering.
     pub base: Base,
-    /// How deep the taxels are under the surface, metres; of a bonded covering its thickness.
+    /// Depth of the taxels under the surface, metres; the thickness of a bonded covering.
     pub taxel_depth: f64,
     /// Young's modulus, pascal.
     pub young_modulus: f64,
@@ -47,28 +47,28 @@ pub struct CoveringConfig {
     pub poisson_ratio: f64,
     /// Relative standard deviation of the taxels' gains about 1.
     pub gain_spread: f64,
-    /// The gains are those of this sensor; equal seeds are the same sensor.
+    /// Seed of the gains; equal seeds are the same sensor.
     pub gain_seed: u64,
     /// Standard deviation of a reading's additive noise, pascal.
     pub noise: f64,
-    /// Step of the analogue-to-digital converter, pascal; 0 is a continuous sensor.
+    /// Step of the analogue-to-digital converter, pascal; 0 for a continuous sensor.
     pub quantisation: f64,
-    /// The contact is solved when the gaps left are below this part of the deepest
+    /// The contact is solved when the remaining gaps are below this fraction of the deepest
     /// penetration, as a root mean square over the cells that could touch.
     pub tolerance: f64,
 }
 
-/// Noise and converter of another make than the presets': 0.1 kPa and 8 bits of 20 kPa.
+/// Noise and converter differ from the presets' on purpose: those have 0.1 kPa and 8 bits.
 const NOISE: f64 = 0.15 * KPA;
 const CONVERTER_STEPS: f64 = 200.0;
 
 impl CoveringConfig {
     /// An elastic half-space with the sensor's taxels as deep as the covering is thick.
     ///
-    /// A half-space is a body without a thickness, so no even press gives its modulus. A ball
-    /// of 10 mm, of the curvature of a handle, pressed to half of the thickness, shall have
-    /// half of the sensing range as its peak: p₀ = 2 E*/π · √(d/R). For the DigiTacts sensors
-    /// E* is 44 kPa, a soft foam.
+    /// A half-space has no thickness, so no uniform press gives its modulus. It is chosen
+    /// such that a ball of 10 mm (the curvature of a handle), pressed to half of the
+    /// thickness, peaks at half of the sensing range: p₀ = 2 E*/π · √(d/R). For the DigiTacts
+    /// sensors E* is 44 kPa, a soft foam.
     #[must_use]
     pub fn half_space(sensor: &SensorDescription) -> Self {
         let parameters = sensor.parameters();
@@ -79,9 +79,9 @@ impl CoveringConfig {
         Self { base: Base::Unbounded, ..Self::of(sensor, young_modulus) }
     }
 
-    /// A layer on the rigid sensor that answers an even press to its full thickness with the
-    /// sensing range, as the presets' force curves do: (1 − ν) E / ((1 + ν)(1 − 2ν)) is the
-    /// saturation. How it answers anything that is not even follows from elasticity.
+    /// A layer on the rigid sensor that reads the sensing range under a uniform press to its
+    /// full thickness, as the presets' force curves do: (1 − ν) E / ((1 + ν)(1 − 2ν)) is the
+    /// saturation. Its response to any other press follows from elasticity.
     #[must_use]
     pub fn bonded_layer(sensor: &SensorDescription) -> Self {
         let nu = POISSON_RATIO;
@@ -105,14 +105,13 @@ impl CoveringConfig {
         }
     }
 
-    /// E / (1 − ν²), the modulus that the contact of a rigid body feels, pascal.
+    /// E / (1 − ν²), the contact modulus against a rigid body, pascal.
     #[must_use]
     pub fn contact_modulus(&self) -> f64 {
         self.young_modulus / (1.0 - self.poisson_ratio.powi(2))
     }
 
-    /// What turns the pressures on the taxels into what is reported; the range is that of the
-    /// description.
+    /// The electronics; the sensing range is that of the description.
     pub(crate) fn electronics(&self, sensor: &SensorDescription) -> Electronics {
         let saturation = sensor.parameters().saturation;
         Electronics { noise: self.noise, saturation, quantisation: self.quantisation }

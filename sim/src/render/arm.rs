@@ -1,4 +1,4 @@
-//! A picture of an arm before an object: capsules, and the touches with where they look.
+//! A picture of an arm before an object: capsules, and touches with their directions.
 
 use std::f64::consts::TAU;
 
@@ -12,10 +12,10 @@ use crate::arm::Capsule;
 use crate::mesh::Mesh;
 
 const LINK: [f64; 3] = [205.0, 168.0, 104.0];
-/// Corners around a capsule, and rings from its middle to each end.
+/// Vertices around a capsule, and rings from its middle to each end.
 const N_AROUND: u32 = 20;
 const N_RINGS: u32 = 5;
-/// How far a touch's mark sticks out behind its sensor, metres.
+/// Length of a touch's mark behind its sensor, metres.
 const TAIL: f64 = 8.0 * MM;
 
 /// A picture of `size` × `size` pixels: an arm's capsules, a mesh and touches
@@ -95,7 +95,7 @@ mod tests {
     use crate::mesh::tests_support::sphere;
 
     #[test]
-    fn a_capsules_surface_is_as_far_from_its_axis_as_its_radius() {
+    fn a_capsules_surface_is_one_radius_from_its_axis() {
         let capsule = Capsule { from: DVec3::X, to: 3.0 * DVec3::X, radius: 0.5 };
         let corners = triangles(&capsule);
         assert_eq!(corners.len() as u32, 2 * N_AROUND * (2 * N_RINGS + 1));

@@ -1,8 +1,8 @@
-//! A picture with a z-buffer, and its way into a PNG file.
+//! A picture with a z-buffer, and its PNG encoder.
 
 use glam::DVec3;
 
-/// Pixels and the depth of what was drawn there, larger nearer to the viewer.
+/// Pixels and their depths, larger nearer to the viewer.
 pub(super) struct Canvas {
     width: usize,
     height: usize,
@@ -74,7 +74,7 @@ impl Canvas {
         }
     }
 
-    /// The pixels of one color.
+    /// Number of pixels of one color.
     #[cfg(test)]
     pub(super) fn count(&self, color: [u8; 3]) -> usize {
         self.pixels.iter().filter(|pixel| **pixel == color).count()

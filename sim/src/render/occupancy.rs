@@ -1,8 +1,8 @@
-//! Occupancy maps to look at: heat maps as PNG, clouds and surfaces as PLY.
+//! Pictures of occupancy maps: heat maps as PNG, clouds and surfaces as PLY.
 //!
-//! Colours run from blue (free) over grey (the prior, or log-odds 0) to red (occupied), evenly
-//! in log-odds up to ±[`LOG_ODDS_FULL`]. Pictures have x to the right and y up; lengths in PLY
-//! files are metres in the object frame.
+//! Colours run from blue (free) over grey (the prior, or log-odds 0) to red (occupied),
+//! evenly in log-odds up to ±[`LOG_ODDS_FULL`]. Pictures have x to the right and y up;
+//! lengths in PLY files are metres in the object frame.
 
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ use super::canvas::Canvas;
 use crate::mesh::Mesh;
 use crate::shapes::surface_nets;
 
-/// The log-odds at which colours are full.
+/// The log-odds of full colour.
 pub const LOG_ODDS_FULL: f64 = 6.0;
 
 /// Free, undecided and occupied: equally light ends, a light neutral middle.
@@ -83,9 +83,9 @@ pub fn cloud_ply(map: &OccupancyGrid, probability_min: f64) -> Vec<u8> {
 }
 
 /// The surface at which a solid map's probability is `probability_min`, closed, normals
-/// outward; `None` for a planar map and for one without cells that are likelier occupied.
+/// outward; `None` for a planar map and for one without cells above that probability.
 ///
-/// The prior must not be above that probability, else all space around is occupied.
+/// The prior must not exceed that probability, or all surrounding space is occupied.
 #[must_use]
 pub fn surface(map: &OccupancyGrid, probability_min: f64) -> Option<Mesh> {
     let shape = map.shape();
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_surface_of_a_ball_is_closed_and_of_its_volume() {
+    fn the_surface_of_a_ball_is_closed_and_has_its_volume() {
         let bytes = surface_ply(&ball(), 0.5).unwrap();
         let mesh = Mesh::from_bytes(MeshFormat::Ply, &bytes, 1.0).unwrap();
         assert!(mesh.is_watertight());
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_is_occupied_to_its_border_is_closed() {
+    fn a_map_occupied_to_its_border_gives_a_closed_surface() {
         let mesh = surface(&map([2, 2, 2], vec![3.0; 8]), 0.5).unwrap();
         assert!(mesh.is_watertight() && mesh.signed_volume() > 0.0);
     }

@@ -1,8 +1,9 @@
-//! A letter as a blurred field: what every place on it feels like, drawn once.
+//! A letter as a blurred field: the response at every place on it, drawn once.
 //!
 //! Blur commutes with rigid motion, so the mask and its first moments are blurred in the
-//! letter's frame, and every press, tilted a little or not, is a bilinear look-up. The taxel's
-//! mean is folded into the point spread by its variance (width² / 12), which makes it round.
+//! letter's frame, and every press, tilted a little or not, is a bilinear look-up. The
+//! taxel's mean is folded into the point spread by its variance (width² / 12), which makes it
+//! round.
 
 use palpate_core::sensor::SensorDescription;
 use palpate_core::sensor::point_spread::gaussian_kernel;
@@ -10,17 +11,17 @@ use palpate_core::units::MM;
 
 use crate::letters::Letter;
 
-/// Side of a cell, metres; a third of what placement errors are, a tenth of the spread.
+/// Side of a cell, metres; a third of a placement error, a tenth of the spread.
 const CELL: f64 = 0.25 * MM;
 
-/// How many spreads around the letter are drawn; beyond them nothing is felt.
+/// Margin drawn around the letter, in point spreads; the response beyond it is 0.
 const REACH: f64 = 4.0;
 
 /// The blurred mask of a letter and its moments along x and y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LetterField {
     symbol: char,
-    /// Place of the first value, metres.
+    /// Position of the first value, metres.
     first: (f64, f64),
     cols: usize,
     rows: usize,
@@ -55,14 +56,14 @@ impl LetterField {
         Self { symbol: letter.symbol(), first: (first.x, first.y), cols, rows, values }
     }
 
-    /// Which letter it is.
+    /// The letter's character.
     #[must_use]
     pub fn symbol(&self) -> char {
         self.symbol
     }
 
-    /// At a place of the letter's frame (metres): the part of the point spread that its face
-    /// fills, and that part's moments along x and y (metres).
+    /// At a place of the letter's frame (metres): the fraction of the point spread that its
+    /// face fills, and that fraction's moments along x and y (metres).
     #[must_use]
     pub fn at(&self, x: f64, y: f64) -> [f64; 3] {
         let (col, row) = ((x - self.first.0) / CELL, (y - self.first.1) / CELL);

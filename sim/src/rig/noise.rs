@@ -1,9 +1,10 @@
-//! What a mechanism and a real array add to a press.
+//! Errors of a mechanism and a real array in a press.
 //!
 //! Order: placement, depth and tilt of the whole letter; then for each taxel its gain, drift,
-//! additive noise, clipping, the converter's step, and perhaps a value that is stuck.
-//! Source: section 3.2.3 (the rig) and sections 2.1–2.2 (how elements differ); the numbers were
-//! chosen so that the contact classifier of equation 3.3 is right about nine times of ten.
+//! additive noise, clipping, the converter's step, and perhaps a stuck value. Source: section
+//! 3.2.3 (the rig) and sections 2.1–2.2 (differences between elements). The numbers were
+//! chosen so that the contact classifier of equation 3.3 is right about nine times out of
+//! ten.
 
 use palpate_core::rng::Stream;
 use palpate_core::units::{DEG, KPA, MM};
@@ -13,39 +14,39 @@ use super::{PlanarPose, Unmatched};
 /// Gains and drifts are drawn within this many deviations, so that none is negative.
 const DEVIATIONS_MAX: f64 = 2.5;
 
-/// How far presses are from ideal. Every number is a standard deviation unless it says other.
+/// Deviations of presses from the ideal. Every number is a standard deviation unless it says
+/// otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigNoise {
-    /// Of a taxel's gain, which stays the same in all presses; a part of 1.
+    /// A taxel's gain, the same in all presses; relative to 1.
     pub gain_spread: f64,
-    /// Of a taxel's gain in each reading anew; a part of 1.
+    /// A taxel's gain, drawn anew in each reading; relative to 1.
     pub drift: f64,
-    /// Of the logarithm of a press's depth.
+    /// The logarithm of a press's depth.
     pub depth_spread: f64,
-    /// Of the slope of the pressed face along x and along y: change of depth, as a part of the
-    /// depth, per metre.
+    /// The slope of the pressed face along x and along y: relative change of depth per metre.
     pub tilt: f64,
-    /// Of the sensor's place along x and along y, metres.
+    /// The sensor's position along x and along y, metres.
     pub placement: f64,
-    /// Of the sensor's angle, radians.
+    /// The sensor's angle, radians.
     pub placement_angle: f64,
-    /// Of what is added to every value, pascal.
+    /// Additive noise of every value, pascal.
     pub noise: f64,
-    /// Step of the converter, pascal; 0 reads continuously.
+    /// Step of the converter, pascal; 0 for a continuous sensor.
     pub step: f64,
-    /// The part of all values that are stuck at zero or at saturation, 0 to 1.
+    /// Fraction of all values that are stuck at zero or at saturation, 0 to 1.
     pub stuck: f64,
     /// Errors of other families than those that a recogniser assumes.
     pub unmatched: Unmatched,
 }
 
-/// How a letter lies in one press.
+/// Position and tilt of the letter in one press.
 pub(super) struct Lie {
-    /// Depth as a part of the planned one.
+    /// Depth as a fraction of the planned one.
     pub(super) depth: f64,
-    /// Change of depth along x, as a part of it, per metre.
+    /// Relative change of depth along x, per metre.
     pub(super) slope_x: f64,
-    /// The same along y.
+    /// Relative change of depth along y, per metre.
     pub(super) slope_y: f64,
 }
 
@@ -84,7 +85,7 @@ impl RigNoise {
         }
     }
 
-    /// A bad rig and array: to be robust against, not to be tuned on.
+    /// A bad rig and array, for tests of robustness; nothing is tuned on it.
     #[must_use]
     pub fn harsh() -> Self {
         Self {
@@ -101,8 +102,8 @@ impl RigNoise {
         }
     }
 
-    /// A rig and array whose errors are of other families and sizes than those that the
-    /// planar method assumes: to report on, with nothing tuned to it.
+    /// A rig and array whose errors are of other families and sizes than the planar method
+    /// assumes; for reports, nothing is tuned to it.
     #[must_use]
     pub fn unmatched() -> Self {
         Self {
@@ -132,7 +133,7 @@ impl RigNoise {
         about_one(self.gain_spread, stream)
     }
 
-    /// Where the sensor really is when it was sent to `at`.
+    /// The true position of the sensor for the commanded `at`.
     pub(super) fn placed(&self, at: PlanarPose, stream: &mut Stream) -> PlanarPose {
         let placed = PlanarPose {
             x: at.x + self.placement * stream.normal(),
@@ -142,7 +143,7 @@ impl RigNoise {
         self.unmatched.slipped(placed, stream)
     }
 
-    /// Draws how the letter lies in a press.
+    /// Draws the position and tilt of the letter in a press.
     pub(super) fn lie(&self, stream: &mut Stream) -> Lie {
         Lie {
             depth: (self.depth_spread * stream.normal()).exp(),
@@ -151,7 +152,7 @@ impl RigNoise {
         }
     }
 
-    /// What a taxel reports at a pressure, pascal.
+    /// The value that a taxel reports at a pressure, pascal.
     pub(super) fn measured(&self, pressure: f64, saturation: f64, stream: &mut Stream) -> f64 {
         let noisy = pressure * about_one(self.drift, stream) + self.noise * stream.normal();
         if self.stuck > 0.0 && stream.uniform(0.0, 1.0) < self.stuck {
@@ -177,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_clipped_come_in_steps_and_some_are_stuck() {
+    fn values_are_clipped_quantised_and_some_stuck() {
         let mut stream = Stream::new(3, Purpose::RigNoise, 0);
         let stepped = RigNoise { step: 3.0 * KPA, ..RigNoise::none() };
         // Steps of 3 kPa: 8 kPa reads as 9, 40 as the saturation of 20.

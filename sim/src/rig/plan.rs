@@ -1,4 +1,4 @@
-//! Planar poses, and the 192 of them that the rig presses a letter at.
+//! Planar poses, and the rig's plan of 192 presses of a letter.
 //!
 //! Source: section 3.2.3: a 4 × 4 grid with 6.8 mm between positions, 12 angles at each.
 
@@ -15,12 +15,12 @@ pub const N_ANGLES: usize = 12;
 /// Distance between neighbouring positions, metres.
 pub const SPACING: f64 = 6.8 * MM;
 
-/// Where a sensor that looks straight down is, in the frame of a flat object.
+/// Pose of a sensor that looks straight down, in the frame of a flat object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarPose {
-    /// Of the sensor's centre, metres.
+    /// x of the sensor's centre, metres.
     pub x: f64,
-    /// Of the sensor's centre, metres.
+    /// y of the sensor's centre, metres.
     pub y: f64,
     /// From the object's x axis to the sensor's, radians, counter-clockwise seen from above.
     pub angle: f64,
@@ -28,7 +28,8 @@ pub struct PlanarPose {
 
 impl PlanarPose {
     /// The pose in space of a sensor whose free surface is `indentation` metres below the
-    /// object's face z = 0: x_s = (cos t, sin t, 0), y_s = (sin t, −cos t, 0), z_s = (0, 0, −1).
+    /// object's face z = 0: x_s = (cos t, sin t, 0), y_s = (sin t, −cos t, 0), z_s = (0, 0,
+    /// −1).
     #[must_use]
     pub fn object_from_sensor(self, indentation: f64) -> Pose {
         let rotation = DQuat::from_rotation_z(self.angle) * DQuat::from_rotation_x(PI);
@@ -76,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn a_planar_pose_turns_the_sensors_axes_as_its_definition_says() {
+    fn a_planar_pose_turns_the_axes_as_defined() {
         let at = PlanarPose { x: 0.003, y: -0.004, angle: 30.0 * DEG };
         let pose = at.object_from_sensor(0.001);
         let (sin, cos) = (30.0 * DEG).sin_cos();

@@ -1,8 +1,8 @@
 //! Planar presses of any mesh: straight down on a grid over its bounding box.
 //!
 //! An object that lies flat, such as a letter from a file, is mapped like the rig's letters
-//! but through the full imaging model (`press`), with the sensor's own noise. The sensor looks
-//! along −z of the mesh's frame; poses are `object_from_sensor`.
+//! but through the full imaging model (`press`), with the sensor's own noise. The sensor
+//! looks along −z of the mesh's frame; poses are `object_from_sensor`.
 
 use std::f64::consts::TAU;
 
@@ -16,45 +16,45 @@ use thiserror::Error;
 use super::{INDENTATION, N_ANGLES, PlanarPose, SPACING};
 use crate::press::PressSimulator;
 
-/// The most presses of one plan.
+/// Maximum number of presses of one plan.
 pub const PLANAR_PRESSES_MAX: usize = 100_000;
 
-/// Streams of planar presses, apart from those of the rig's letters.
+/// Streams of planar presses, distinct from those of the rig's letters.
 const STREAM_BASE: u64 = 1 << 63;
 
-/// Where a mesh is pressed.
+/// Positions and depth of planar presses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarPlan {
     /// Distance between neighbouring positions, metres.
     pub spacing: f64,
     /// Angles at each position, evenly over the full turn.
     pub n_angles: usize,
-    /// How far beyond the bounding box the positions go at least, metres.
+    /// Minimum margin of the positions beyond the bounding box, metres.
     pub margin: f64,
-    /// How far the sensor goes below the object's highest point, as a part of the covering.
+    /// Depth of the sensor below the object's highest point, as a fraction of the covering.
     pub indentation: f64,
 }
 
 impl Default for PlanarPlan {
-    /// The rig's spacing, angles and indentation (section 3.2.3), and a margin of 2 mm: half
-    /// of a DigiTacts array then sees the free space around the object.
+    /// The rig's spacing, angles and indentation (section 3.2.3), and a margin of 2 mm, with
+    /// which half of a DigiTacts array sees the free space around the object.
     fn default() -> Self {
         let (spacing, n_angles) = (SPACING, N_ANGLES);
         Self { spacing, n_angles, margin: 2.0 * MM, indentation: INDENTATION }
     }
 }
 
-/// Why a mesh cannot be pressed as planned.
+/// Error of a plan that cannot be carried out.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum PlanarError {
-    /// A number of the plan is not usable.
+    /// A number of the plan is out of range.
     #[error("{field} is {found}, expected {expected}")]
     Range {
-        /// The name of the number.
+        /// The field's name.
         field: &'static str,
-        /// What was given.
+        /// The given value.
         found: f64,
-        /// What would be usable.
+        /// The permitted values.
         expected: &'static str,
     },
     /// The plan has too many presses for this object.
@@ -62,7 +62,7 @@ pub enum PlanarError {
         "the plan has {found} presses, expected at most {PLANAR_PRESSES_MAX}: space them wider"
     )]
     TooMany {
-        /// How many there would be, saturating.
+        /// The number of presses, saturating.
         found: usize,
     },
 }
@@ -72,7 +72,7 @@ impl PlanarPlan {
     /// the lowest, all angles at each before the next.
     ///
     /// # Errors
-    /// [`PlanarError`] when a number of the plan is not usable or there are too many presses.
+    /// [`PlanarError`] when a number of the plan is out of range or there are too many presses.
     pub fn poses(&self, low: DVec3, high: DVec3) -> Result<Vec<PlanarPose>, PlanarError> {
         let checked = |field, found: f64, usable: bool, expected| {
             if usable { Ok(()) } else { Err(PlanarError::Range { field, found, expected }) }
@@ -108,9 +108,9 @@ impl PlanarPlan {
     }
 }
 
-/// Presses a mesh straight down at every pose of the plan; `seed` decides the sensor's noise.
+/// Presses a mesh straight down at every pose of the plan; `seed` determines the noise.
 ///
-/// Readings come in the plan's order and include presses that touch nothing.
+/// Readings are in the plan's order and include presses without contact.
 ///
 /// # Errors
 /// [`PlanarError`] when the plan does not fit the object.
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn planar_presses_of_a_letters_solid_are_those_of_the_rig() {
+    fn planar_presses_of_a_letter_match_the_rig() {
         let (font, sensor) = (Font::built_in(), quiet_sensor());
         let letter = font.letter('E').unwrap();
         let rig = Rig::new(SensorId(1), &sensor, RigNoise::none(), 1);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn plans_that_cannot_be_are_refused_by_name() {
+    fn impossible_plans_are_refused_by_name() {
         let check = |plan: PlanarPlan| plan.poses(DVec3::ZERO, DVec3::splat(0.1)).unwrap_err();
         let spacing = check(PlanarPlan { spacing: -1.0, ..PlanarPlan::default() });
         assert!(matches!(spacing, PlanarError::Range { field: "spacing", .. }));

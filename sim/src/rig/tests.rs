@@ -1,4 +1,4 @@
-//! What the rig claims: frames, noise, and how often the contact classifier is right.
+//! Tests of the rig: frames, noise, and the accuracy of the contact classifier.
 
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::{DEG, KPA, MM};
@@ -13,8 +13,8 @@ fn rig(noise: RigNoise, seed: u64) -> Rig {
     Rig::new(ID, &rig_sensor(), noise, seed)
 }
 
-/// The classes of equation 3.3: 2 kPa is noise, and whatever is below three tenths of the
-/// press's largest value may be blur. `Some(true)` is contact, `None` unknown.
+/// The classes of equation 3.3: below 2 kPa is noise, and below three tenths of the press's
+/// largest value may be blur. `Some(true)` is contact, `None` unknown.
 fn classified(pressures: &[f64]) -> Vec<Option<bool>> {
     let largest = pressures.iter().copied().fold(0.0, f64::max);
     pressures
@@ -49,7 +49,7 @@ fn truth(rig: &Rig, letter: &Letter, at: PlanarPose) -> Vec<bool> {
 }
 
 #[test]
-fn the_classifier_is_right_nine_times_of_ten() {
+fn the_classifier_is_right_nine_times_out_of_ten() {
     let font = Font::built_in();
     for seed in 1..=5 {
         let rig = rig(RigNoise::physical(), seed);
@@ -89,7 +89,7 @@ fn equal_sessions_are_equal_and_repetitions_differ() {
 }
 
 #[test]
-fn a_seed_is_one_array_whatever_covers_it() {
+fn a_seed_gives_equal_gains_under_any_covering() {
     let thick = SensorDescription::digitacts_6x6();
     let covered = Rig::new(ID, &thick, RigNoise::physical(), 9);
     assert_eq!(covered.gains(), rig(RigNoise::physical(), 9).gains());
@@ -97,9 +97,9 @@ fn a_seed_is_one_array_whatever_covers_it() {
 }
 
 #[test]
-fn a_press_shows_the_letter_where_the_pose_says() {
-    // The foot of an L is at the lower right. Seen with the sensor's x along the letter's,
-    // its y runs down the page: low y of the letter is a high row of the image.
+fn a_press_shows_the_letter_at_the_planned_pose() {
+    // The foot of an L is at the lower right. With the sensor's x along the letter's, its y
+    // runs down the page: low y of the letter is a high row of the image.
     let font = Font::built_in();
     let rig = rig(RigNoise::none(), 1);
     let field = rig.field(font.letter('L').unwrap());

@@ -1,10 +1,10 @@
-//! Errors of a rig and array of which no recogniser has a model.
+//! Errors of a rig and array that no recogniser models.
 //!
 //! The planar method assumes placement errors, tilts, depths and gains that are normal and
 //! independent from press to press (`core::mosaic`), and [`super::RigNoise::physical`] draws
-//! just these. The errors here are of other families: places that wander along a session,
-//! rare large slips, taxels whose response is bent, and rows that leak into each other.
-//! Every magnitude was chosen before anything was recognised under it.
+//! just these. The errors here are of other families: positions that wander over a session,
+//! rare large slips, taxels with a bent response, and rows that leak into each other. Every
+//! magnitude was chosen before anything was recognised under it.
 
 use std::f64::consts::TAU;
 
@@ -12,31 +12,31 @@ use palpate_core::rng::{Purpose, Stream};
 
 use super::PlanarPose;
 
-/// Presses in the periods of a wander: one long, two shorter, none a divisor of another.
+/// Periods of a wander, in presses: one long, two shorter, none a divisor of another.
 const PERIODS: [f64; 3] = [192.0, 67.0, 31.0];
 
 /// Errors beyond those of [`super::RigNoise`]'s own numbers; all 0 is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unmatched {
-    /// Largest wander of the place along x and along y over a session, metres.
+    /// Largest wander of the position along x and along y over a session, metres.
     pub wander: f64,
     /// Largest wander of the angle over a session, radians.
     pub wander_angle: f64,
-    /// The part of presses that slip, 0 to 1.
+    /// Fraction of presses that slip, 0 to 1.
     pub slip_share: f64,
-    /// Largest slip along x and along y; all lengths are equally likely, metres.
+    /// Largest slip along x and along y, metres; the length is uniform.
     pub slip: f64,
-    /// Largest turn of a slip; all are equally likely, radians.
+    /// Largest rotation of a slip, radians; the angle is uniform.
     pub slip_angle: f64,
-    /// Deviation of the logarithm of the power to which a taxel's response goes; the
+    /// Standard deviation of the logarithm of the exponent of a taxel's response; the
     /// response at saturation stays.
     pub bend: f64,
-    /// The part of a taxel's response that is the mean of its row instead of its own.
+    /// Fraction of a taxel's response that is the mean of its row instead of its own.
     pub crosstalk: f64,
 }
 
 impl Unmatched {
-    /// None of it.
+    /// No such errors.
     #[must_use]
     pub const fn none() -> Self {
         Self {
@@ -50,7 +50,7 @@ impl Unmatched {
         }
     }
 
-    /// Draws the powers to which the responses of `n_taxels` taxels go.
+    /// Draws the exponents of the responses of `n_taxels` taxels.
     pub(super) fn powers(&self, n_taxels: usize, stream: &mut Stream) -> Vec<f64> {
         if self.bend <= 0.0 {
             return vec![1.0; n_taxels];
@@ -58,7 +58,7 @@ impl Unmatched {
         (0..n_taxels).map(|_| (self.bend * stream.normal()).exp()).collect()
     }
 
-    /// Where a press that was meant for `at` slips to.
+    /// The position that a press meant for `at` slips to.
     pub(super) fn slipped(&self, at: PlanarPose, stream: &mut Stream) -> PlanarPose {
         if self.slip_share <= 0.0 || stream.uniform(0.0, 1.0) >= self.slip_share {
             return at;
@@ -70,7 +70,7 @@ impl Unmatched {
         }
     }
 
-    /// Lets each row's taxels take a part of the row's mean.
+    /// Mixes a fraction of the row's mean into each taxel.
     pub(super) fn leak(&self, pressures: &mut [f64], cols: usize) {
         for row in pressures.chunks_mut(cols) {
             let mean = row.iter().sum::<f64>() / row.len() as f64;
@@ -79,14 +79,14 @@ impl Unmatched {
     }
 }
 
-/// What a taxel of a bent response reports at a pressure, pascal.
+/// The value that a taxel with a bent response reports at a pressure, pascal.
 pub(super) fn bent(pressure: f64, power: f64, saturation: f64) -> f64 {
-    // Powers of 1 are left alone to the last bit.
+    // An exponent of 1 changes no bit.
     let straight = (power - 1.0).abs() < f64::EPSILON || pressure <= 0.0;
     if straight { pressure } else { saturation * (pressure / saturation).powf(power) }
 }
 
-/// How the rig's place wanders over the presses of one session: a sum of slow waves.
+/// The wander of the rig over the presses of one session: a sum of slow waves.
 pub(super) struct Wander {
     /// Phases of the waves along x, along y and in angle.
     phases: [[f64; 3]; 3],
@@ -94,14 +94,14 @@ pub(super) struct Wander {
 }
 
 impl Wander {
-    /// The wander of a session; equal seeds and sessions wander alike.
+    /// The wander of a session; equal seeds and sessions wander equally.
     pub(super) fn new(noise: Unmatched, seed: u64, session: u64) -> Self {
         let mut stream = Stream::new(seed, Purpose::RigWander, session);
         let phases = [[(); 3]; 3].map(|waves| waves.map(|()| stream.uniform(0.0, TAU)));
         Self { phases, noise }
     }
 
-    /// Where the rig really goes when it is sent to `at` as press number `press`.
+    /// The true position of press number `press` when it is commanded to `at`.
     pub(super) fn moved(&self, at: PlanarPose, press: usize) -> PlanarPose {
         let along = |axis: usize, largest: f64| {
             let waves = self.phases[axis].iter().zip(PERIODS);
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn sessions_wander_differently_and_alike_by_seed() {
+    fn wander_depends_on_session_and_seed_alone() {
         let place = |seed, session| Wander::new(noise(), seed, session).moved(AT, 40);
         assert_eq!(place(7, 0), place(7, 0));
         assert!((place(7, 0).x - place(7, 1).x).abs() > 1e-6);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_leak_into_themselves_alone() {
+    fn crosstalk_stays_within_a_row() {
         // Row means 2 and 10; a tenth of each value becomes its row's mean.
         let mut pressures = [1.0, 3.0, 10.0, 10.0];
         Unmatched { crosstalk: 0.1, ..Unmatched::none() }.leak(&mut pressures, 2);

@@ -1,7 +1,7 @@
 //! Blind approaches: rays from a sphere around an object towards points near its middle.
 //!
-//! What a robot can do that knows about where an object is and nothing of its shape. Poses
-//! are `object_from_sensor` with the sensor's +z along the ray. Many rays miss.
+//! For a robot that knows roughly where an object is and nothing of its shape. Poses are
+//! `object_from_sensor` with the sensor's +z along the ray. Many rays miss.
 
 use std::f64::consts::TAU;
 
@@ -12,20 +12,20 @@ use palpate_core::units::MM;
 
 use crate::mesh::Mesh;
 
-/// Where rays come from and go to.
+/// Region of the starts and ends of rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayConfig {
     /// The middle of the sphere in the object's frame, metres.
     pub center: DVec3,
-    /// The sphere's radius: how far away the sensor starts, metres.
+    /// Radius of the sphere on which the sensor starts, metres.
     pub radius: f64,
-    /// How far from the middle the points are that rays go to, at most, metres.
+    /// Largest distance of a ray's end from the middle, metres.
     pub spread: f64,
 }
 
 impl RayConfig {
-    /// From 120 mm around the middle of a mesh's bounds, and from outside of it in any case,
-    /// to points within a quarter of its largest dimension.
+    /// Starts 120 mm from the middle of a mesh's bounds, or farther so as to be outside of
+    /// it; ends within a quarter of its largest dimension.
     #[must_use]
     pub fn around(mesh: &Mesh) -> Self {
         let (low, high) = mesh.bounds();
@@ -33,19 +33,19 @@ impl RayConfig {
         Self { center: 0.5 * (low + high), radius: extent.max(120.0 * MM), spread: 0.25 * extent }
     }
 
-    /// How far an approach goes that leaves nothing of the sphere's inside out, metres.
+    /// Length of an approach that crosses the whole sphere, metres.
     #[must_use]
     pub fn approach_max(&self) -> f64 {
         2.0 * self.radius
     }
 }
 
-/// A ray drawn from `stream`: a start evenly from the sphere, an end evenly from the ball of
-/// points, the sensor turned at random about the ray.
+/// A ray drawn from `stream`: its start uniform on the sphere, its end uniform in the ball of
+/// ends, the sensor turned at random about it.
 #[must_use]
 pub fn draw_ray(config: &RayConfig, stream: &mut Stream) -> Pose {
     let start = config.center + config.radius * stream.direction();
-    // The cube root makes the ball evenly filled.
+    // The cube root makes the density in the ball uniform.
     let distance = config.spread * stream.uniform(0.0, 1.0).cbrt();
     let end = config.center + distance * stream.direction();
     let direction = (end - start).try_normalize().unwrap_or(DVec3::Z);
@@ -79,8 +79,8 @@ mod tests {
             n_far += usize::from(passes_at > 0.5 * config.spread);
             sum += start / config.radius;
         }
-        // Components of a mean of 1000 directions have deviation 0.018; and of an evenly
-        // filled ball (1 − 1/4)^(3/2) = 65 % lies outside the cylinder of half its radius.
+        // Components of a mean of 1000 directions have deviation 0.018; and of a uniform ball
+        // (1 − 1/4)^(3/2) = 65 % lies outside the cylinder of half its radius.
         assert!((sum / 1000.0).abs().max_element() < 0.1);
         assert!((590..710).contains(&n_far), "{n_far}");
     }

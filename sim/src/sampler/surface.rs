@@ -1,7 +1,7 @@
-//! The surface as a place to draw points from: by area, or within a slice of the object.
+//! Random points of a surface: by area, or within a slice of the object.
 //!
 //! The object is cut into [`N_SLICES`] slices of equal thickness along each principal axis of
-//! its surface; a slice through a thin neck holds little area but counts like any other.
+//! its surface. A slice through a thin neck has little area but counts like any other.
 
 use glam::DVec3;
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -9,7 +9,7 @@ use palpate_core::rng::Stream;
 
 use crate::mesh::Mesh;
 
-/// Slices along each of the three axes.
+/// Number of slices along each of the three axes.
 pub(crate) const N_SLICES: usize = 16;
 
 /// A point of the surface and the outward normal there, in the object's frame.
@@ -21,7 +21,7 @@ pub struct SurfacePoint {
     pub normal: DVec3,
 }
 
-/// Tables to draw points of a mesh's surface from.
+/// Tables for drawing points of a mesh's surface.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
     corners: Vec<[DVec3; 3]>,
@@ -76,7 +76,7 @@ impl Surface {
         surface
     }
 
-    /// Adds a triangle to the whole and, by the area in them, to the slices it crosses.
+    /// Adds a triangle to the whole and, by the area within each, to the slices it crosses.
     fn add(&mut self, triangle: usize, area: f64) {
         self.whole.push(triangle as u32, area);
         for axis in 0..3 {
@@ -104,17 +104,17 @@ impl Surface {
         cut(&from_start, |point| start + 1.0 - self.place(axis, point))
     }
 
-    /// Where a point lies along an axis, in slices from the first one's beginning.
+    /// Coordinate of a point along an axis, in slices from the start of the first.
     fn place(&self, axis: usize, point: DVec3) -> f64 {
         (self.axes[axis].dot(point) - self.low[axis]) / self.width[axis]
     }
 
-    /// The slices, one of each axis, in which a point lies.
+    /// The slice of each axis that contains a point.
     pub(crate) fn slices_at(&self, point: DVec3) -> [usize; 3] {
         std::array::from_fn(|axis| axis * N_SLICES + slice_of(self.place(axis, point)))
     }
 
-    /// A point drawn evenly from the surface, or from the part of it in `slice`.
+    /// A point drawn uniformly from the surface, or from the part of it in `slice`.
     pub(crate) fn draw(&self, slice: Option<usize>, stream: &mut Stream) -> SurfacePoint {
         let sliced = slice.and_then(|slice| Some((slice, self.slices[slice].draw(stream)?)));
         let (triangle, polygon) = match sliced {
@@ -152,7 +152,7 @@ fn fan_areas(polygon: &[DVec3]) -> Vec<f64> {
     polygon.get(1..).unwrap_or_default().windows(2).map(area).collect()
 }
 
-/// A point drawn evenly from a convex polygon.
+/// A point drawn uniformly from a convex polygon.
 fn point_in(polygon: &[DVec3], stream: &mut Stream) -> DVec3 {
     let areas = fan_areas(polygon);
     let mut left = stream.uniform(0.0, areas.iter().sum());

@@ -1,8 +1,9 @@
-//! Objects put together at random from simple bodies, for catalogues of any size.
+//! Random objects assembled from simple bodies, for catalogues of any size.
 //!
-//! Two to five boxes, cylinders, ellipsoids, rings, turned bodies and star-shaped prisms; each
-//! sits with its middle on the surface of an earlier one, and half of the objects are drilled
-//! through. Drawn anew until the result hangs together. Lengths in millimetres, as in `field`.
+//! Two to five boxes, cylinders, ellipsoids, rings, turned bodies and star-shaped prisms;
+//! each has its middle on the surface of an earlier one, and half of the objects are drilled
+//! through. An object is drawn anew until it is connected. Lengths in millimetres, as in
+//! `field`.
 
 use std::f64::consts::TAU;
 
@@ -14,11 +15,11 @@ use super::field::{blend, cuboid, cylinder, ellipsoid, extruded, lathe, polygon,
 use super::{LARGEST_DIMENSION, surface_nets};
 use crate::mesh::Mesh;
 
-/// The edge of the grid's cells.
+/// Side of the grid's cells.
 const CELL: f64 = 1.2;
-/// Longer than any part.
+/// A length beyond any part.
 const REACH: f64 = 100.0;
-/// Draws of one object until it hangs together: more than any needs.
+/// Maximum draws of one object until it is connected; more than any needs.
 const DRAWS_MAX: u64 = 64;
 
 /// A simple body about its own middle.
@@ -31,7 +32,7 @@ enum Kind {
     Star { corners: Vec<(f64, f64)>, half_height: f64 },
 }
 
-/// A body where it sits.
+/// A body and its position.
 struct Part {
     kind: Kind,
     middle: DVec3,
@@ -98,7 +99,7 @@ impl Kind {
         }
     }
 
-    /// No point of the body is farther from its middle.
+    /// Radius of a ball about the body's middle that contains it.
     fn radius(&self) -> f64 {
         match self {
             Self::Cuboid { half, .. } => half.length(),
@@ -189,9 +190,9 @@ impl Assembly {
     }
 }
 
-/// The `index`-th random object of a seed: closed, its largest dimension that of the examples,
-/// metres, its surface's centroid at the origin. Equal arguments give equal objects; `None`
-/// when none of many draws hangs together.
+/// The `index`-th random object of a seed: closed, its largest dimension that of the
+/// examples, metres, its surface's centroid at the origin. Equal arguments give equal
+/// objects; `None` when no draw is connected.
 #[must_use]
 pub fn assembled(seed: u64, index: u64) -> Option<Mesh> {
     let mut stream = Stream::new(seed, Purpose::Assembly, index);
@@ -232,7 +233,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn objects_are_closed_whole_and_of_the_examples_size() {
+    fn objects_are_closed_connected_and_of_example_size() {
         for index in 0..6 {
             let mesh = assembled(101, index).unwrap();
             assert!(mesh.is_watertight(), "{index}");
@@ -244,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_arguments_give_equal_objects_and_others_different_ones() {
+    fn objects_depend_on_their_arguments_alone() {
         assert_eq!(assembled(101, 1), assembled(101, 1));
         assert_ne!(assembled(101, 1), assembled(101, 2));
         assert_ne!(assembled(101, 1), assembled(102, 1));

@@ -34,7 +34,7 @@ pub(super) fn torus(at: DVec3, radius: f64, tube: f64) -> f64 {
     DVec2::new(at.truncate().length() - radius, at.z).length() - tube
 }
 
-/// A straight limb from `from` to `to` that tapers from one radius to another.
+/// A straight limb that tapers from one radius to another.
 pub(super) fn limb(
     at: DVec3,
     (from, from_radius): (DVec3, f64),
@@ -68,7 +68,7 @@ pub(super) fn polygon(at: DVec2, corners: &[(f64, f64)]) -> f64 {
     if inside { -nearest.sqrt() } else { nearest.sqrt() }
 }
 
-/// A plane shape's distance drawn out to `half` on both sides of its plane.
+/// A plane shape's distance extruded to `half` on both sides of its plane.
 pub(super) fn extruded(in_plane: f64, off_plane: f64, half: f64, rounding: f64) -> f64 {
     let flat = DVec2::new(in_plane, off_plane.abs() - half) + rounding;
     flat.max(DVec2::ZERO).length() + flat.max_element().min(0.0) - rounding
@@ -98,7 +98,7 @@ pub(super) fn without(a: f64, b: f64) -> f64 {
     a.max(-b)
 }
 
-/// Bends an angle into one of `n` equal sectors around z, so that a body repeats in each.
+/// Folds an angle into one of `n` equal sectors around z, so that a body repeats in each.
 pub(super) fn repeated_around(at: DVec3, n: u32) -> DVec3 {
     let sector = std::f64::consts::TAU / f64::from(n);
     let angle = at.y.atan2(at.x);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_those_of_school_geometry() {
+    fn distances_match_elementary_geometry() {
         check(ball(DVec3::new(3.0, 4.0, 0.0), 2.0), 3.0);
         check(cuboid(DVec3::new(4.0, 5.0, 0.0), DVec3::ONE, 0.0), 5.0);
         check(cuboid(DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), 0.5), -1.0);
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_repeated_body_is_met_in_every_sector() {
+    fn a_repeated_body_appears_in_every_sector() {
         let at = repeated_around(DVec3::new(0.0, 5.0, 1.0), 4);
         assert!(at.distance(DVec3::new(5.0, 0.0, 1.0)) < 1e-12);
     }

@@ -1,10 +1,10 @@
-//! Meshes the zero level of a field: one vertex for each patch of surface in a grid's cell.
+//! Meshes of the zero level of a field: one vertex for each patch of surface in a grid's cell.
 //!
 //! Dual to marching cubes (Nielson 2004): every grid edge that crosses the surface becomes a
 //! quadrangle between the four cells around it. A cell that several patches pass through has
-//! a vertex for each, found by walking its faces. Where a face is ambiguous its inside corners
-//! are kept apart, in both cells alike; they are joined where that would make one edge serve
-//! four quadrangles (Wenger 2013), so that the result is closed and a manifold.
+//! a vertex for each, found by walking its faces. Where a face is ambiguous its inside
+//! corners are kept apart, in both cells alike; they are joined where that would make one
+//! edge serve four quadrangles (Wenger 2013), so that the result is a closed manifold.
 
 use std::collections::BTreeMap;
 
@@ -71,7 +71,7 @@ pub(crate) fn mesh(
     let grid = sampled(field, low, high, cell);
     let patches = Patches::new(&grid);
     let mut vertices = Vec::new();
-    // For every cell, where its patches' vertices begin.
+    // Index of the first patch's vertex of every cell.
     let mut first_vertex = vec![u32::MAX; grid.values.len()];
     let cells = grid.size - 1;
     for z in 0..cells.z {
@@ -111,11 +111,12 @@ fn inside_bits(values: &[f64; 8]) -> usize {
     (0..8).filter(|corner| values[*corner] < 0.0).map(|corner| 1 << corner).sum()
 }
 
-/// Which patch of its cell each edge belongs to.
+/// The patch that each edge of a cell belongs to.
 struct Patches {
     /// For every pattern of inside corners, with all inside corners kept apart.
     apart: Vec<[u8; 12]>,
-    /// For few cells, by index: the faces (as bits) on which inside corners are joined.
+    /// For the few cells that need it, by index: the faces (as bits) on which inside corners
+    /// are joined.
     joined: BTreeMap<usize, u8>,
 }
 
@@ -278,7 +279,7 @@ fn quadrangles(
     triangles
 }
 
-/// Cuts a quadrangle along its shorter diagonal; `outward` says whether its order is so.
+/// Cuts a quadrangle along its shorter diagonal; `outward` is the orientation of its order.
 fn push_quadrangle(
     mut corners: [u32; 4],
     outward: bool,
@@ -309,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_is_closed_outward_and_of_its_volume() {
+    fn a_ball_is_closed_outward_and_has_its_volume() {
         let ball = meshed(|at| at.length() - 10.0);
         assert!(ball.is_watertight());
         // 4/3 π 10³ = 4188.8; chords lie inside.

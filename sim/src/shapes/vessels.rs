@@ -1,4 +1,4 @@
-//! The wine glass and the mug: thin walls, an inside that a sensor can or cannot reach.
+//! The wine glass and the mug: thin walls, and an inside that a sensor may or may not reach.
 
 use std::sync::LazyLock;
 

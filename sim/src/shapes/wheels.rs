@@ -33,8 +33,7 @@ fn tyre(at: DVec3) -> f64 {
     without(body, treads)
 }
 
-/// What is cut out of the running surface: two grooves around, and slanted ones across the
-/// shoulders.
+/// The grooves cut into the running surface: two around, and slanted ones across the shoulders.
 fn tread(at: DVec3, radius: f64) -> f64 {
     let depth = 37.3 - radius;
     let around = (at.z.abs() - 4.0).abs() - 1.1;

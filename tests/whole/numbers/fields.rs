@@ -1,9 +1,9 @@
-//! The numbers in the requests of a description of the API, with the bounds that it states.
+//! The numbers in the requests of the API's description, with their stated bounds.
 
 use reqwest::Method;
 use serde_json::{Map, Value, json};
 
-/// Where a number comes in a request.
+/// Location of a number in a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     Body,
@@ -15,13 +15,13 @@ pub(crate) enum Place {
 #[derive(Clone, Debug)]
 pub(crate) struct Field {
     pub(crate) place: Place,
-    /// Its name, or in a body where it is: `*` is any element of a list.
+    /// The name, or in a body the pointer: `*` is any element of a list.
     pub(crate) pointer: String,
     /// The smallest and the largest value that the description allows.
     pub(crate) bounds: [Value; 2],
 }
 
-/// A path and a method with the numbers that its requests have.
+/// A path and a method with the numbers of its requests.
 pub(crate) struct Operation {
     pub(crate) method: Method,
     pub(crate) path: String,
@@ -29,7 +29,7 @@ pub(crate) struct Operation {
 }
 
 impl Field {
-    /// The number in a body; of lists, the first element. A field that is left out is none.
+    /// The number in a body; in a list, that of the first element. `None` for an omitted field.
     pub(crate) fn find<'body>(&self, body: &'body mut Value) -> Option<&'body mut Value> {
         self.pointer.split('/').skip(1).try_fold(body, |value, part| match part {
             "*" => value.get_mut(0),
@@ -74,7 +74,7 @@ pub(crate) fn operations(description: &Value) -> Vec<Operation> {
     found
 }
 
-/// Schemas within schemas deeper than this are those of a description that refers to itself.
+/// Maximum depth of nested schemas; deeper ones are recursive.
 const DEPTH_MAX: usize = 24;
 
 fn walk(
@@ -106,7 +106,7 @@ fn walk(
     }
 }
 
-/// The bounds of a schema of numbers; where none is stated, the ends of what its format holds.
+/// The bounds of a number's schema; where none is stated, the limits of its format.
 fn bounds(schema: &Value) -> Option<[Value; 2]> {
     let types = match &schema["type"] {
         Value::String(one) => vec![one.as_str()],

@@ -1,4 +1,4 @@
-//! A valid request of every operation that has numbers, on a server with something of everything:
+//! A valid request for every operation that has numbers, on a server with data of every kind:
 //! sensors, flat and solid objects, a version of each, and a session of each method.
 
 use std::f64::consts::PI;
@@ -25,10 +25,10 @@ pub(crate) struct Base {
     pub(crate) body: Option<Value>,
 }
 
-/// How long a training of the set-up may take.
+/// Maximum time of a training of the set-up.
 const SET_UP: Duration = Duration::from_secs(120);
 
-/// Makes what requests are about: two catalogues with a version each, and a sensor.
+/// Creates the subjects of the requests: two catalogues with a version each, and a sensor.
 pub(crate) async fn set_up(asked: &Asked) {
     for name in ["hammer", "mug", "spare", "I", "O"] {
         asked.must(Method::POST, "/v1/objects", Some(&json!({"name": name}))).await;
@@ -63,7 +63,7 @@ pub(crate) async fn set_up(asked: &Asked) {
     }
 }
 
-/// What stands for each name in braces of a path.
+/// The values of the names in braces in paths.
 pub(crate) async fn placeholders(asked: &Asked) -> Vec<(String, Vec<String>)> {
     let all = asked.must(Method::GET, "/v1/sessions", None).await;
     let ids = all["items"].as_array().unwrap().iter();
@@ -81,7 +81,7 @@ pub(crate) async fn placeholders(asked: &Asked) -> Vec<(String, Vec<String>)> {
     ]
 }
 
-/// A path with its names filled in, but for the one that is a number itself.
+/// A path with its names filled in, except the one that is a number itself.
 pub(crate) fn with_number(
     path: &str,
     name: &str,
@@ -93,7 +93,7 @@ pub(crate) fn with_number(
 }
 
 fn filled(path: &str, placeholders: &[(String, Vec<String>)]) -> Vec<String> {
-    // What objects are trained from stays as it is.
+    // The objects of the trained versions stay unchanged.
     let path = path.replace("/v1/objects/{object}", "/v1/objects/spare");
     let mut paths = vec![path.clone()];
     for (name, values) in placeholders {
@@ -124,7 +124,7 @@ pub(crate) fn bases(operation: &Operation, placeholders: &[(String, Vec<String>)
     bases
 }
 
-/// Valid bodies of an operation, as many as it takes for every number to be in one.
+/// Valid bodies of an operation, enough for every number to be in one.
 fn bodies(path: &str) -> Vec<Value> {
     let reading = || touches("hammer", 1).remove(0);
     match path {
@@ -165,8 +165,8 @@ fn bodies(path: &str) -> Vec<Value> {
     }
 }
 
-/// New sessions, one of each method and kind of maps at least; also at the ends of two numbers
-/// at once.
+/// New sessions: at least one of each method and kind of maps, some with two numbers at their
+/// ends.
 fn sessions() -> Vec<Value> {
     let at = json!({"position": [0.0, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0]});
     let looseness = json!({"position_m": 0.01, "angle_rad": 0.1});
@@ -206,7 +206,7 @@ fn sessions() -> Vec<Value> {
     ]
 }
 
-/// Readings that a session of this catalogue takes.
+/// Readings that a session of this catalogue accepts.
 pub(crate) fn readings(catalogue: &Value) -> Value {
     let readings = if catalogue == "flat" { letter_presses('I') } else { touches("hammer", 2) };
     json!({"readings": readings[..2]})
@@ -222,7 +222,7 @@ fn full(mut reading: Value) -> Value {
     reading
 }
 
-/// A reading with a feature of the client's own.
+/// A reading with the client's own feature.
 fn featured() -> Value {
     json!({"sensor": "probe", "image": [], "feature": [0.5, 0.25]})
 }

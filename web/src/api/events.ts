@@ -1,4 +1,4 @@
-// Server-sent events read by fetch, since EventSource cannot send the key in a header.
+// Server-sent events over fetch, because EventSource cannot send a header.
 import { ask, ProblemError } from "./http";
 
 /** One event of a stream. */
@@ -7,7 +7,7 @@ export interface StreamEvent {
   data: string;
 }
 
-/** Follows a stream until `signal` aborts or it ends for good; broken ones are taken up again. */
+/** Follows a stream until `signal` aborts or it ends for good; reopens broken streams. */
 export async function follow(
   path: string,
   signal: AbortSignal,
@@ -29,7 +29,7 @@ export async function follow(
   }
 }
 
-/** Reads a stream; true when the reader has had enough. */
+/** Reads a stream; returns true if the reader has finished. */
 async function read(response: Response, onEvent: (event: StreamEvent) => boolean | void) {
   const reader = response.body?.pipeThrough(new TextDecoderStream()).getReader();
   if (reader === undefined) return false;
@@ -49,7 +49,7 @@ async function read(response: Response, onEvent: (event: StreamEvent) => boolean
   }
 }
 
-/** The event of a block of lines; null for comments that only keep the stream open. */
+/** Parses an event; null for keep-alive comments. */
 export function parse(block: string): StreamEvent | null {
   let name = "message";
   const data: string[] = [];

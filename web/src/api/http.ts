@@ -1,15 +1,15 @@
-// Asking the server: the key goes into a header and never into a URL, problems become errors.
+// Requests to the server: the key goes in a header, never in a URL; problems become errors.
 import { signal } from "@preact/signals";
 import type { Page, Problem } from "./types";
 
 const STORED_KEY = "palpate.key";
 
-/** The key that requests carry, kept for this tab only; empty when there is none. */
+/** API key of this tab; empty without one. */
 export const apiKey = signal(sessionStorage.getItem(STORED_KEY) ?? "");
-/** Whether the server has refused a request for want of a key. */
+/** Whether the server refused a request for lack of a key. */
 export const keyWanted = signal(false);
 
-/** Remembers a key for this tab; an empty one forgets it. */
+/** Stores the key for this tab; an empty key removes it. */
 export function keepKey(key: string): void {
   if (key === "") sessionStorage.removeItem(STORED_KEY);
   else sessionStorage.setItem(STORED_KEY, key);
@@ -17,7 +17,7 @@ export function keepKey(key: string): void {
   keyWanted.value = false;
 }
 
-/** What the server said instead of an answer. */
+/** An error with the server's problem. */
 export class ProblemError extends Error {
   constructor(readonly problem: Problem) {
     super(problem.detail ?? problem.title);
@@ -33,7 +33,7 @@ export function authorization(key = apiKey.value): Record<string, string> {
   return key === "" ? {} : { authorization: `Bearer ${key}` };
 }
 
-/** Asks; anything but a success is a `ProblemError`. */
+/** Sends a request; throws a `ProblemError` unless it succeeds. */
 export async function ask(path: string, init: RequestInit = {}): Promise<Response> {
   const sent = apiKey.value;
   let response: Response;
@@ -56,7 +56,7 @@ export async function getJson<T>(path: string, signal?: AbortSignal): Promise<T>
   return (await response.json()) as T;
 }
 
-/** Sends JSON; the answer is undefined when it has no body. */
+/** Sends JSON; the result is undefined for an empty answer. */
 export async function sendJson<T>(
   method: "POST" | "PUT" | "PATCH" | "DELETE",
   path: string,
@@ -72,7 +72,7 @@ export async function sendJson<T>(
   return (response.status === 204 ? undefined : await response.json()) as T;
 }
 
-/** Every item of a list, page by page, up to `max`. */
+/** All items of a list, page by page, at most `max`. */
 export async function getAll<T>(path: string, max = 5000, signal?: AbortSignal): Promise<T[]> {
   const items: T[] = [];
   let cursor: string | null = null;
@@ -91,7 +91,7 @@ async function problemOf(response: Response, path: string): Promise<Problem> {
     const body = (await response.json()) as Problem;
     if (typeof body.title === "string") return body;
   } catch {
-    // What is no JSON is no problem document; the status has to do.
+    // Not a problem document: use the status.
   }
   return { ...unreachable(path), status: response.status, title: `The server answered ${response.status}` };
 }
@@ -99,9 +99,9 @@ async function problemOf(response: Response, path: string): Promise<Problem> {
 function unreachable(path: string): Problem {
   return {
     type: "urn:palpate:problem:unavailable",
-    title: "The server cannot be reached",
+    title: "Server unreachable",
     status: 503,
-    detail: "no answer came; it may be restarting, or the network may be down",
+    detail: "no answer; it may be restarting, or the network may be down",
     instance: path,
     request_id: "",
   } as Problem;

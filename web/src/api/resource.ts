@@ -1,4 +1,4 @@
-// What a view has asked for: not there yet, there, or refused, and how to ask again.
+// A loaded resource of a view: loading, loaded or refused, with retry.
 import { useCallback, useEffect, useRef, useState } from "preact/hooks";
 import { apiKey, ProblemError } from "./http";
 import type { Problem } from "./types";
@@ -10,7 +10,7 @@ export interface Resource<T> {
   reload: () => void;
 }
 
-/** Asks when `key` changes and every `everyMs`; `null` as key asks nothing. Old data stays. */
+/** Loads when `key` changes and every `everyMs`; a `null` key loads nothing. Old data stays meanwhile. */
 export function useResource<T>(
   key: string | null,
   load: (signal: AbortSignal) => Promise<T>,
@@ -58,9 +58,9 @@ export function useResource<T>(
   };
 }
 
-/** Any error as the problem to show. */
+/** Converts any error to a problem. */
 export function problemFrom(error: unknown): Problem {
   if (error instanceof ProblemError) return error.problem;
   const detail = error instanceof Error ? error.message : String(error);
-  return { title: "The page is at fault", detail, status: 0, type: "", instance: "", request_id: "" } as unknown as Problem;
+  return { title: "Error in this page", detail, status: 0, type: "", instance: "", request_id: "" } as unknown as Problem;
 }

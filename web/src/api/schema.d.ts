@@ -11,7 +11,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Whether the process answers */
+        /** Check that the process answers */
         get: operations["livez"];
         put?: never;
         post?: never;
@@ -28,7 +28,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Figures for Prometheus */
+        /** Get metrics for Prometheus */
         get: operations["metrics"];
         put?: never;
         post?: never;
@@ -46,9 +46,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Whether the server does its work
-         * @description 503 tells a load balancer to look elsewhere; its problem names the checks that failed. Where
-         *     keys are asked for, the figures (`detail`) are for callers with a key; it may have any role.
+         * Check that the server is ready
+         * @description 503 tells a load balancer to route elsewhere; the problem names the failed checks. On a server
+         *     with keys, only callers with a valid key (any role) see the figures in `detail`.
          */
         get: operations["readyz"];
         put?: never;
@@ -70,8 +70,8 @@ export interface paths {
         put?: never;
         /**
          * Compare coverings
-         * @description How finely places can be told apart under each covering, how deep it feels, and whether it
-         *     avoids aliasing; recommends the sharpest one that does.
+         * @description Computes, for each covering, the spatial resolution, the depth range and whether the covering
+         *     avoids aliasing. Recommends the sharpest covering that does.
          */
         post: operations["analyse_coverings"];
         delete?: never;
@@ -88,12 +88,14 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List who changed what
-         * @description Every request that changes something (readings of sessions aside, which their journals
-         *     have), with its outcome, and requests that were refused for want of a key or a role. Newest
-         *     first. What changed something, what was refused to holders of keys and what strangers tried
-         *     are three rings, each of which keeps its newest entries; repetitions of what failed within an
-         *     hour are counted in one entry.
+         * List the audit log
+         * @description Lists every request that changed something, with its outcome, and every request refused for lack
+         *     of a key or a role, newest first. Readings posted to sessions are not listed; the session's
+         *     journal records them.
+         *
+         *     The log has three rings: changes, requests refused to key holders, and requests refused to
+         *     callers without a key. Each ring keeps its newest entries and never displaces entries of
+         *     another. Failed requests repeated within an hour share one entry with a count.
          */
         get: operations["list_audit"];
         put?: never;
@@ -130,15 +132,15 @@ export interface paths {
         };
         /**
          * Get a catalogue
-         * @description What is current, and what was when.
+         * @description Returns the current version and the history of switches.
          */
         get: operations["get_catalogue"];
         put?: never;
         post?: never;
         /**
          * Delete a catalogue
-         * @description All its versions go too. 409 while something needs it: a session that is kept began with one
-         *     of them, or an unfinished job trains it.
+         * @description Also deletes all its versions. 409 while a stored session uses one of them or an unfinished job
+         *     trains the catalogue.
          */
         delete: operations["delete_catalogue"];
         options?: never;
@@ -154,14 +156,15 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get what new sessions use
-         * @description The `ETag` is what a change expects in `If-Match`. 409 while no version is current.
+         * Get the current version
+         * @description New sessions use this version. Pass its `ETag` as `If-Match` to switch. 409 if no version is
+         *     current.
          */
         get: operations["get_current"];
         /**
-         * Choose what new sessions use
-         * @description Switches to any version of the catalogue, also back to an older one. `If-Match` carries
-         *     the `ETag` of the current version, so that of two who switch at once one is told.
+         * Set the current version
+         * @description Switches new sessions to any version of the catalogue, including an older one. `If-Match`
+         *     carries the `ETag` of the current version, so that of two concurrent switches only one succeeds.
          */
         put: operations["set_current"];
         post?: never;
@@ -181,11 +184,11 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Merge the maps of contact of two versions
-         * @description Makes a new version of this catalogue: the one that is added to, with the evidence of
-         *     another version's maps of contact (of another robot, for instance) added to those of the
-         *     same objects. Readings that both were trained from count twice. Everything else, such as
-         *     vocabulary, pair maps and pressures, is that of the version added to.
+         * Merge the contact maps of two versions
+         * @description Creates a new version of this catalogue: a copy of the base version in which the evidence of
+         *     another version's contact maps is added to the maps of the same objects. The other version may
+         *     come from another robot. Readings that trained both versions count twice. Everything else
+         *     (vocabulary, pair maps, pressures) comes from the base version.
          */
         post: operations["merge_maps"];
         delete?: never;
@@ -205,8 +208,8 @@ export interface paths {
         put?: never;
         /**
          * Train a new version
-         * @description Answers at once with a job; jobs are done one at a time. The catalogue is made if it does
-         *     not exist. Sessions that run keep the version they began with.
+         * @description Returns a job at once; jobs run one at a time. Creates the catalogue if it does not exist.
+         *     Running sessions keep their version.
          */
         post: operations["start_training"];
         delete?: never;
@@ -245,9 +248,8 @@ export interface paths {
         post?: never;
         /**
          * Delete a version
-         * @description Its model goes, as far as no other version shares it; its number is not used again. 409 while
-         *     something needs it: it is current, a session that is kept began with it, or an unfinished job
-         *     extends it.
+         * @description Deletes the parts of its model that no other version shares. The number is not reused. 409 while
+         *     the version is current, a stored session uses it, or an unfinished job extends it.
          */
         delete: operations["delete_version"];
         options?: never;
@@ -263,8 +265,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get the trained map of one object
-         * @description Where its surface is, patch by patch, in the object frame. It never changes.
+         * Get the trained map of an object
+         * @description Returns the object's surface, patch by patch, in the object frame. The map never changes.
          */
         get: operations["get_object_map"];
         put?: never;
@@ -283,9 +285,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get an object's map of contact
-         * @description Which cells around the object generate contact, as learnt with `geometry`; in the object
-         *     frame. With `slice` the log-odds of that layer of cells. It never changes. 409 when the
+         * Get an object's contact map
+         * @description Returns the cells around the object that generate contact, as learnt with `geometry`, in the
+         *     object frame. `slice` adds the log-odds of one layer of cells. The map never changes. 409 if the
          *     version was trained without geometry.
          */
         get: operations["get_occupancy"];
@@ -305,9 +307,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get an object's map of contact as a PLY file
-         * @description The cells that are likely occupied as `points`, or the surface around them as a `mesh`; in
-         *     the object frame, in metres.
+         * Get an object's contact map as a PLY file
+         * @description Exports the likely occupied cells as `points`, or the surface around them as a `mesh`, in the
+         *     object frame and in metres.
          */
         get: operations["get_occupancy_ply"];
         put?: never;
@@ -326,9 +328,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get an object's map of contact as an image
-         * @description A heat map of one layer of cells, one or more pixels a cell, y up; the layer in the middle
-         *     when `slice` names none.
+         * Get an object's contact map as an image
+         * @description Renders one layer of cells as a heat map, at least one pixel per cell, with y up. Without
+         *     `slice` it shows the middle layer.
          */
         get: operations["get_occupancy_png"];
         put?: never;
@@ -347,8 +349,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get what a version's training made
-         * @description Objects, patches, memory, time and seed.
+         * Get a version's training report
+         * @description Returns its objects, patches, memory, training time and seed.
          */
         get: operations["get_report"];
         put?: never;
@@ -367,9 +369,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get what held-back readings say of a version's appearance
-         * @description Who is taken for whom, how alike the objects are, and which pairs touch can hardly tell
-         *     apart. It never changes. 409 when the version was trained without appearance.
+         * Get a version's appearance report
+         * @description Returns the confusion matrix of the held-back readings, the pairwise similarity, and the object
+         *     pairs that touch barely separates. The report never changes. 409 if the version was trained
+         *     without appearance.
          */
         get: operations["get_appearance_report"];
         put?: never;
@@ -391,10 +394,12 @@ export interface paths {
         put?: never;
         /**
          * Compact the stored data
-         * @description Gives the room back that removed and replaced records still take on the disk, while requests
-         *     go on, and answers when it is done. It happens by itself too, when the stored bytes exceed
-         *     1.5 times the live bytes by `--store-slack-mb`. 503 when its copy would not fit on the disk.
-         *     An answer of 503 because of time does not end a compaction.
+         * @description Frees the disk space held by removed and replaced records. Other requests are served meanwhile,
+         *     and the answer comes when compaction is done. The server also compacts by itself when the stored
+         *     bytes exceed 1.5 times the live bytes by `--store-slack-mb`.
+         *
+         *     503 if the compacted copy would not fit on the disk. A 503 because of a timeout does not stop
+         *     the compaction.
          */
         post: operations["compact"];
         delete?: never;
@@ -411,8 +416,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Follow several sessions in one stream
-         * @description As the stream of one session, for up to 100 of them; it goes on when one of them closes.
+         * Follow several sessions
+         * @description Streams the events of up to 100 sessions as one stream. The stream continues when one of the
+         *     sessions closes.
          */
         get: operations["events"];
         put?: never;
@@ -431,10 +437,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Look at the fleet
-         * @description The open sessions in which something happened last, with their robots and the time of their
-         *     newest reading. Ask again now and then; what is believed in between comes by
-         *     `GET /v1/events`.
+         * Get the fleet
+         * @description Returns the most recently active open sessions, with their robots and the time of their newest
+         *     reading. This is a snapshot: poll it, and follow beliefs with `GET /v1/events`.
          */
         get: operations["get_fleet"];
         put?: never;
@@ -490,8 +495,8 @@ export interface paths {
         put?: never;
         /**
          * Cancel a job
-         * @description A queued job never begins; a running one stops at its next step, within seconds. 409 when
-         *     it is finished already.
+         * @description A queued job never starts; a running job stops at its next step, within seconds. 409 if the job
+         *     has already finished.
          */
         post: operations["cancel_job"];
         delete?: never;
@@ -509,7 +514,8 @@ export interface paths {
         };
         /**
          * Follow a job
-         * @description Server-sent events named `job` whose data is the job; ends when the job is finished.
+         * @description Streams server-sent events named `job`, each with the whole job as data. The stream ends when
+         *     the job finishes.
          */
         get: operations["job_events"];
         put?: never;
@@ -529,14 +535,14 @@ export interface paths {
         };
         /**
          * List the keys
-         * @description Without their secrets, which nobody can show again.
+         * @description Lists the keys without their secrets. A secret cannot be shown again.
          */
         get: operations["list_keys"];
         put?: never;
         /**
          * Create a key
-         * @description The answer holds the secret, this once. On a server that does not ask for keys yet, it does
-         *     from its next start on.
+         * @description Returns the secret, once. The first key takes effect at the next start: from then on the server
+         *     requires keys.
          */
         post: operations["create_key"];
         delete?: never;
@@ -558,8 +564,8 @@ export interface paths {
         post?: never;
         /**
          * Revoke a key
-         * @description It is refused from now on, and streams of events that it opened end. It stays in the list.
-         *     The last admin's key cannot be revoked: 409.
+         * @description Refuses the key from now on and ends the event streams it opened. The key stays in the list. 409
+         *     for the last admin key, which cannot be revoked.
          */
         delete: operations["revoke_key"];
         options?: never;
@@ -577,9 +583,9 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Give a key a new secret
-         * @description The answer holds the new secret, this once. The one before is refused at once, or after
-         *     `grace_s` seconds. 409 when the key was revoked or has expired.
+         * Rotate a key's secret
+         * @description Returns the new secret, once. The previous secret stops working at once, or after `grace_s`
+         *     seconds. 409 if the key was revoked or has expired.
          */
         post: operations["rotate_key"];
         delete?: never;
@@ -598,7 +604,7 @@ export interface paths {
         /** List the objects */
         get: operations["list_objects"];
         put?: never;
-        /** Add an object */
+        /** Create an object */
         post: operations["create_object"];
         delete?: never;
         options?: never;
@@ -619,8 +625,8 @@ export interface paths {
         post?: never;
         /**
          * Delete an object
-         * @description Its mesh and training readings go too. Versions that were trained with it keep what they
-         *     learnt and go on recognising it. 409 while an unfinished job needs it.
+         * @description Also deletes its mesh and training readings. Versions trained with the object still recognise
+         *     it. 409 while an unfinished job needs the object.
          */
         delete: operations["delete_object"];
         options?: never;
@@ -638,15 +644,15 @@ export interface paths {
         };
         /**
          * Get an object's mesh
-         * @description The file as it was uploaded, with the content type of its format.
+         * @description Returns the uploaded file with the content type of its format.
          */
         get: operations["get_mesh"];
         /**
          * Upload an object's mesh
-         * @description The raw file as the body. The unit is mandatory, because no format says it: millimetres
-         *     are usual in CAD, metres in robotics. The format is named by the content type (`model/stl`,
-         *     `model/obj`, `model/ply`, `model/off`), or by `format` with `application/octet-stream`.
-         *     The mesh before it, if any, is replaced; versions trained from that do not change.
+         * @description The body is the raw file. `unit` is mandatory because no mesh format records it; CAD programs
+         *     usually write millimetres, robotics tools metres. The content type names the format
+         *     (`model/stl`, `model/obj`, `model/ply`, `model/off`); with `application/octet-stream`, `format`
+         *     does. The upload replaces the previous mesh. Versions trained from that mesh do not change.
          */
         put: operations["put_mesh"];
         post?: never;
@@ -668,8 +674,8 @@ export interface paths {
         put?: never;
         /**
          * Add training readings of an object
-         * @description 1 to 1000 readings that a robot took of the object at rest, with poses in one frame that
-         *     is fixed to it. All are taken or none. An object with readings is trained from them, not
+         * @description Stores 1 to 1000 readings taken of the object at rest, with poses in one frame fixed to it. The
+         *     request is stored whole or not at all. An object that has readings is trained from them, not
          *     from its mesh.
          */
         post: operations["add_object_readings"];
@@ -687,10 +693,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List the names of robots that belong to keys
-         * @description A robot's name belongs to the key that used it first in a session's reading, over the whole
-         *     fleet; a reading that another key posts with it is refused (403). Revoking a key releases its
-         *     names. Where nobody is asked for a key, names belong to nobody.
+         * List the robot names held by keys
+         * @description A robot name belongs, across the whole fleet, to the key that first used it in a session's
+         *     reading. A reading posted under that name with another key is refused (403). Revoking a key
+         *     releases its names. On a server without keys, names belong to nobody.
          */
         get: operations["list_robots"];
         put?: never;
@@ -710,15 +716,15 @@ export interface paths {
         };
         get?: never;
         /**
-         * Give a robot's name to a key
-         * @description Whatever key it belonged to. What is stored keeps the key that it was written with. 409 when
-         *     the key was revoked.
+         * Assign a robot name to a key
+         * @description Takes the name from the key that held it. Stored readings keep the key they were written with.
+         *     409 if the key was revoked.
          */
         put: operations["bind_robot"];
         post?: never;
         /**
-         * Release a robot's name
-         * @description It belongs to the key that uses it next.
+         * Release a robot name
+         * @description The name then belongs to the next key that uses it.
          */
         delete: operations["release_robot"];
         options?: never;
@@ -737,10 +743,11 @@ export interface paths {
         get: operations["list_sensors"];
         put?: never;
         /**
-         * Add a sensor
-         * @description From a preset or a description; what its data sheet does not say of the point spread, the
-         *     force curve and the noise is filled in from the covering and the range. Every preset is there from the start under its own
-         *     name. A sensor does not change: readings rely on its geometry; add another one instead.
+         * Create a sensor
+         * @description Creates the sensor from a preset or a description. If the description omits the point spread,
+         *     the force curve or the noise, they are derived from the covering and the range. Every preset
+         *     exists from the start under its own name. Sensors are immutable because stored readings rely on
+         *     their geometry: to change one, create another.
          */
         post: operations["create_sensor"];
         delete?: never;
@@ -762,8 +769,8 @@ export interface paths {
         post?: never;
         /**
          * Delete a sensor
-         * @description Its calibrations go too. 409 while something needs it: an object or a session that is kept
-         *     has a reading of it, or an unfinished job touches with it. Presets stay.
+         * @description Also deletes its calibrations. 409 while a stored object or session has a reading of the sensor,
+         *     or an unfinished job touches with it. Presets cannot be deleted.
          */
         delete: operations["delete_sensor"];
         options?: never;
@@ -780,14 +787,15 @@ export interface paths {
         };
         /**
          * Get a sensor's calibration
-         * @description The newest, or the one of a number; 404 when there is none.
+         * @description Returns the newest calibration, or the one with the given number. 404 if there is none.
          */
         get: operations["get_calibration"];
         put?: never;
         /**
          * Calibrate a sensor
-         * @description Fits each taxel's response to indentations, finds dead and cross-wired taxels, and stores
-         *     the result: readings that come from now on are corrected with it, earlier ones are not.
+         * @description Fits the response of each taxel to the given indentations, detects dead and cross-wired taxels,
+         *     and stores the result. The calibration applies to readings received after it, not to earlier
+         *     ones.
          */
         post: operations["calibrate_sensor"];
         delete?: never;
@@ -806,10 +814,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Try a reading out
-         * @description Says how the server understands a reading: which way the image is turned, what is missing
-         *     or saturated, where it touches. Nothing is stored. The reading's own `sensor` must be the
-         *     one of the path.
+         * Check a reading
+         * @description Reports how the server interprets a reading: the orientation of the image, missing and saturated
+         *     taxels, and the area of contact. Nothing is stored. The reading's `sensor` must be the sensor in
+         *     the path.
          */
         post: operations["check_reading"];
         delete?: never;
@@ -829,10 +837,10 @@ export interface paths {
         get: operations["list_sessions"];
         put?: never;
         /**
-         * Begin a session
-         * @description One object that rests in one frame and is touched, by one robot or several. The session
-         *     keeps the catalogue's version that it begins with. 409 when there is none yet, 429 when as
-         *     many are open as may be.
+         * Create a session
+         * @description A session is one object, touched in one frame by one or more robots. It keeps the catalogue
+         *     version that is current when it starts. 409 if the catalogue has no version yet, 429 if the
+         *     maximum number of sessions is open.
          */
         post: operations["create_session"];
         delete?: never;
@@ -868,9 +876,9 @@ export interface paths {
         };
         /**
          * Get a session's belief
-         * @description With `If-None-Match` and the `ETag` of a belief that is still the newest, 304. With `at`
-         *     the belief of an earlier revision, computed anew from the stored readings; it never changes,
-         *     and its `ETag` is the one that it had then.
+         * @description Returns 304 if `If-None-Match` carries the `ETag` of the newest belief. `at` returns the belief
+         *     of an earlier revision, recomputed from the stored readings; it never changes and has the `ETag`
+         *     it had then.
          */
         get: operations["get_belief"];
         put?: never;
@@ -892,9 +900,10 @@ export interface paths {
         put?: never;
         /**
          * Close a session
-         * @description It takes no more readings; its belief can still be read. Who knows what the object was may
-         *     say so, also later and of a session that has expired: `truth` then tells how right the belief
-         *     was, and the metrics count it. Closing again changes nothing else; 409 with another truth.
+         * @description Stops the session from accepting readings; its belief can still be read. Optionally pass the
+         *     true object, even later or after the session has expired: `truth` then reports the probability
+         *     that the belief gave it, and the metrics count it. Closing again has no other effect. 409 if
+         *     another truth is already recorded.
          */
         post: operations["close_session"];
         delete?: never;
@@ -912,8 +921,8 @@ export interface paths {
         };
         /**
          * Follow a session
-         * @description Server-sent events `belief`, `closed` and `deleted` whose data is a `SessionEvent`; the
-         *     first is the belief as it is now, unless `Last-Event-ID` says that it is known.
+         * @description Streams server-sent events named `belief`, `closed` and `deleted`, each with a `SessionEvent` as
+         *     data. The first event is the current belief, unless `Last-Event-ID` names its revision.
          */
         get: operations["session_events"];
         put?: never;
@@ -933,11 +942,12 @@ export interface paths {
         };
         /**
          * Explain a session's belief
-         * @description Compares the belief with what it would be without each of its readings: what each contributes
-         *     in bits, and which disagree with the rest. With `surface` a reading disagrees when the others
-         *     expect it, on the object where they have it, 256 times less than a touch anywhere or worse;
-         *     with the other methods when the odds of what all others say are at least 16 times as large
-         *     without it. 409 when the belief rests on more than 200 readings.
+         * @description Compares the belief with what it would be without each reading. For each reading it returns the
+         *     contribution in bits and whether the reading disagrees with the rest.
+         *
+         *     With `surface`, a reading disagrees if the other readings make it at least 256 times less likely
+         *     than a touch at a random place. With the other methods, it disagrees if removing it raises the
+         *     odds of the others' answer at least 16-fold. 409 if the belief rests on more than 200 readings.
          */
         get: operations["explain_session"];
         put?: never;
@@ -959,8 +969,8 @@ export interface paths {
         put?: never;
         /**
          * Keep a session open
-         * @description A lease: it does not expire for so long, though nothing comes. Asking again extends it;
-         *     readings and closing need none. 410 when the session has ended.
+         * @description Keeps the session open for `seconds` without new readings. Call again to extend. Not needed to
+         *     add readings or to close. 410 if the session has ended.
          */
         post: operations["extend_session"];
         delete?: never;
@@ -977,11 +987,11 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Get how probable each coordinate of the pose is
-         * @description For plotting, in sessions with the methods `geometric…`: given that the object is the one
-         *     named (or the likeliest), the probabilities of bins along x, y and the turn in the prior's
-         *     plane, or along the session's axes. With `If-None-Match` and the `ETag` of a belief that is
-         *     still the newest, 304. 409 when there are none.
+         * Get the marginals of a session's pose
+         * @description For plots, with the methods `geometric…`: given that the object is the named one (default: the
+         *     likeliest), the probabilities of bins along x, y and the rotation in the prior's plane, or along
+         *     the session's axes. Returns 304 if `If-None-Match` carries the `ETag` of the newest belief. 409
+         *     if the session has no marginals.
          */
         get: operations["get_marginals"];
         put?: never;
@@ -1002,13 +1012,14 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Ask where to touch next
-         * @description In sessions with the method `surface`: ranks the `candidates`, or approaches of the service's
-         *     own, by what their outcomes are expected to say about which object it is, times the
-         *     probability of a contact, and per `cost` when there is one. What was evaluated by
-         *     `deadline_ms` is ranked; equal questions that are evaluated completely get equal answers.
-         *     Nothing is stored. 409 with other methods, and before the first touch without a `workspace`;
-         *     410 when the session has ended.
+         * Rank the next touches
+         * @description With the method `surface`: ranks `candidates`, or approaches that the service generates. The
+         *     score is the expected information about the object's identity times the probability of contact,
+         *     divided by `cost` where given. Only approaches evaluated before `deadline_ms` are ranked;
+         *     identical questions that are evaluated completely get identical answers. Nothing is stored.
+         *
+         *     409 with other methods, and before the first touch without a `workspace`; 410 if the session has
+         *     ended.
          */
         post: operations["ask_next_touches"];
         delete?: never;
@@ -1026,20 +1037,23 @@ export interface paths {
         };
         /**
          * List a session's readings
-         * @description In the order in which they came, with the numbers by which they can be withdrawn.
+         * @description Lists readings in the order of arrival, with the sequence numbers by which they can be
+         *     retracted.
          */
         get: operations["list_session_readings"];
         put?: never;
         /**
          * Add readings
-         * @description 1 to 1000 readings in one list, also when it is only one; all are taken or none. Answered
-         *     when they are durable, with the belief after them. `robot` and `seq` together identify a
-         *     reading: sent again with the same content it is not counted twice, and when all of a request
-         *     are known it is answered with the belief of the first time, also after a restart and when the
-         *     reading was withdrawn since. 409 with other content, or when the session is full; 410 when it
+         * @description Takes a list of 1 to 1000 readings, stores it whole or not at all, and returns the belief once
+         *     the readings are durable.
+         *
+         *     `robot` and `seq` together identify a reading. A repeated reading with the same content is not
+         *     counted again. A request made only of known readings returns the belief of the first time, even
+         *     after a restart or a retraction. 409 if the content differs or the session is full, 410 if it
          *     has ended.
-         *     The belief is the same in whatever order readings with ids come: they are folded in the order
-         *     of their stamps (those without first), then robots, then `seq`.
+         *
+         *     The belief does not depend on the order of arrival: readings with ids are folded in by stamp
+         *     (readings without a stamp first), then robot, then `seq`.
          */
         post: operations["add_readings"];
         delete?: never;
@@ -1059,10 +1073,10 @@ export interface paths {
         put?: never;
         post?: never;
         /**
-         * Withdraw a reading
-         * @description It stays listed and counts no more: the belief is as if it had never come, what it said of
-         *     motions included. Sent again it stays withdrawn. Withdrawing it again changes nothing and
-         *     answers as the first time. 410 when the session has ended.
+         * Retract a reading
+         * @description Keeps the reading in the list but removes it from the belief, as if it had never arrived,
+         *     including any motion it announced. Sending the reading again does not restore it. Retracting it
+         *     again changes nothing and returns the first answer. 410 if the session has ended.
          */
         delete: operations["retract_reading"];
         options?: never;
@@ -1081,8 +1095,8 @@ export interface paths {
         put?: never;
         post?: never;
         /**
-         * Withdraw a reading by its robot's number
-         * @description As by its number within the session.
+         * Retract a reading by robot and `seq`
+         * @description Does the same as retracting by the number within the session.
          */
         delete: operations["retract_robot_reading"];
         options?: never;
@@ -1099,9 +1113,9 @@ export interface paths {
         };
         /**
          * Replay a session
-         * @description What came with each revision and what was believed then, and the belief of revision `upto`
-         *     in full. Late readings are folded where they belong from the revision on that brought them.
-         *     When `next_after` is not null, ask again with it for the steps that are missing.
+         * @description Returns what each revision added and the answer it led to, and the full belief of revision
+         *     `upto`. A late reading is folded in at its place from the revision that brought it. If
+         *     `next_after` is not null, call again with it to get the remaining steps.
          */
         get: operations["replay_session"];
         put?: never;
@@ -1123,10 +1137,10 @@ export interface paths {
         put?: never;
         /**
          * Take a snapshot
-         * @description Everything that is stored and acknowledged by now, as one file, whatever is written while it
-         *     is sent. Up to four are taken side by side, of which one key never has all (429; 503 when all
-         *     are taken). A download ends with its key. A file that was cut off has no end and is refused by
-         *     `palpate snapshot verify` and `restore`.
+         * @description Streams everything stored and acknowledged so far as one consistent file; writes continue
+         *     meanwhile. At most four snapshots run at once. One key never holds all four (429); 503 when all
+         *     four are taken. A download ends when its key stops being valid. A truncated file lacks its end
+         *     marker, and `palpate snapshot verify` and `restore` refuse it.
          */
         post: operations["take_snapshot"];
         delete?: never;
@@ -1142,7 +1156,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Say whom the server takes the caller for */
+        /** Show the caller's key and role */
         get: operations["whoami"];
         put?: never;
         post?: never;
@@ -1159,7 +1173,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Which server this is */
+        /** Get the server's version */
         get: operations["version"];
         put?: never;
         post?: never;
@@ -1173,20 +1187,20 @@ export interface paths {
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
-        /** @description Readings of a session; one reading is a list of one. */
+        /** @description Readings to add to a session. */
         AddReadings: {
-            /** @description 1 to 1000 readings. All are taken or none. */
+            /** @description 1 to 1000 readings, stored whole or not at all. Send a single reading as a list of one. */
             readings: components["schemas"]["Reading"][];
         };
         /** @description Training readings of one object. */
         AddTrainingReadings: {
             /**
-             * @description 1 to 1000 readings, all in one frame in which the object is at rest. All are taken or
-             *     none.
+             * @description 1 to 1000 readings in one frame in which the object is at rest. The list is stored whole or
+             *     not at all.
              */
             readings: components["schemas"]["Reading"][];
         };
-        /** @description Coverings to compare, by thickness or by point spread. */
+        /** @description Coverings to compare, given by thickness or by point spread. */
         AnalyseCoverings: {
             /**
              * Format: double
@@ -1194,13 +1208,13 @@ export interface components {
              * @example 0.002
              */
             element_width: number;
-            /** @description Force resolutions as parts of the impulse; 25 from 0.001 to 0.5 if not given. */
+            /** @description Force resolutions, as fractions of the impulse. Default: 25 values from 0.001 to 0.5. */
             force_resolutions?: number[] | null;
-            /** @description Standard deviations of Gaussian point spreads, in metres. */
+            /** @description Standard deviations of Gaussian point spreads, in metres. Excludes `thicknesses`. */
             spreads?: number[] | null;
             /**
-             * @description Thicknesses of coverings, in metres. Give either these or `spreads`; with neither, the
-             *     dissertation's four are compared.
+             * @description Thicknesses of the coverings, in metres. Excludes `spreads`. Default: the dissertation's
+             *     four.
              * @example [
              *       0.001016,
              *       0.00254
@@ -1210,139 +1224,139 @@ export interface components {
         };
         /** @description A key, without its secret. */
         ApiKey: {
-            /** @description Whether it is let in: not revoked, not expired. */
+            /** @description Whether the key is valid: neither revoked nor expired. */
             active: boolean;
-            /** @description When it was made. */
+            /** @description When the key was created. */
             created_at: string;
-            /** @description From when on it is refused; null: never. */
+            /** @description When the key expires; null if never. */
             expires_at?: string | null;
             /**
              * Format: uuid
-             * @description Its id.
+             * @description Id of the key.
              */
             id: string;
-            /** @description When it was last used, to within an hour; null: never. */
+            /** @description When the key was last used, to within an hour; null if never. */
             last_used_at?: string | null;
-            /** @description What its holder is called. */
+            /** @description Name of the key. */
             name: string;
-            /** @description When it was revoked; null: it was not. */
+            /** @description When the key was revoked; null if it was not. */
             revoked_at?: string | null;
-            /** @description What its holder is. */
+            /** @description Role of the key. */
             role: components["schemas"]["Role"];
-            /** @description Until when the secret before the last rotation is let in as well; null: it is not. */
+            /** @description Until when the previous secret stays valid; null if only the current one is. */
             rotating_until?: string | null;
         };
         /** @description A page of keys. */
         ApiKeyPage: {
-            /** @description The keys, oldest first, revoked ones too. */
+            /** @description The keys, oldest first, including revoked ones. */
             items: components["schemas"]["ApiKey"][];
-            /** @description Where the next page begins; null ends the list. */
+            /** @description Cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
         /**
-         * @description What held-back readings say of a version's appearance (figures 4.9 and 4.10). It never
-         *     changes. Rows and columns of the matrices are the `objects` in their order.
+         * @description Appearance report of a version, computed on held-back readings (figures 4.9 and 4.10). It never
+         *     changes. Rows and columns of the matrices follow the order of `objects`.
          */
         AppearanceReport: {
             /**
              * Format: double
-             * @description Share of the trials whose likeliest object was the true one.
+             * @description Share of trials in which the likeliest object was the true one.
              */
             accuracy: number;
-            /** @description How alike the objects' histograms are, 0 to 1 (their cosine). */
+            /** @description Cosine similarity of the objects' histograms, 0 to 1. */
             affinity: number[][];
-            /** @description The candidates for the number of classes, and how they did. */
+            /** @description Accuracy of each candidate for the number of classes. */
             candidates: components["schemas"]["ClassCandidate"][];
             /** @description The catalogue's name. */
             catalogue: string;
             /**
-             * @description Mean probability of each object (column) when the row's object was touched; a row of an
-             *     object without held-back readings is all 0.
+             * @description Confusion matrix: mean probability of each object (column) when the row's object was
+             *     touched. The row of an object without held-back readings is all 0.
              */
             confusion: number[][];
             descriptor?: components["schemas"]["Descriptor"] | null;
             /**
              * Format: double
-             * @description The power of the likelihoods that fits held-back readings best, 0.01 to 1: touches of
-             *     one object are not independent.
+             * @description Exponent on the likelihoods that fits the held-back readings best, 0.01 to 1. It accounts
+             *     for the dependence between touches of one object.
              */
             exponent: number;
             /**
              * Format: int32
-             * @description How many values a feature has as it comes.
+             * @description Number of feature components before reduction.
              */
             feature_length: number;
             /**
              * Format: int32
-             * @description How many classes there are.
+             * @description Number of appearance classes.
              */
             n_classes: number;
             /**
              * Format: int32
-             * @description How many values it has after reduction.
+             * @description Number of feature components after reduction.
              */
             n_components: number;
             /**
              * Format: int32
-             * @description How many held-back readings each trial drew.
+             * @description Number of held-back readings in each trial.
              */
             n_readings: number;
-            /** @description Pairs that touch can hardly tell apart, most alike first. */
+            /** @description Object pairs that touch barely separates, most similar first. */
             near_duplicates: components["schemas"]["NearDuplicate"][];
             /** @description The objects. */
             objects: components["schemas"]["ObjectAppearance"][];
-            /** @description What features are made of. */
+            /** @description Source of the features. */
             source: components["schemas"]["FeatureSource"];
             /**
              * Format: int32
-             * @description The version.
+             * @description Number of the version.
              */
             version: number;
-            /** @description Names the vocabulary: versions with the same name share it, bit by bit. */
+            /** @description Identifier of the vocabulary. Versions with the same identifier share it bit for bit. */
             vocabulary: string;
-            /** @description The same in words, and what else users should know. */
+            /** @description The near duplicates in words, and other warnings for users. */
             warnings: string[];
         };
-        /** @description What a training learnt of the objects' appearance, in short. */
+        /** @description Summary of the appearance part of a training. */
         AppearanceSummary: {
             /**
              * Format: double
-             * @description Share of the trials whose likeliest object was the true one.
+             * @description Share of trials in which the likeliest object was the true one.
              */
             accuracy: number;
             /**
              * Format: int32
-             * @description How many classes there are.
+             * @description Number of appearance classes.
              */
             n_classes: number;
             /**
              * Format: int32
-             * @description How many values a feature has after reduction.
+             * @description Number of feature components after reduction.
              */
             n_components: number;
             /**
              * Format: int32
-             * @description How many held-back readings each trial drew.
+             * @description Number of held-back readings in each trial.
              */
             n_readings: number;
-            /** @description Names the vocabulary: versions with the same name share it, bit by bit. */
+            /** @description Identifier of the vocabulary. Versions with the same identifier share it bit for bit. */
             vocabulary: string;
-            /** @description What users should know, such as objects that are nearly the same. */
+            /** @description Warnings for users, such as objects that are nearly identical. */
             warnings: string[];
         };
-        /** @description What a training is to learn for the methods `appearance…`. */
+        /** @description Training options of the methods `appearance…`. */
         AppearanceTraining: {
             clustering?: components["schemas"]["ClusteringKind"] | null;
             descriptor?: components["schemas"]["Descriptor"] | null;
             /**
              * Format: int32
-             * @description At most this many axes that tell the objects apart, 1 to 1000, after the principal
-             *     components (beyond the dissertation); none when not given.
+             * @description Maximum number of discriminant axes after the principal components, 1 to 1000 (beyond the
+             *     dissertation). Default: none.
              */
             discriminant_axes?: number | null;
             /**
-             * @description 1 to 10 candidates for the number of classes, each 2 to 400: the one that recognises
-             *     the held-back readings best is taken. 48 alone when not given.
+             * @description 1 to 10 candidates for the number of classes, each 2 to 400. The candidate that recognises
+             *     the held-back readings best wins. Default: 48 alone.
              * @example [
              *       24,
              *       48,
@@ -1352,148 +1366,149 @@ export interface components {
             n_classes?: number[] | null;
             /**
              * Format: int32
-             * @description How many held-back readings a trial of the report draws, 1 to 1000; 20 when not given.
+             * @description Number of held-back readings in each trial of the report, 1 to 1000. Default: 20.
              */
             report_readings?: number | null;
             source?: components["schemas"]["FeatureSource"] | null;
             /**
              * Format: double
-             * @description Principal components are kept until they hold this share of the features' variance,
-             *     0.5 to 1; 0.99 when not given (the dissertation: 0.9).
+             * @description Share of the features' variance that the kept principal components hold, 0.5 to 1. Default:
+             *     0.99 (the dissertation: 0.9).
              */
             variance_share?: number | null;
         };
-        /** @description What a robot asks that wants to know where to touch next. */
+        /** @description Request to rank the next touches. */
         AskNextTouches: {
             /**
-             * @description 1 to 1000 approaches that the robot can make; when not given, the service proposes its
-             *     own from all sides of the object, whatever the robot can reach.
+             * @description 1 to 1000 approaches that the robot can make. Default: the service generates approaches from
+             *     all sides of the object, without regard to the robot's reach.
              */
             candidates?: components["schemas"]["TouchCandidate"][] | null;
             /**
              * Format: int32
-             * @description When to stop evaluating, milliseconds from the request's arrival, 1 to 10000; 100 when
-             *     not given. At least one approach is evaluated.
+             * @description Time limit of the evaluation in milliseconds from the request's arrival, 1 to 10000. At
+             *     least one approach is evaluated. Default: 100.
              */
             deadline_ms?: number | null;
             /**
              * Format: int32
-             * @description How many are answered at most, 1 to 1000; 5 when not given.
+             * @description Maximum number of approaches to return, 1 to 1000. Default: 5.
              */
             n?: number | null;
             /**
-             * @description Whether the robot re-centres: touches, reads where contact began, lifts, shifts there
-             *     and touches again. False when not given.
+             * @description Whether the robot re-centres: it touches, finds the centre of contact, lifts, moves there
+             *     and touches again. Default: false.
              */
             recenters?: boolean | null;
             /**
              * Format: int64
-             * @description Decides what is drawn at random, 0 to 2⁵³ − 1; 0 when not given.
+             * @description Seed of random choices, 0 to 2⁵³ − 1. Default: 0.
              */
             seed?: number | null;
-            /** @description The sensor that will touch: id or name. */
+            /** @description Id or name of the sensor that will touch. */
             sensor: string;
             workspace?: components["schemas"]["TouchWorkspace"] | null;
         };
-        /** @description Who asked for what, and what came of it. */
+        /** @description An entry of the audit log: a request and its outcome. */
         AuditEntry: {
-            /** @description The address that the request came from, as the server saw it: a proxy's, if there is one. */
+            /** @description Address the request came from, as the server saw it; behind a proxy, the proxy's address. */
             address: string;
-            /** @description When it was asked for. */
+            /** @description When the request arrived. */
             at: string;
             /**
              * Format: uuid
-             * @description The key that asked; null: none, or none that the server knows.
+             * @description The caller's key; null if there was none or the server does not know it.
              */
             key_id?: string | null;
-            /** @description What the key's holder was called. */
+            /** @description Name of the caller's key. */
             key_name?: string | null;
-            /** @description When it was asked for the last time. */
+            /** @description When the last of these requests arrived. */
             last_at: string;
             /**
              * Format: int32
-             * @description How often it was asked for with this outcome, within an hour. `resource`, `address` and
-             *     `request_id` are of the first time.
+             * @description Number of identical requests with this outcome within an hour. `resource`, `address` and
+             *     `request_id` are those of the first.
              */
             n: number;
             /**
              * Format: int32
-             * @description How many refusals before this one were not written down, because there were too many.
+             * @description Number of refused requests before this one that were dropped from the log because there were
+             *     too many.
              */
             n_left_out: number;
-            /** @description The operation, by its id in this description. */
+            /** @description Operation id of the request. */
             operation: string;
-            /** @description The request's id, as in `x-request-id` and in the server's log. */
+            /** @description Request id, as in `x-request-id` and the server's log. */
             request_id: string;
-            /** @description What it was about: a path of the API; of something new, its own path. */
+            /** @description Path of the resource concerned; for a new resource, its own path. */
             resource: string;
-            /** @description The part of the log that it is in. */
+            /** @description The ring that holds the entry. */
             ring: components["schemas"]["AuditRing"];
             role?: components["schemas"]["Role"] | null;
             /**
              * Format: int64
-             * @description Its number; numbers go up with time.
+             * @description Number of the entry; increases with time.
              */
             seq: number;
             /**
              * Format: int32
-             * @description The status of the answer; null: not known, the change may or may not have been made.
+             * @description Status of the answer; null if unknown, in which case the change may or may not have been
+             *     made.
              */
             status?: number | null;
         };
         /** @description A page of the audit log. */
         AuditPage: {
             /**
-             * @description The entries, newest first. With filters there may be fewer than `limit`, or none, though
-             *     there are more pages.
+             * @description The entries, newest first. A filtered page may hold fewer than `limit` entries, or none,
+             *     although more pages follow.
              */
             items: components["schemas"]["AuditEntry"][];
-            /** @description Where the next page begins; null ends the list. */
+            /** @description Cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
         /**
-         * @description A part of the audit log with a size of its own: none pushes out what is in another.
+         * @description A part of the audit log with its own capacity. Entries of one ring never displace those of
+         *     another.
          * @enum {string}
          */
         AuditRing: "changes" | "refused" | "strangers";
         /**
-         * @description The unit of a coordinate.
+         * @description Unit of a coordinate.
          * @enum {string}
          */
         AxisUnit: "m" | "rad";
-        /** @description What is known of a session's object: which one it is, where, and how certainly. */
+        /** @description Belief about a session's object: its identity and pose, with their uncertainty. */
         Belief: {
             /**
-             * @description Whether the probabilities were calibrated on readings that training held back. If not,
-             *     they and `stop` rest on simulated touches of other objects, or on none.
+             * @description Whether the probabilities were calibrated on readings that training held back. If not, they
+             *     and `stop` rest on simulated touches of other objects, or are uncalibrated.
              */
             calibrated?: boolean;
             /**
              * Format: double
-             * @description Uncertainty about the identity in bits, "none of these" included: 0 is certain, log2(n)
-             *     knows nothing of n objects.
+             * @description Entropy of the identity in bits, including "none of these". 0 is certainty; log2(n) is no
+             *     knowledge of n objects.
              */
             entropy_bits: number;
             /**
              * Format: int32
-             * @description How many presses it rests on: readings of the session that are not withdrawn, the frames
-             *     of one press (one robot, one place, each within a second of the one before) counted once.
+             * @description Number of presses the belief rests on: readings that are not retracted, where the frames of
+             *     one press (same robot, same place, each within a second of the previous) count once.
              */
             n_readings: number;
-            /**
-             * @description The objects, likeliest first; with `unknown` their probabilities sum to 1 when all are
-             *     listed.
-             */
+            /** @description The objects, likeliest first. If all are listed, their probabilities and `unknown` sum to 1. */
             objects: components["schemas"]["ObjectProbability"][];
             /**
-             * @description Pose hypotheses, likeliest first; do not average them. With the methods `surface` and
-             *     `sva`, poses that look the same by the object's `symmetry` are one. Empty with the methods `appearance…`, which know nothing of poses.
+             * @description Pose hypotheses, likeliest first; do not average them. With `surface` and `sva`, poses
+             *     equivalent under the object's `symmetry` are one hypothesis. Empty with the methods
+             *     `appearance…`, which estimate no pose.
              */
             poses: components["schemas"]["PoseHypothesis"][];
             /**
              * Format: int32
-             * @description Counts the changes of the session's readings (one that came, one that was withdrawn, the
-             *     session's end); its value is the `ETag`.
+             * @description Number of changes to the session's readings: arrivals, retractions and the session's end.
+             *     Its value is the `ETag`.
              */
             revision: number;
             /**
@@ -1505,22 +1520,22 @@ export interface components {
             uncalibrated_reason?: components["schemas"]["UncalibratedReason"] | null;
             /**
              * Format: double
-             * @description How probable it is that the object is none of the catalogue's, 0 to 1; 0 with methods
-             *     other than `surface`, which take it for one of them.
+             * @description Probability that the object is not in the catalogue, 0 to 1. 0 with methods other than
+             *     `surface`, which assume that it is.
              */
             unknown?: number;
         };
         /**
-         * @description How much of the belief an answer holds.
+         * @description How much of the belief an answer contains.
          * @enum {string}
          */
         BeliefDetail: "full" | "top" | "none";
         /**
          * BeliefEvent
-         * @description The belief as it is now.
+         * @description The belief changed.
          */
         BeliefEvent: {
-            /** @description The belief. */
+            /** @description The current belief. */
             belief: components["schemas"]["Belief"];
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -1528,7 +1543,7 @@ export interface components {
              */
             kind: "belief";
         };
-        /** @description The likeliest object. */
+        /** @description An object and its probability. */
         BestObject: {
             /** @description The object's name when it was trained. */
             name: string;
@@ -1539,28 +1554,28 @@ export interface components {
             object: string;
             /**
              * Format: double
-             * @description Its probability, 0 to 1.
+             * @description Probability of the object, 0 to 1.
              */
             probability: number;
         };
-        /** @description To whom a robot's name is given. */
+        /** @description The key to assign a robot name to. */
         BindRobot: {
-            /** @description The key's id or name. */
+            /** @description Id or name of the key. */
             key: string;
         };
         /**
          * BoundedPosePrior
-         * @description Near a pose, for maps of kind `solid`.
+         * @description Near a given pose, for maps of kind `solid`.
          */
         BoundedPosePrior: {
             /**
              * Format: double
-             * @description How far it may be turned about each of the session's axes, in radians, 0.001 to π.
+             * @description Maximum rotation about each of the session's axes, in radians, 0.001 to π.
              */
             half_angle: number;
             /**
-             * @description How far the object's origin may be from it along the session's x, y and z, metres,
-             *     each 0.0001 to 1.
+             * @description Maximum distance of the object's origin from the central pose along the session's x, y
+             *     and z, in metres, each 0.0001 to 1.
              */
             half_extents: number[];
             /**
@@ -1568,65 +1583,62 @@ export interface components {
              * @enum {string}
              */
             kind: "bounded";
-            /** @description The pose in the middle (`session_from_object`). */
+            /** @description Central pose (`session_from_object`). */
             pose: components["schemas"]["Pose"];
         };
-        /** @description Indentations of a sensor, to fit its calibration to. */
+        /** @description Indentations to calibrate a sensor with. */
         CalibrateSensor: {
-            /** @description Presses at the centre of every taxel, each to two depths or more, best to five. */
+            /** @description Presses at the centre of every taxel, each to at least two depths, better five. */
             response: components["schemas"]["ResponsePress"][];
             spread?: components["schemas"]["SpreadPresses"] | null;
         };
-        /** @description A named line of trained models, one of whose versions new sessions use. */
+        /** @description A catalogue: a named series of trained versions, one of which new sessions use. */
         Catalogue: {
             current?: components["schemas"]["CurrentVersion"] | null;
-            /** @description What was current when, newest first; at most 100 entries. */
+            /** @description Past and present current versions, newest first; at most 100 entries. */
             history: components["schemas"]["CurrentVersion"][];
             /**
              * Format: int32
-             * @description The number of its newest version; 0 before there is one.
+             * @description Number of the newest version; 0 if there is none.
              */
             latest_version: number;
-            /** @description The catalogue's unique name; `default` when nobody names another. */
+            /** @description Unique name of the catalogue. Requests that name none use `default`. */
             name: string;
         };
         /** @description A page of catalogues. */
         CataloguePage: {
-            /** @description The catalogues in the order of their names. */
+            /** @description The catalogues, sorted by name. */
             items: components["schemas"]["Catalogue"][];
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
-        /** @description One trained model. It never changes. */
+        /** @description A version of a catalogue: one trained model. It never changes. */
         CatalogueVersion: {
             /** @description The catalogue's name. */
             catalogue: string;
             /**
              * Format: date-time
-             * @description When it was trained.
+             * @description When the version was trained.
              */
             created_at: string;
-            /**
-             * @description Why it cannot be recognised with, when what is stored of it is damaged; null when
-             *     nothing is known to be.
-             */
+            /** @description Why the version cannot be used, if its stored data is damaged; null if no damage is known. */
             damage?: string | null;
-            /** @description Whether new sessions use it. */
+            /** @description Whether new sessions use the version. */
             is_current: boolean;
             /**
              * Format: uuid
-             * @description The job that trained it; null when it was merged.
+             * @description The job that trained the version; null if it was merged.
              */
             job?: string | null;
-            /** @description The two versions whose maps were merged into it; empty when it was trained. */
+            /** @description The two versions merged into this one; empty if it was trained. */
             merged_from: components["schemas"]["VersionReference"][];
-            /** @description What came out. */
+            /** @description The training report. */
             report: components["schemas"]["TrainingReport"];
-            /** @description What was asked for, defaults filled in. */
+            /** @description The training request, with defaults. */
             training: components["schemas"]["StartTraining"];
             /**
              * Format: int32
-             * @description The version, from 1.
+             * @description Number of the version, from 1.
              */
             version: number;
         };
@@ -1637,39 +1649,39 @@ export interface components {
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
-        /** @description One thing that must be in order. */
+        /** @description One readiness check. */
         Check: {
-            /** @description What was found. */
+            /** @description The finding, in words. */
             detail: string;
-            /** @description What was checked, such as `store`. */
+            /** @description Name of the check, such as `store`. */
             name: string;
-            /** @description Whether it is in order. */
+            /** @description Whether the check passed. */
             passed: boolean;
         };
-        /** @description How well a number of classes recognised the held-back readings. */
+        /** @description Accuracy of one number of classes on the held-back readings. */
         ClassCandidate: {
             /**
              * Format: double
-             * @description Share of the trials whose likeliest object was the true one.
+             * @description Share of trials in which the likeliest object was the true one.
              */
             accuracy: number;
             /**
              * Format: int32
-             * @description How many classes.
+             * @description Number of appearance classes.
              */
             n_classes: number;
             /**
              * Format: double
-             * @description Mean probability of the true object: breaks ties.
+             * @description Mean probability of the true object; breaks ties.
              */
             reliability: number;
         };
-        /** @description The end of a session, and what its object was if that is known. */
+        /** @description The end of a session and, if known, the true object. */
         CloseSession: {
-            /** @description True when it was none of the catalogue's objects; not together with `object`. */
+            /** @description True if the object was not in the catalogue. Excludes `object`. */
             none_of_these?: boolean | null;
             /**
-             * @description The object that was touched, by id or name: the server counts how often it was right.
+             * @description Id or name of the object that was touched. The server counts how often its answer was right.
              * @example mug
              */
             object?: string | null;
@@ -1695,64 +1707,63 @@ export interface components {
              * @enum {string}
              */
             kind: "closed";
-            /** @description The session as it is now. */
+            /** @description The session after closing. */
             session: components["schemas"]["Session"];
         };
         /**
-         * @description How classes of appearance are found.
+         * @description Clustering method for the appearance classes.
          * @enum {string}
          */
         ClusteringKind: "mixture" | "shared_mixture" | "per_object" | "k_means";
-        /** @description What a compaction of the stored data did. */
+        /** @description Result of a compaction. */
         Compacted: {
             /**
              * Format: int64
-             * @description Bytes on the disk after.
+             * @description Bytes on the disk after compaction.
              */
             after_bytes: number;
             /**
              * Format: int64
-             * @description Bytes on the disk before.
+             * @description Bytes on the disk before compaction.
              */
             before_bytes: number;
             /**
              * Format: int64
-             * @description Bytes of what is stored: keys and records.
+             * @description Bytes of live keys and records.
              */
             live_bytes: number;
         };
-        /** @description How coverings compare. */
+        /** @description Comparison of coverings. */
         CoveringAnalysis: {
             /**
              * Format: double
              * @description The smallest point spread that avoids aliasing, in metres.
              */
             aliasing_spread: number;
-            /** @description The coverings, as they were asked for. */
+            /** @description The coverings, in the order of the request. */
             coverings: components["schemas"]["CoveringTradeOff"][];
             /**
              * Format: double
              * @description Width of a sensing element, in metres.
              */
             element_width: number;
-            /** @description The recommendation in words. */
+            /** @description The recommendation, as a sentence. */
             reason: string;
             /**
              * Format: int32
-             * @description The sharpest covering that avoids aliasing, as an index into `coverings`; null when
-             *     none does.
+             * @description Index into `coverings` of the sharpest one that avoids aliasing; null if none does.
              */
             recommended?: number | null;
         };
-        /** @description What one covering gives and costs. */
+        /** @description Benefits and costs of one covering. */
         CoveringTradeOff: {
-            /** @description What can be told apart at each force resolution. */
+            /** @description Spatial acuity at each force resolution. */
             acuity: components["schemas"]["SpatialAcuity"][];
-            /** @description Whether frequencies that the elements cannot tell apart are suppressed. */
+            /** @description Whether the covering suppresses the frequencies that the elements would alias. */
             avoids_aliasing: boolean;
             /**
              * Format: double
-             * @description The deepest displacement that can be felt, in metres: the thickness.
+             * @description Largest displacement that can be measured, in metres: the thickness.
              */
             depth_range?: number | null;
             /**
@@ -1762,12 +1773,12 @@ export interface components {
             spread: number;
             /**
              * Format: double
-             * @description The same in element widths.
+             * @description The point spread in element widths.
              */
             spread_in_widths: number;
             /**
              * Format: double
-             * @description Thickness in metres; null when no polyurethane covering is so sharp.
+             * @description Thickness in metres; null if no polyurethane covering has so small a point spread.
              */
             thickness?: number | null;
         };
@@ -1775,46 +1786,46 @@ export interface components {
         CreateKey: {
             /**
              * Format: int64
-             * @description After how many seconds it is refused, 60 to 315,360,000 (ten years); never when not given.
+             * @description Seconds until the key expires, 60 to 315,360,000 (ten years). Default: never.
              */
             expires_in_s?: number | null;
             /**
-             * @description What to call its holder: 1 to 64 letters, digits, `.`, `_`, `-`. No other key that is
-             *     not revoked may have the name.
+             * @description Name of the key: 1 to 64 letters, digits, `.`, `_`, `-`; unique among the keys that are not
+             *     revoked.
              */
             name: string;
-            /** @description What its holder is. */
+            /** @description Role of the key. */
             role: components["schemas"]["Role"];
         };
         /** @description A new object. */
         CreateObject: {
-            /** @description What people say about it; for people only. */
+            /** @description Description for people; the service ignores it. */
             description?: string;
             /**
-             * @description Its unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
+             * @description Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
              * @example mug
              */
             name: string;
         };
-        /** @description A new sensor: a preset or a description. */
+        /** @description A new sensor, from a preset or a description. */
         CreateSensor: {
             description?: components["schemas"]["DescribeSensor"] | null;
             image_order?: components["schemas"]["ImageOrder"] | null;
             /**
-             * @description Its unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
+             * @description Unique name: 1 to 64 letters, digits, `.`, `_` or `-`.
              * @example left-finger
              */
             name: string;
             preset?: components["schemas"]["SensorPreset"] | null;
         };
         /**
-         * @description A new session: one object that is touched, and, but for the methods `appearance…`, rests
-         *     in one frame.
+         * @description A new session: one object that is touched. It rests in one frame, except with the methods
+         *     `appearance…`.
          */
         CreateSession: {
             /**
-             * @description How many bins an object has along x, y and the turn, each 2 to 200, together at most
-             *     100000; 25, 25, 16 when not given. Only for `geometric_histogram`.
+             * @description Number of bins per object along x, y and the rotation, each 2 to 200, at most 100000 in
+             *     total; only for `geometric_histogram`. Default: 25, 25, 16.
              * @example [
              *       25,
              *       25,
@@ -1823,13 +1834,13 @@ export interface components {
              */
             bins?: number[] | null;
             /**
-             * @description The catalogue to recognise with; `default` when not given.
+             * @description Name of the catalogue. Default: `default`.
              * @example default
              */
             catalogue?: string | null;
             /**
-             * @description The frame in which all sensor poses of the session are given, such as `base_link`. A
-             *     reading that names another frame is refused.
+             * @description Frame of all sensor poses of the session, such as `base_link`. A reading that names another
+             *     frame is refused.
              * @example base_link
              */
             frame_id?: string | null;
@@ -1837,70 +1848,68 @@ export interface components {
             object_moves?: components["schemas"]["Looseness"] | null;
             /**
              * Format: int32
-             * @description How many particles there are, of all objects together, 100 to 100000; 10000 when not
-             *     given. Only for `geometric_particles`.
+             * @description Number of particles over all objects, 100 to 100000; only for `geometric_particles`.
+             *     Default: 10000.
              */
             particles?: number | null;
             pose_prior?: components["schemas"]["PosePrior"] | null;
             /**
-             * @description What is known before the first touch, if the object is one of the catalogue's. Objects
-             *     that are not named share the rest evenly.
+             * @description Prior of the objects, given that the object is in the catalogue. Objects that are not listed
+             *     share the rest evenly.
              */
             prior?: components["schemas"]["PriorEntry"][] | null;
             /**
              * Format: double
-             * @description The risk of a wrong answer at which you want to stop touching, 0.0001 to 0.5, for
-             *     `surface`: the belief's `stop` says when it is reached.
+             * @description Accepted risk of a wrong answer, 0.0001 to 0.5, for `surface`. The belief's `stop` says when
+             *     it is reached.
              * @example 0.05
              */
             risk?: number | null;
             /**
-             * @description Robots whose bases are not exactly where their poses say, for `surface`: all readings of
-             *     such a robot (its `robot`) are shifted alike, by an unknown motion of this looseness.
-             *     Readings of all others are taken to be exact.
+             * @description Robots with an inexactly known base, for `surface`. All readings of such a robot (by its
+             *     `robot`) are displaced by one unknown motion within this uncertainty. Readings of other
+             *     robots are taken as exact.
              */
             robots?: components["schemas"]["RobotBase"][] | null;
             /**
              * Format: int64
-             * @description The seed of the random choices of the methods `geometric…`, up to 2⁵³ − 1; 1 when
-             *     not given.
+             * @description Seed of the random choices of the methods `geometric…`, at most 2⁵³ − 1. Default: 1.
              */
             seed?: number | null;
             /**
              * Format: int32
-             * @description Seconds without a new reading after which the session expires, 1 to 31536000; the
-             *     server's own bound, a day if its operator has not chosen another, when not given. A
-             *     lease keeps it open for longer.
+             * @description Seconds without a new reading after which the session expires, 1 to 31536000; a lease keeps
+             *     it open longer. Default: the server's setting, one day unless the operator changed it.
              */
             ttl_s?: number | null;
             /**
              * Format: double
-             * @description How probable it is before the first touch that the object is none of the catalogue's,
-             *     above 0 and below 1, for `surface`; 0.05 when not given.
+             * @description Prior probability that the object is not in the catalogue, above 0 and below 1; for
+             *     `surface`. Default: 0.05.
              * @example 0.05
              */
             unknown_prior?: number | null;
             /**
              * Format: int32
-             * @description The catalogue's version; the current one when not given. A session keeps its version.
+             * @description Version of the catalogue, fixed for the session. Default: the current one.
              */
             version?: number | null;
         };
-        /** @description Which version new sessions use, and since when. */
+        /** @description The version that new sessions use, and since when. */
         CurrentVersion: {
             /**
              * Format: date-time
-             * @description When it was switched.
+             * @description When the version became current.
              */
             changed_at: string;
             /**
              * Format: int32
-             * @description Counts the switches of this catalogue; its value is the `ETag`.
+             * @description Number of switches of this catalogue. Its value is the `ETag`.
              */
             revision: number;
             /**
              * Format: int32
-             * @description The version.
+             * @description Number of the version.
              */
             version: number;
         };
@@ -1916,41 +1925,41 @@ export interface components {
             kind: "deleted";
             /**
              * Format: uuid
-             * @description The session's id.
+             * @description Id of the session.
              */
             session: string;
         };
         /**
-         * @description The geometry and response of a new sensor, in metres and pascals, as far as its data sheet
-         *     says. The answer has everything, defaults filled in.
+         * @description Geometry and response of a new sensor, in metres and pascals. The answer contains the defaults
+         *     of omitted fields.
          */
         DescribeSensor: {
             /**
              * Format: double
-             * @description Thickness of the covering in metres: the deepest indentation it takes.
+             * @description Thickness of the covering in metres, which is also the deepest indentation.
              * @example 0.00254
              */
             covering_thickness: number;
             /**
-             * @description Blurred displacement to pressure: 2 to 64 knots that start at (0, 0) and rise; when not
-             *     given, a straight line to the saturation at the covering's full thickness.
+             * @description Maps blurred displacement to pressure: 2 to 64 rising knots from (0, 0). Default: a straight
+             *     line up to `saturation` at the full thickness of the covering.
              */
             force_curve?: components["schemas"]["ForceKnot"][] | null;
-            /** @description Where the taxels are. */
+            /** @description Layout of the taxels. */
             grid: components["schemas"]["TaxelGrid"];
-            /** @description How the driver's images are turned; not at all when not given. */
+            /** @description Orientation of the driver's images. Default: that of the sensor frame. */
             image_order?: components["schemas"]["ImageOrder"];
             /**
              * Format: double
-             * @description Standard deviation of a reading's additive noise, in pascal; when not given, half a
-             *     percent of the saturation, or a step of the converter where that is more.
+             * @description Standard deviation of a reading's additive noise, in pascal. Default: 0.5 % of `saturation`,
+             *     or one step of the converter if that is more.
              * @example 100
              */
             noise?: number | null;
             /**
              * Format: double
-             * @description Standard deviation of the Gaussian point spread in metres; when not given, that of the
-             *     covering: 2.22 mm + 0.497 times its thickness (equation 2.5, as `analyses/covering`).
+             * @description Standard deviation of the Gaussian point spread in metres. Default: from the covering, 2.22
+             *     mm + 0.497 × thickness (equation 2.5, as in `analyses/covering`).
              * @example 0.003482
              */
             point_spread?: number | null;
@@ -1962,13 +1971,13 @@ export interface components {
             quantisation: number;
             /**
              * Format: double
-             * @description No taxel reads more than this, in pascal.
+             * @description Largest pressure that a taxel reports, in pascal.
              * @example 20000
              */
             saturation: number;
         };
         /**
-         * @description How a press becomes a feature.
+         * @description Descriptor that turns a press into a feature.
          * @enum {string}
          */
         Descriptor: "vectorize" | "sift" | "mr8" | "moment_normalized" | "polar_fourier" | "polar_fourier_rw" | "polar_fourier_ni" | "polar_fourier_signed" | "mnti" | "steerable" | "schmid" | "polar_spectrum";
@@ -1976,71 +1985,71 @@ export interface components {
         DistanceRange: {
             /**
              * Format: double
-             * @description The largest distance in metres; the largest that is trained when not given.
+             * @description Largest distance in metres. Default: the largest in the training data.
              */
             max?: number | null;
             /**
              * Format: double
-             * @description The smallest distance in metres.
+             * @description Smallest distance in metres.
              */
             min: number;
         };
-        /** @description The answer that is explained. */
+        /** @description The explained answer. */
         ExplainedAnswer: {
-            /** @description Its name when it was trained. */
+            /** @description Name of the object when it was trained. */
             name?: string | null;
             /**
              * Format: uuid
-             * @description The likeliest object's id; null when "none of these" is likelier than any.
+             * @description Id of the likeliest object; null if "none of these" is likelier than any.
              */
             object?: string | null;
             /**
              * Format: double
-             * @description The answer's probability.
+             * @description Probability of the answer.
              */
             probability: number;
         };
-        /** @description What each reading contributed to a belief: it is compared with the belief of all others. */
+        /** @description Contribution of each reading to a belief, measured against the belief without it. */
         Explanation: {
-            /** @description The answer that is explained: the likeliest object, or "none of these". */
+            /** @description The explained answer: the likeliest object, or "none of these". */
             answer: components["schemas"]["ExplainedAnswer"];
-            /** @description Whether all readings were compared; false when time ran out, ask again then. */
+            /** @description Whether all readings were compared. False if time ran out: ask again. */
             complete: boolean;
-            /** @description The readings that count, in the order in which they are folded. */
+            /** @description The readings that count, in the order of folding. */
             readings: components["schemas"]["ReadingContribution"][];
             /**
              * Format: int32
-             * @description The revision that is explained.
+             * @description The explained revision.
              */
             revision: number;
             /**
              * Format: uuid
-             * @description The session.
+             * @description Id of the session.
              */
             session: string;
         };
-        /** @description A lease: the session stays open although nothing comes. */
+        /** @description A lease that keeps a session open without new readings. */
         ExtendSession: {
             /**
              * Format: int32
-             * @description Seconds from now on for which it stays open at least, 1 to 31536000. A lease is never
-             *     shortened.
+             * @description Minimum time the session stays open from now, in seconds, 1 to 31536000. A longer lease is
+             *     never shortened.
              * @example 3600
              */
             seconds: number;
         };
         /**
-         * @description What features are made of.
+         * @description Source of the features.
          * @enum {string}
          */
         FeatureSource: "images" | "features";
-        /** @description One field that is wrong. */
+        /** @description One invalid field. */
         FieldError: {
-            /** @description What came there, and what was expected. */
+            /** @description What was found and what was expected. */
             detail: string;
             /**
-             * @description Where in the request: a JSON pointer into the body (`/readings/3/pose/orientation`), or
-             *     `?name` for a parameter of the query, or `header:name`; for `/readyz` a check's name.
+             * @description Location in the request: a JSON pointer into the body (`/readings/3/pose/orientation`),
+             *     `?name` for a query parameter, or `header:name`; for `/readyz` the name of a check.
              */
             pointer: string;
         };
@@ -2048,28 +2057,28 @@ export interface components {
         Fleet: {
             /**
              * Format: date-time
-             * @description When it was so, by the server's clock.
+             * @description Time of the answer, by the server's clock.
              */
             at: string;
             /**
              * Format: int32
-             * @description How many sessions are open.
+             * @description Number of open sessions.
              */
             n_open: number;
             /**
-             * @description The open sessions in which something happened last, newest first. Follow their beliefs
-             *     with `GET /v1/events`.
+             * @description The most recently active open sessions, newest first. Follow their beliefs with `GET
+             *     /v1/events`.
              */
             sessions: components["schemas"]["FleetSession"][];
         };
-        /** @description An open session, as whoever looks after the robots sees it. */
+        /** @description An open session and its recent activity. */
         FleetSession: {
             /**
              * Format: date-time
-             * @description When its newest reading came, by the server's clock; null before the first.
+             * @description When the newest reading arrived, by the server's clock; null if there is none.
              */
             last_reading_at?: string | null;
-            /** @description The robots that sent its 64 newest readings, in the order of their names. */
+            /** @description The robots that sent the session's 64 newest readings, sorted by name. */
             robots: string[];
             /** @description The session. */
             session: components["schemas"]["Session"];
@@ -2083,16 +2092,16 @@ export interface components {
             displacement: number;
             /**
              * Format: double
-             * @description The pressure that a taxel reports there, in pascal.
+             * @description Pressure that a taxel reports at this displacement, in pascal.
              */
             pressure: number;
         };
         /**
-         * @description What a map is of.
+         * @description Kind of contact map.
          * @enum {string}
          */
         GeometryKind: "planar" | "solid";
-        /** @description What a training learnt of one object's geometry. */
+        /** @description Summary of an object's contact map. */
         GeometryReport: {
             /**
              * Format: int64
@@ -2101,57 +2110,57 @@ export interface components {
             bytes: number;
             /**
              * Format: double
-             * @description The side of a cell in metres.
+             * @description Cell size in metres.
              */
             cell: number;
-            /** @description Whether the pressures were learnt too. */
+            /** @description Whether the map includes pressures. */
             has_force: boolean;
-            /** @description What the map is of. */
+            /** @description Kind of the map. */
             kind: components["schemas"]["GeometryKind"];
-            /** @description Cells along x, y and z; a planar map has one layer. */
+            /** @description Number of cells along x, y and z; a planar map has one layer. */
             n_cells: number[];
         };
-        /** @description What a training is to learn for the methods `geometric…`, beside its vocabulary. */
+        /** @description Training options of the methods `geometric…`. */
         GeometryTraining: {
             /**
              * Format: double
-             * @description The side of a cell in metres, 0.0001 to 0.05; when not given what suits the kind.
+             * @description Cell size in metres, 0.0001 to 0.05. Default: suited to the kind.
              */
             cell?: number | null;
-            /** @description Whether the maps are of a plane that is pressed, or of the whole surface. */
+            /** @description Kind of contact map: a pressed plane or a whole surface. */
             kind: components["schemas"]["GeometryKind"];
         };
-        /** @description How the driver's image relates to the sensor frame's row-major order. */
+        /** @description Orientation of the driver's image relative to the row-major order of the sensor frame. */
         ImageOrder: {
-            /** @description The driver's first column is our last. */
+            /** @description Whether the driver's first column is the frame's last. */
             cols_reversed?: boolean;
-            /** @description The driver's first row is our last. */
+            /** @description Whether the driver's first row is the frame's last. */
             rows_reversed?: boolean;
-            /** @description The driver sends columns where we expect rows. */
+            /** @description Whether the driver sends columns as rows. */
             transposed?: boolean;
         };
-        /** @description Long work: a training. */
+        /** @description A training job. */
         Job: {
-            /** @description The catalogue that it trains. */
+            /** @description Name of the catalogue. */
             catalogue: string;
             /**
              * Format: date-time
-             * @description When it was asked for.
+             * @description When the job was requested.
              */
             created_at: string;
             /**
              * Format: int32
-             * @description Steps done of this stage.
+             * @description Number of steps done in this stage.
              */
             done: number;
             /**
              * Format: double
-             * @description Seconds until the stage is done, as far as can be told.
+             * @description Estimated seconds until the stage is done.
              */
             eta_s?: number | null;
             /**
              * Format: date-time
-             * @description When it ended.
+             * @description When the job ended.
              */
             finished_at?: string | null;
             /**
@@ -2159,26 +2168,26 @@ export interface components {
              * @description The job's id.
              */
             id: string;
-            /** @description Why it failed or was cancelled; null otherwise. */
+            /** @description Why the job failed or was cancelled; null otherwise. */
             reason?: string | null;
             stage?: components["schemas"]["JobStage"] | null;
             /**
              * Format: date-time
-             * @description When it began.
+             * @description When the job started.
              */
             started_at?: string | null;
-            /** @description How far it is. */
+            /** @description State of the job. */
             state: components["schemas"]["JobState"];
             /**
              * Format: int32
-             * @description Steps of this stage; 0 when not known.
+             * @description Number of steps in this stage; 0 if unknown.
              */
             total: number;
-            /** @description What was asked for, defaults filled in. */
+            /** @description The training request, with defaults. */
             training: components["schemas"]["StartTraining"];
             /**
              * Format: int32
-             * @description The version that it made; null unless it succeeded.
+             * @description The version that the job made; null unless it succeeded.
              */
             version?: number | null;
         };
@@ -2190,31 +2199,31 @@ export interface components {
             next_cursor?: string | null;
         };
         /**
-         * @description What a running training does.
+         * @description Stage of a running training.
          * @enum {string}
          */
         JobStage: "sampling" | "vocabulary" | "mapping" | "surface" | "geometry" | "appearance" | "storing";
         /**
-         * @description How far a job is.
+         * @description State of a job.
          * @enum {string}
          */
         JobState: "queued" | "running" | "succeeded" | "failed" | "cancelled";
-        /** @description The process answers. */
+        /** @description Answer of a live process. */
         Liveness: {
-            /** @description Always true: an answer is all there is to know. */
+            /** @description Always true. */
             alive: boolean;
         };
-        /** @description How far something may be from where it is said to be: standard deviations. */
+        /** @description Uncertainty of a position and orientation, as standard deviations. */
         Looseness: {
             /**
              * Format: double
-             * @description About each axis, rad, up to 1.
+             * @description Standard deviation about each axis, in radians, at most 1.
              * @example 0.05
              */
             angle_rad: number;
             /**
              * Format: double
-             * @description In each direction, metres, up to 0.1.
+             * @description Standard deviation in each direction, in metres, at most 0.1.
              * @example 0.003
              */
             position_m: number;
@@ -2223,17 +2232,17 @@ export interface components {
         MapDistances: {
             /**
              * Format: double
-             * @description The end of the last bin in metres.
+             * @description End of the last bin in metres.
              */
             max: number;
             /**
              * Format: double
-             * @description The smallest distance in metres.
+             * @description Smallest distance in metres.
              */
             min: number;
             /**
              * Format: int32
-             * @description How many bins.
+             * @description Number of bins.
              */
             n_bins: number;
         };
@@ -2242,51 +2251,50 @@ export interface components {
          * @description A map of contact as an image or a model.
          */
         MapFile: string;
-        /** @description A trained piece of an object's surface, in the object frame. */
+        /** @description A patch: a trained piece of an object's surface, in the object frame. */
         MapPatch: {
             /**
              * Format: int32
-             * @description The class of appearance that it most likely belongs to, from 0; null when it is in no
-             *     pair.
+             * @description Likeliest appearance class, from 0; null if the patch is in no pair.
              */
             class?: number | null;
-            /** @description The outward normal, of length 1. */
+            /** @description Outward normal, a unit vector. */
             normal: number[];
             /**
              * Format: double
-             * @description How well the contact fixed the normal, 0 to 1.
+             * @description Confidence of the normal, 0 to 1: how well the contact determined it.
              */
             normal_confidence: number;
-            /** @description Its position in metres. */
+            /** @description Position in metres. */
             position: number[];
         };
-        /** @description How probable each value of one coordinate is. */
+        /** @description Marginal distribution of one coordinate. */
         Marginal: {
             /**
-             * @description The coordinate: `x`, `y` and `theta`, the turn, in the prior's plane; or `x`, `y`, `z`
-             *     along the session's axes and `rx`, `ry`, `rz`, the rotation vector from the prior's
-             *     pose about them.
+             * @description The coordinate. With a planar prior: `x`, `y` and `theta` (rotation) in its plane.
+             *     Otherwise: `x`, `y`, `z` along the session's axes, and `rx`, `ry`, `rz`, the components of
+             *     the rotation vector from the prior's pose.
              * @example theta
              */
             axis: string;
             /**
              * Format: double
-             * @description Where the last bin ends.
+             * @description End of the last bin.
              */
             high: number;
             /**
              * Format: double
-             * @description Where the first bin begins.
+             * @description Start of the first bin.
              */
             low: number;
-            /** @description The probabilities of bins of equal width from `low` to `high`; they sum to 1. */
+            /** @description Probabilities of equally wide bins from `low` to `high`; they sum to 1. */
             probabilities: number[];
-            /** @description The unit of `low` and `high`. */
+            /** @description Unit of `low` and `high`. */
             unit: components["schemas"]["AxisUnit"];
         };
-        /** @description How probable each value of each coordinate is, if the object is the one it is of. */
+        /** @description Marginal distributions of an object's pose coordinates, given that it is the session's object. */
         Marginals: {
-            /** @description One for each coordinate of the pose that the session's prior leaves open. */
+            /** @description One marginal for each pose coordinate that the session's prior leaves open. */
             axes: components["schemas"]["Marginal"][];
             /** @description The object's name when it was trained. */
             name: string;
@@ -2298,12 +2306,12 @@ export interface components {
             plane?: components["schemas"]["PlaneMarginal"] | null;
             /**
              * Format: double
-             * @description How probable the object is.
+             * @description Probability of the object.
              */
             probability: number;
             /**
              * Format: int32
-             * @description The belief's revision; its value is the `ETag`.
+             * @description Revision of the belief. Its value is the `ETag`.
              */
             revision: number;
             /**
@@ -2312,17 +2320,17 @@ export interface components {
              */
             session: string;
         };
-        /** @description Two versions whose maps of contact are to be added up. */
+        /** @description Two versions whose contact maps are to be merged. */
         MergeMaps: {
-            /** @description Whether new sessions use the new version; true when not given. */
+            /** @description Whether to make the new version current. Default: true. */
             activate?: boolean | null;
             /**
              * Format: int32
-             * @description The version of this catalogue that is added to; the current one when not given. The
-             *     new version takes everything else from it.
+             * @description Base version, of this catalogue. The new version takes everything but the maps' evidence
+             *     from it. Default: the current version.
              */
             version?: number | null;
-            /** @description The version whose maps are added. */
+            /** @description The version whose contact maps are added. */
             with: components["schemas"]["VersionReference"];
         };
         /**
@@ -2331,32 +2339,32 @@ export interface components {
          */
         MeshFile: string;
         /**
-         * @description The file formats of meshes.
+         * @description File format of a mesh.
          * @enum {string}
          */
         MeshFormat: "stl" | "obj" | "ply" | "off";
-        /** @description An object's mesh, as it was uploaded. */
+        /** @description An uploaded mesh. */
         MeshInfo: {
             /**
              * Format: int64
-             * @description The file's length in bytes.
+             * @description Length of the file in bytes.
              */
             bytes: number;
-            /** @description The file's format. */
+            /** @description Format of the file. */
             format: components["schemas"]["MeshFormat"];
-            /** @description The blake3 hash of the file, in hexadecimal. */
+            /** @description BLAKE3 hash of the file, in hexadecimal. */
             hash: string;
-            /** @description The unit that was given with it. */
+            /** @description Unit given at upload. */
             unit: components["schemas"]["MeshUnit"];
             /**
              * Format: date-time
-             * @description When it was uploaded.
+             * @description When the mesh was uploaded.
              */
             uploaded_at: string;
         };
-        /** @description How the server understands an uploaded mesh. */
+        /** @description The server's interpretation of an uploaded mesh. */
         MeshReport: {
-            /** @description The mesh, as it was uploaded. */
+            /** @description The uploaded mesh. */
             mesh: components["schemas"]["MeshInfo"];
             /**
              * Format: int32
@@ -2370,16 +2378,16 @@ export interface components {
             n_vertices: number;
             /** @description Extent along x, y and z in metres. */
             size: number[];
-            /** @description What is unusual about it, such as a size that suggests the other unit. */
+            /** @description Anything unusual about the mesh, such as a size that suggests another unit. */
             warnings: string[];
         };
         /**
-         * @description What the coordinates in a mesh file mean. STL, OBJ, PLY and OFF do not say it.
+         * @description Unit of the coordinates in a mesh file. STL, OBJ, PLY and OFF do not record it.
          * @enum {string}
          */
         MeshUnit: "m" | "mm" | "cm" | "in";
         /**
-         * @description How to recognise.
+         * @description Recognition method.
          * @enum {string}
          */
         Method: "surface" | "sva" | "sva_literal" | "geometric" | "geometric_histogram" | "geometric_particles" | "appearance" | "appearance_literal";
@@ -2387,7 +2395,7 @@ export interface components {
         NearDuplicate: {
             /**
              * Format: double
-             * @description How alike their histograms are, 0 to 1.
+             * @description Cosine similarity of their histograms, 0 to 1.
              */
             affinity: number;
             /** @description The name of the earlier object. */
@@ -2395,79 +2403,79 @@ export interface components {
             /** @description The name of the later object. */
             second: string;
         };
-        /** @description A key with its secret, which is shown this once. */
+        /** @description A key with its secret, which is shown only once. */
         NewApiKey: {
             /** @description The key. */
             key: components["schemas"]["ApiKey"];
-            /** @description What its holder sends: `Authorization: Bearer` and this. It cannot be shown again. */
+            /** @description The secret, sent as `Authorization: Bearer <secret>`. It cannot be shown again. */
             secret: string;
         };
-        /** @description An approach and what it is worth. */
+        /** @description An approach and its expected information. */
         NextTouch: {
             /**
              * Format: double
-             * @description What it is worth for its cost, in bits per unit of `cost`: what candidates with costs are
-             *     ranked by. Null without a cost.
+             * @description Score by which candidates with costs are ranked, in bits per unit of `cost`; null without a
+             *     cost.
              */
             bits_per_cost?: number | null;
             /**
              * Format: int32
-             * @description Its place in `candidates`, from 0; null for the service's own.
+             * @description Index into `candidates`; null for an approach that the service generated.
              */
             candidate?: number | null;
             /**
              * Format: double
-             * @description The probability of a contact from which a reading can be taken.
+             * @description Probability of a contact that yields a reading.
              */
             contact_probability: number;
             /**
              * Format: double
-             * @description What its outcome is expected to say about which object it is, in bits.
+             * @description Expected information about the object's identity, in bits.
              */
             information_bits: number;
-            /** @description The sensor's pose in the session frame where the approach begins; it moves along its +z. */
+            /** @description Start of the approach: the sensor's pose in the session frame. It moves along its +z. */
             pose: components["schemas"]["Pose"];
             /**
              * Format: double
-             * @description What it is expected to say about the object's pose, given which object it is, in bits.
+             * @description Expected information about the object's pose given its identity, in bits.
              */
             pose_bits: number;
             /**
              * Format: double
-             * @description How far it goes at most, in metres.
+             * @description Maximum travel in metres.
              */
             reach_m: number;
         };
-        /** @description Where to touch next, best first. */
+        /** @description Ranked next touches. */
         NextTouches: {
-            /** @description False when the deadline came before all approaches were evaluated. */
+            /** @description False if the deadline came before all approaches were evaluated. */
             complete: boolean;
             /**
              * Format: double
-             * @description Uncertainty about the identity now in bits, "none of these" included.
+             * @description Current entropy of the identity in bits, including "none of these".
              */
             entropy_bits: number;
             /**
              * Format: int32
-             * @description How many approaches were evaluated.
+             * @description Number of approaches evaluated.
              */
             evaluated: number;
             /**
              * Format: int32
-             * @description The revision of the belief that the answer rests on.
+             * @description Revision of the belief used.
              */
             revision: number;
             /**
              * Format: uuid
-             * @description The session.
+             * @description Id of the session.
              */
             session: string;
-            /** @description The best approaches of those evaluated, best first. */
+            /** @description The best evaluated approaches, best first. */
             touches: components["schemas"]["NextTouch"][];
         };
-        /** @description What is known of one object's appearance. */
+        /** @description Appearance of one object. */
         ObjectAppearance: {
-            /** @description How many of its readings fell into each class; shares count in part. */
+            /** @description Number of readings in each class; soft assignments count in part. */
             histogram: number[];
             /**
              * Format: uuid
@@ -2476,25 +2484,25 @@ export interface components {
             id: string;
             /**
              * Format: int32
-             * @description How many were held back.
+             * @description Number of held-back readings.
              */
             n_held_back: number;
             /**
              * Format: int32
-             * @description How many readings made its histogram.
+             * @description Number of readings in the histogram.
              */
             n_readings: number;
             /** @description The object's name when it was trained. */
             name: string;
         };
-        /** @description A thing that robots are to recognise. */
+        /** @description An object to recognise. */
         ObjectInfo: {
             /**
              * Format: date-time
-             * @description When it was created.
+             * @description When the object was created.
              */
             created_at: string;
-            /** @description What people say about it. */
+            /** @description Description for people. */
             description: string;
             /**
              * Format: uuid
@@ -2504,20 +2512,20 @@ export interface components {
             mesh?: components["schemas"]["MeshInfo"] | null;
             /**
              * Format: int32
-             * @description How many training readings are stored.
+             * @description Number of stored training readings.
              */
             n_readings: number;
-            /** @description Its unique name. */
+            /** @description Unique name of the object. */
             name: string;
             /**
              * Format: date-time
-             * @description When its name or description last changed.
+             * @description When the name or description last changed.
              */
             updated_at: string;
         };
-        /** @description The trained map of one object, a page of its patches at a time. */
+        /** @description Trained map of one object, with one page of its patches. */
         ObjectMap: {
-            /** @description The distances between patches whose pairs are indexed. */
+            /** @description Distances between patches whose pairs are indexed. */
             distances: components["schemas"]["MapDistances"];
             /**
              * Format: uuid
@@ -2531,12 +2539,12 @@ export interface components {
             index_bytes: number;
             /**
              * Format: int32
-             * @description How many patches the map has, on all pages together.
+             * @description Number of patches on all pages together.
              */
             n_patches: number;
             /**
              * Format: int64
-             * @description How many pairs of patches the index lists.
+             * @description Number of patch pairs in the index.
              */
             n_postings: number;
             /** @description The object's name when it was trained. */
@@ -2544,8 +2552,8 @@ export interface components {
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
             /**
-             * @description Where the origin of the object's frame is in its mesh (or in the frame of its training
-             *     readings), in metres: the axes are the same. `mesh point = object point + origin`.
+             * @description Origin of the object frame in the mesh frame (or in the frame of the training readings), in
+             *     metres. The axes are the same: `mesh point = object point + origin`.
              */
             origin_in_mesh: number[];
             /** @description The patches in the order of training. */
@@ -2558,7 +2566,7 @@ export interface components {
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
-        /** @description How probable one object is. */
+        /** @description Probability of one object. */
         ObjectProbability: {
             /** @description The object's name when it was trained. */
             name: string;
@@ -2569,11 +2577,11 @@ export interface components {
             object: string;
             /**
              * Format: double
-             * @description Its probability, 0 to 1.
+             * @description Probability of the object, 0 to 1.
              */
             probability: number;
         };
-        /** @description What a training made of one object. */
+        /** @description Training report of one object. */
         ObjectReport: {
             geometry?: components["schemas"]["GeometryReport"] | null;
             /**
@@ -2583,117 +2591,114 @@ export interface components {
             id: string;
             /**
              * Format: int64
-             * @description Memory of its pair index, in bytes.
+             * @description Memory of the pair index, in bytes.
              */
             index_bytes: number;
             /**
              * Format: int32
-             * @description How many patches its map has; 0 without pair maps.
+             * @description Number of patches in the map; 0 without pair maps.
              */
             n_patches: number;
             /**
              * Format: int32
-             * @description How many readings it was trained from.
+             * @description Number of readings the object was trained from.
              */
             n_readings: number;
             /** @description The object's name when it was trained. */
             name: string;
             /**
-             * @description Where the origin of the object's frame is in its mesh (or in the frame of its training
-             *     readings), in metres: the axes are the same. `mesh point = object point + origin`.
-             *     Zeros without pair maps and surfaces.
+             * @description Origin of the object frame in the mesh frame (or in the frame of the training readings), in
+             *     metres. The axes are the same: `mesh point = object point + origin`. Zeros without pair maps
+             *     and surfaces.
              */
             origin_in_mesh: number[];
             surface?: components["schemas"]["SurfaceReport"] | null;
             /**
-             * @description Which turns leave it as it is: axes in the object frame, highest order first, empty when
-             *     it only looks like itself or when touches cannot tell. Null when it was not sought:
-             *     without surfaces.
+             * @description Symmetry axes in the object frame, highest order first; empty if there are none or if the
+             *     touches cannot tell. Null without surfaces.
              */
             symmetry?: components["schemas"]["SymmetryAxis"][] | null;
             symmetry_by?: components["schemas"]["SymmetryBy"] | null;
             /**
              * Format: int32
-             * @description About how many more touches would settle a symmetry that is `undetermined`; else null.
+             * @description Approximate number of further touches that would settle an `undetermined` symmetry; null
+             *     otherwise.
              */
             symmetry_touches_needed?: number | null;
-            /**
-             * @description What is probably a mistake in what it was trained from, such as positions in millimetres
-             *     or too few touches.
-             */
+            /** @description Probable mistakes in the training data, such as positions in millimetres or too few touches. */
             warnings?: components["schemas"]["Warning"][];
         };
-        /** @description The trained map of where an object generates contact. */
+        /** @description The trained contact map of an object: where it generates contact. */
         OccupancyMap: {
             /**
              * Format: double
-             * @description The side of a cell in metres.
+             * @description Cell size in metres.
              */
             cell: number;
-            /** @description Whether the pressures were learnt too. */
+            /** @description Whether the map includes pressures. */
             has_force: boolean;
             /**
              * Format: uuid
              * @description The object's id.
              */
             id: string;
-            /** @description What the map is of. */
+            /** @description Kind of the map. */
             kind: components["schemas"]["GeometryKind"];
-            /** @description The log-odds of the cells of one slice, x fastest, then y; null unless `slice` names one. */
+            /** @description Log-odds of the cells of the slice, x fastest, then y; null without `slice`. */
             log_odds?: number[] | null;
             /**
-             * @description The corner with the smallest coordinates, in the object frame, in metres. A planar
-             *     map lies at z = `min[2]`.
+             * @description Corner with the smallest coordinates, in the object frame, in metres. A planar map lies at z
+             *     = `min[2]`.
              */
             min: number[];
-            /** @description Cells along x, y and z. */
+            /** @description Number of cells along x, y and z. */
             n_cells: number[];
             /**
              * Format: int32
-             * @description How many cells are less likely occupied than the prior says.
+             * @description Number of cells with an occupancy below the prior.
              */
             n_free: number;
             /**
              * Format: int32
-             * @description How many cells are likelier occupied than the prior says.
+             * @description Number of cells with an occupancy above the prior.
              */
             n_occupied: number;
             /**
              * Format: int32
-             * @description How many cells no press has reached.
+             * @description Number of cells that no press has reached.
              */
             n_unknown: number;
             /** @description The object's name when it was trained. */
             name: string;
             /**
              * Format: double
-             * @description The probability of a cell that no press has reached.
+             * @description Occupancy probability of a cell that no press has reached.
              */
             prior: number;
         };
         /**
          * PlanarPosePrior
-         * @description Flat in a plane, for maps of kind `planar`: x, y and the turn are uniform.
+         * @description Flat in a plane, for maps of kind `planar`: uniform in x, y and rotation.
          */
         PlanarPosePrior: {
             /**
              * Format: double
-             * @description The middle of the turns, in radians; 0 when not given.
+             * @description Central rotation in radians. Default: 0.
              */
             angle?: number | null;
             /**
-             * @description The middle of the square in which the object's origin lies, in the plane, metres;
-             *     0, 0 when not given.
+             * @description Centre of the square that holds the object's origin, in the plane, in metres. Default:
+             *     0, 0.
              */
             center?: number[] | null;
             /**
              * Format: double
-             * @description How far the turn may be from it, in radians, 0.001 to π; π, any turn, when not given.
+             * @description Maximum deviation from `angle` in radians, 0.001 to π. Default: π (any rotation).
              */
             half_angle?: number | null;
             /**
              * Format: double
-             * @description Half the square's side in metres, 0.0001 to 1; 0.01 when not given.
+             * @description Half the square's side in metres, 0.0001 to 1. Default: 0.01.
              */
             half_extent?: number | null;
             /**
@@ -2703,23 +2708,23 @@ export interface components {
             kind: "planar";
             plane?: components["schemas"]["Pose"] | null;
         };
-        /** @description How probable each place in the plane is, whatever the turn. */
+        /** @description Joint marginal of x and y in the plane, over all rotations. */
         PlaneMarginal: {
             /** @description The corner with the largest x and y, in metres. */
             high: number[];
             /** @description The corner with the smallest x and y, in metres. */
             low: number[];
-            /** @description How many bins along x and y. */
+            /** @description Number of bins along x and y. */
             n: number[];
             /** @description The probabilities of the bins, x fastest; they sum to 1. */
             probabilities: number[];
         };
         /**
-         * @description What a PLY file of a map holds.
+         * @description Content of a PLY file.
          * @enum {string}
          */
         PlyForm: "points" | "mesh";
-        /** @description A point in metres, or a direction of length 1. */
+        /** @description A point in metres, or a unit direction. */
         Point: {
             /**
              * Format: double
@@ -2741,11 +2746,11 @@ export interface components {
          * @description A rigid pose: where one frame is in another.
          *
          *     A sensor's pose in a session maps sensor coordinates into the session frame
-         *     (`session_from_sensor`), as a transform tree answers for "sensor in base".
+         *     (`session_from_sensor`), like the transform of the sensor in the base frame in ROS.
          */
         Pose: {
             /**
-             * @description Unit quaternion in the order x, y, z, w; no rotation is 0, 0, 0, 1.
+             * @description Unit quaternion in the order x, y, z, w. The identity is 0, 0, 0, 1.
              * @example [
              *       0,
              *       0,
@@ -2764,12 +2769,12 @@ export interface components {
              */
             position: number[];
         };
-        /** @description One hypothesis of what the object is and where. */
+        /** @description Hypothesis of an object and its pose. */
         PoseHypothesis: {
             /**
-             * @description 6 × 6 covariance of `pose`, row-major, in the order of ROS: x, y, z in metres, then rotation about
-             *     the fixed x, y, z axes of the session frame in radians. About an axis that every turn
-             *     leaves as it is, the angle is unknown: its variance is π²/3 rad² and more.
+             * @description 6 × 6 covariance of `pose`, row-major, in the order of ROS: x, y, z in metres, then rotation
+             *     about the fixed x, y, z axes of the session frame in radians. About an axis of full
+             *     rotational symmetry the angle is unknown: its variance is at least π²/3 rad².
              */
             covariance: number[];
             /** @description The object's name when it was trained. */
@@ -2780,120 +2785,119 @@ export interface components {
              */
             object: string;
             /**
-             * @description The object's pose in the session frame (`session_from_object`). The object frame has its
-             *     origin at the centroid of the mesh or of the training touches, see `origin_in_mesh` of
-             *     the version's report.
+             * @description The object's pose in the session frame (`session_from_object`). The origin of the object
+             *     frame is the centroid of the mesh or of the training touches; see `origin_in_mesh` in the
+             *     version's report.
              */
             pose: components["schemas"]["Pose"];
             /**
              * @description The pose of the model frame in the session frame. The model frame is the frame of the
-             *     object's training readings when a robot taught it, else its mesh file's own frame (the
-             *     coordinates in metres); it is the same for every version. A point p of that frame lies
-             *     at `session_from_model · p`. It is `pose` with another origin and the same axes.
+             *     object's training readings, or, for an object trained from its mesh, the frame of the mesh
+             *     file in metres. It is the same for every version. A point p of the model frame lies at
+             *     `session_from_model · p` in the session. The axes are those of `pose`; the origin differs.
              */
             session_from_model: components["schemas"]["Pose"];
             /**
-             * @description Which turns of this pose look the same, as axes in the session frame, highest order
-             *     first: `pose` stands for all of them. Empty when the object only looks like itself, with
-             *     the other methods, and with versions that were trained without surfaces.
+             * @description Symmetry axes of this pose in the session frame, highest order first. `pose` stands for all
+             *     equivalent poses. Empty if the object has no symmetry, with other methods, and with versions
+             *     trained without surfaces.
              */
             symmetry?: components["schemas"]["SymmetryAxis"][];
             /**
              * Format: double
-             * @description The hypothesis's share of the belief, 0 to 1, that of all poses that look the same
-             *     included.
+             * @description Share of the belief, 0 to 1, including all poses equivalent under the object's symmetry.
              */
             weight: number;
         };
-        /** @description Where the object of a session may lie before the first touch. */
+        /** @description Prior of the object's pose, before the first touch. */
         PosePrior: components["schemas"]["PlanarPosePrior"] | components["schemas"]["BoundedPosePrior"];
-        /** @description The probability of one object before the first touch. */
+        /** @description Prior probability of one object. */
         PriorEntry: {
             /** @description The object's id or name. */
             object: string;
             /**
              * Format: double
-             * @description Its probability, 0 to 1; all together at most 1.
+             * @description Probability of the object, 0 to 1; at most 1 over all entries.
              */
             probability: number;
         };
-        /** @description Why a request was not done. */
+        /** @description An error, as RFC 9457 describes it. */
         Problem: {
-            /** @description What happened this time: what came and what was expected. */
+            /** @description What went wrong this time: what was found and what was expected. */
             detail: string;
-            /** @description The fields that are wrong; empty when no field is to blame. */
+            /** @description The invalid fields; empty if no field is at fault. */
             errors?: components["schemas"]["FieldError"][];
             /** @description The path of the request. */
             instance: string;
-            /** @description The request's id, as in the header `x-request-id` and in the server's log. */
+            /** @description Request id, as in the header `x-request-id` and the server's log. */
             request_id: string;
             /**
              * Format: int32
              * @description The HTTP status.
              */
             status: number;
-            /** @description The kind in words; the same for every problem of the kind. */
+            /** @description Title of the type; the same for every problem of that type. */
             title: string;
-            /** @description What kind of problem, from a closed list. */
+            /** @description Type of the problem, from a closed list. */
             type: components["schemas"]["ProblemType"];
         };
         /**
-         * @description The kinds of problem.
+         * @description Type of a problem.
          * @enum {string}
          */
         ProblemType: "urn:palpate:problem:malformed-request" | "urn:palpate:problem:unauthenticated" | "urn:palpate:problem:forbidden" | "urn:palpate:problem:not-found" | "urn:palpate:problem:method-not-allowed" | "urn:palpate:problem:timeout" | "urn:palpate:problem:wrong-state" | "urn:palpate:problem:conflict" | "urn:palpate:problem:session-ended" | "urn:palpate:problem:precondition-failed" | "urn:palpate:problem:precondition-required" | "urn:palpate:problem:body-too-large" | "urn:palpate:problem:unsupported-media-type" | "urn:palpate:problem:invalid-value" | "urn:palpate:problem:too-many-requests" | "urn:palpate:problem:overloaded" | "urn:palpate:problem:unavailable" | "urn:palpate:problem:storage-full" | "urn:palpate:problem:damaged" | "urn:palpate:problem:internal";
-        /** @description Whether the server does its work, check by check. */
+        /** @description Readiness of the server, check by check. */
         Readiness: {
             /** @description The checks. */
             checks: components["schemas"]["Check"][];
-            /** @description All checks passed. */
+            /** @description Whether all checks passed. */
             ready: boolean;
         };
         /**
-         * @description One press: the image, and where the sensor was, if that is known.
+         * @description One press: the image and, if known, the sensor's pose.
          *
          *     A press without contact is evidence too: send it.
          */
         Reading: {
             /**
              * Format: double
-             * @description How far the sensor came along its own +z to the pose with nothing in touch, metres, 0 to
-             *     10. With a press that met nothing, `surface` knows that the whole way is free.
+             * @description Distance in metres that the sensor travelled along its +z to the pose without contact, 0 to
+             *     10. If the press met nothing, `surface` takes the whole path as free space.
              * @example 0.12
              */
             approach_m?: number | null;
             /**
-             * @description A code of the press that the client has computed itself, such as a learned one: 1 to
-             *     4096 numbers within ±10⁹. Only for catalogues whose appearance is trained from
-             *     `features`; all readings of an object, and of a catalogue, have as many.
+             * @description The client's own feature of the press, such as a learned code: 1 to 4096 numbers within
+             *     ±10⁹. Only for catalogues whose appearance is trained from `features`. All readings of a
+             *     catalogue have the same number of components.
              */
             feature?: number[] | null;
             /**
-             * @description The frame in which the pose is given; when given it must be the session's.
+             * @description Frame of the pose; if given, it must be the session's.
              * @example base_link
              */
             frame_id?: string | null;
             /**
              * @description Pressures in pascal, row by row as the sensor's driver sends them; `null` marks a taxel
-             *     that has no value.
+             *     without a value.
              */
             image: (number | null)[];
             object_moved?: components["schemas"]["Looseness"] | null;
             pose?: components["schemas"]["Pose"] | null;
             /**
-             * @description Which robot took it. With `seq` it identifies the reading, so that a repeated request
-             *     is not counted twice. Give both or neither.
+             * @description Name of the robot that took the reading. `robot` and `seq` together identify the reading, so
+             *     that a repeated request is not counted twice. Give both or neither.
              * @example arm-3
              */
             robot?: string | null;
             /**
-             * @description The sensor's id or unique name.
+             * @description Id or unique name of the sensor.
              * @example digitacts-6x6
              */
             sensor: string;
             /**
              * Format: int64
-             * @description The robot's own number of this reading within the session or object, up to 2⁵³ − 1.
+             * @description The robot's sequence number of the reading within the session or object, at most 2⁵³ − 1.
              * @example 17
              */
             seq?: number | null;
@@ -2901,7 +2905,7 @@ export interface components {
         };
         /**
          * ReadingChange
-         * @description A reading came.
+         * @description A reading arrived.
          */
         ReadingChange: {
             /**
@@ -2909,43 +2913,42 @@ export interface components {
              * @enum {string}
              */
             kind: "reading";
-            /** @description Whether it was folded before readings that had come earlier. */
+            /** @description Whether the reading was folded in before readings that arrived earlier. */
             late: boolean;
             /**
              * Format: int32
-             * @description Its number within the session.
+             * @description Number of the reading within the session.
              */
             number: number;
-            /** @description The robot that took it. */
+            /** @description The robot that took the reading. */
             robot?: string | null;
             /**
              * Format: int64
-             * @description The robot's number of it.
+             * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
         };
-        /** @description How the server understands a reading; nothing is stored. */
+        /** @description The server's interpretation of a reading. */
         ReadingCheck: {
             /**
              * Format: int32
-             * @description The number of the calibration that would correct the reading, as it did `image`; null
-             *     when the sensor has none.
+             * @description Number of the calibration applied to `image`; null if the sensor has none.
              */
             calibration?: number | null;
             centroid_in_sensor?: components["schemas"]["Point"] | null;
             centroid_in_session?: components["schemas"]["Point"] | null;
             /**
              * Format: int32
-             * @description Columns of the image below.
+             * @description Number of columns of `image`.
              */
             cols: number;
-            /** @description Taxels that touch something: above half of the largest pressure, and above the noise. */
+            /** @description Taxels in contact: above half the largest pressure and above the noise. */
             contact: number[];
-            /** @description What is unusual about the reading, in words; `warnings` are among them. */
+            /** @description Anything unusual about the reading, in words, including `warnings`. */
             hints: string[];
             /**
-             * @description The image in the sensor frame's order, row-major, in pascal: turned as the sensor's
-             *     `image_order` says, missing taxels filled in from their neighbours.
+             * @description The image in the order of the sensor frame, row-major, in pascal: oriented by the sensor's
+             *     `image_order`, with missing taxels interpolated from their neighbours.
              */
             image: number[];
             /**
@@ -2957,198 +2960,200 @@ export interface components {
             missing: number[];
             /**
              * Format: int32
-             * @description Rows of the image below.
+             * @description Number of rows of `image`.
              */
             rows: number;
-            /** @description Taxels at the sensor's saturation, as indices into `image`. */
+            /** @description Saturated taxels, as indices into `image`. */
             saturated: number[];
             sensor_z_in_session?: components["schemas"]["Point"] | null;
-            /** @description Taxels that the calibration leaves out (dead or cross-wired), as indices into `image`. */
+            /** @description Taxels that the calibration excludes (dead or cross-wired), as indices into `image`. */
             unusable?: number[];
-            /** @description What is probably a mistake, such as pressures in kPa or positions in millimetres. */
+            /** @description Probable mistakes, such as pressures in kPa or positions in millimetres. */
             warnings?: components["schemas"]["Warning"][];
         };
-        /** @description What one reading contributed. */
+        /** @description Contribution of one reading. */
         ReadingContribution: {
             /**
              * Format: double
-             * @description By how many bits it makes the answer more probable: log2 of its probability with all
-             *     readings, less that without this one. Null when it was not compared.
+             * @description Gain in log2 probability of the answer from this reading, in bits. Null if it was not
+             *     compared.
              */
             bits?: number | null;
             /**
-             * @description Whether it disagrees with the rest, of three readings or more. With `surface`:
-             *     `fit_bits` is −8 or less. With the other methods: `support_bits` is −4 or less.
+             * @description Whether the reading disagrees with the rest, given at least three readings. With `surface`:
+             *     `fit_bits` is at most −8. With other methods: `support_bits` is at most −4.
              */
             disagrees: boolean;
             /**
              * Format: double
-             * @description By how many bits the others, where they have the object, expect this reading more than a
-             *     touch anywhere; negative when it fits nowhere. With `surface`, once three others touched it
-             *     and for readings since it last moved; null otherwise.
+             * @description Fit of the reading to the object in the pose found by the others, in bits: log2 of its
+             *     likelihood there over that of a touch at a random place. Negative if it fits nowhere. Only
+             *     with `surface`, after three other touches and for readings since the object last moved; null
+             *     otherwise.
              */
             fit_bits?: number | null;
             /**
              * Format: double
-             * @description How much it says about which object it is: the Kullback–Leibler divergence of the belief
-             *     without it from the belief with all, in bits, "none of these" included. Never negative.
+             * @description Information about the identity in bits: the Kullback–Leibler divergence of the belief
+             *     without the reading from the belief with it, including "none of these". Never negative.
              */
             information_bits?: number | null;
             /**
              * Format: int32
-             * @description The reading's number within the session.
+             * @description Number of the reading within the session.
              */
             number: number;
-            /** @description The robot that took it. */
+            /** @description The robot that took the reading. */
             robot?: string | null;
             /**
              * Format: int64
-             * @description The robot's number of it.
+             * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
             /**
              * Format: double
-             * @description By how many bits it supports what the others say: log2 of the odds of their answer with
-             *     all readings, less that without this one. Odds beyond 1024 to 1 count as that.
+             * @description Support for the answer of the other readings, in bits: the gain in log2 odds of that answer
+             *     from this reading. Odds are capped at 1024 to 1.
              */
             support_bits?: number | null;
         };
-        /** @description What became of a reading that is withdrawn. */
+        /** @description Result of a retraction. */
         ReadingRetracted: {
             belief?: components["schemas"]["Belief"] | null;
             /**
              * Format: int32
-             * @description How many readings count now.
+             * @description Number of readings that still count.
              */
             n_readings: number;
             /**
              * Format: int32
-             * @description The reading's number within the session.
+             * @description Number of the reading within the session.
              */
             number: number;
             /**
              * Format: int32
-             * @description The revision that withdrew it.
+             * @description The revision that retracted the reading.
              */
             revision: number;
             /**
              * Format: uuid
-             * @description The session.
+             * @description Id of the session.
              */
             session: string;
         };
-        /** @description What became of readings. */
+        /** @description Result of adding readings. */
         ReadingsAdded: {
             belief?: components["schemas"]["Belief"] | null;
             /**
              * Format: int32
-             * @description How many were new.
+             * @description Number of new readings.
              */
             n_new: number;
             /**
              * Format: int32
-             * @description How many presses these are, frames of one press counted once; null with `belief=none`.
+             * @description Number of presses, where the frames of one press count once; null with `belief=none`.
              */
             n_presses?: number | null;
             /**
              * Format: int32
-             * @description How many readings the session has now; withdrawn ones do not count.
+             * @description Number of readings that count now, that is, without retracted ones.
              */
             n_readings: number;
             /**
              * Format: int32
-             * @description How many were there already (same robot and seq, same content) and are not counted twice.
+             * @description Number of readings already stored (same robot, `seq` and content); they are not counted
+             *     twice.
              */
             n_repeated: number;
             /**
              * Format: uuid
-             * @description The session.
+             * @description Id of the session.
              */
             session: string;
             /**
-             * @description What is probably a mistake, such as pressures in kPa or positions in millimetres; at most
-             *     one of a kind. The readings count all the same: withdraw those that are wrong.
+             * @description Probable mistakes, such as pressures in kPa or positions in millimetres; at most one of a
+             *     kind. The readings count nevertheless: retract those that are wrong.
              */
             warnings?: components["schemas"]["Warning"][];
         };
-        /** @description What a session believed, revision by revision. */
+        /** @description Replay of a session: its answer at each revision. */
         Replay: {
-            /** @description The belief of `upto`. */
+            /** @description The belief of revision `upto`. */
             belief: components["schemas"]["Belief"];
             /**
              * Format: int32
-             * @description Ask again with this `after` for the steps that are missing; null when none are.
+             * @description Pass this as `after` to get the remaining steps; null if there are none.
              */
             next_after?: number | null;
             /**
              * Format: uuid
-             * @description The session.
+             * @description Id of the session.
              */
             session: string;
-            /** @description The steps behind `after`, oldest first. */
+            /** @description The steps after `after`, oldest first. */
             steps: components["schemas"]["ReplayStep"][];
             /**
              * Format: int32
-             * @description The last revision.
+             * @description Last revision of the replay.
              */
             upto: number;
         };
-        /** @description What one revision brought. */
+        /** @description One step of a replay. */
         ReplayStep: {
             /**
              * Format: date-time
-             * @description When it came, by the server's clock.
+             * @description When the change arrived, by the server's clock.
              */
             at: string;
             best?: components["schemas"]["BestObject"] | null;
-            /** @description What made it. */
+            /** @description The change that made the revision. */
             change: components["schemas"]["SessionChange"];
             /**
              * Format: double
-             * @description Uncertainty about the identity in bits, "none of these" included.
+             * @description Entropy of the identity in bits, including "none of these".
              */
             entropy_bits: number;
             /**
              * Format: int32
-             * @description How many readings counted.
+             * @description Number of readings that counted.
              */
             n_readings: number;
             /** @description The ten likeliest objects, likeliest first. */
             objects?: components["schemas"]["BestObject"][];
             /**
              * Format: int32
-             * @description The revision.
+             * @description Revision of the step.
              */
             revision: number;
             /**
              * Format: double
-             * @description How probable it was that the object is none of the catalogue's.
+             * @description Probability that the object was not in the catalogue.
              */
             unknown: number;
         };
-        /** @description How well responses lie on a line. */
+        /** @description Quality of a linear fit. */
         ResponseGoodness: {
             /**
              * Format: double
-             * @description Coefficient of determination; 1 is perfect.
+             * @description Coefficient of determination; 1 is a perfect fit.
              */
             r_squared: number;
             /**
              * Format: double
-             * @description Root mean square of the residuals, in pascal.
+             * @description Root mean square residual, in pascal.
              */
             residual: number;
         };
-        /** @description Pressure over depth of indentation. */
+        /** @description Linear response: pressure over depth of indentation. */
         ResponseLine: {
             /**
              * Format: double
-             * @description Pascal without indentation.
+             * @description Pressure without indentation, in pascal.
              */
             offset: number;
             /**
              * Format: double
-             * @description Pascal a metre.
+             * @description Slope in pascal per metre.
              */
             slope: number;
         };
@@ -3162,11 +3167,11 @@ export interface components {
             col: number;
             /**
              * Format: double
-             * @description How deep the covering's surface was displaced, in metres.
+             * @description Displacement of the covering's surface, in metres.
              * @example 0.0004
              */
             depth: number;
-            /** @description The image as the driver sends it, in pascal; null for a taxel without a value. */
+            /** @description The image in pascal, as the driver sends it; null for a taxel without a value. */
             pressures: (number | null)[];
             /**
              * Format: int32
@@ -3177,7 +3182,7 @@ export interface components {
         };
         /**
          * RetractionChange
-         * @description A reading was withdrawn.
+         * @description A reading was retracted.
          */
         RetractionChange: {
             /**
@@ -3187,102 +3192,100 @@ export interface components {
             kind: "retraction";
             /**
              * Format: int32
-             * @description The reading's number within the session.
+             * @description Number of the reading within the session.
              */
             number: number;
         };
-        /** @description A robot's name and the key that it belongs to. Only that key may post readings with it. */
+        /** @description A robot name and the key that holds it. Only that key may post readings under the name. */
         Robot: {
-            /** @description The key that it belongs to. */
+            /** @description The key that holds the name. */
             holder: components["schemas"]["Writer"];
-            /** @description The robot's name, as its readings have it. */
+            /** @description The robot name, as readings give it. */
             name: string;
             /**
              * Format: date-time
-             * @description Since when.
+             * @description Since when the key has held the name.
              */
             since: string;
         };
-        /** @description A robot whose base is not exactly where its poses say. */
+        /** @description A robot with an inexactly known base. */
         RobotBase: {
-            /** @description How loosely its readings are placed, where the object is. */
+            /** @description Uncertainty of its base. */
             base: components["schemas"]["Looseness"];
             /**
-             * @description The robot, as its readings name it.
+             * @description Name of the robot, as its readings give it.
              * @example arm-2
              */
             robot: string;
         };
-        /** @description A page of robots' names. */
+        /** @description A page of robot names. */
         RobotPage: {
-            /** @description The names that belong to a key, in the order of their bytes. */
+            /** @description The robot names that a key holds, in byte order. */
             items: components["schemas"]["Robot"][];
-            /** @description Where the next page begins; null ends the list. */
+            /** @description Cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
         /**
-         * @description What the holder of a key is. `x-palpate-roles` of each operation lists who may call it.
+         * @description Role of a key. `x-palpate-roles` of each operation lists the roles that may call it.
          * @enum {string}
          */
         Role: "robot" | "trainer" | "viewer" | "admin";
-        /** @description How a key gets a new secret. */
+        /** @description Rotation of a key's secret. */
         RotateKey: {
             /**
              * Format: int64
-             * @description For how many seconds the secret before is still let in, 0 to 2,592,000 (30 days); 0
-             *     when not given.
+             * @description Seconds for which the previous secret stays valid, 0 to 2,592,000 (30 days). Default: 0.
              */
             grace_s?: number | null;
         };
-        /** @description A tactile array sensor that the server knows. */
+        /** @description A tactile array sensor. */
         Sensor: {
             /**
              * Format: int32
-             * @description The number of its newest calibration, which applies to readings that come now; null
-             *     when it has none.
+             * @description Number of the newest calibration, which applies to new readings; null if there is none.
              */
             calibration?: number | null;
             /**
              * Format: date-time
-             * @description When it was created.
+             * @description When the sensor was created.
              */
             created_at: string;
-            /** @description Its geometry and response. Does not change: readings rely on it. */
+            /** @description Geometry and response. Immutable, because stored readings rely on it. */
             description: components["schemas"]["SensorDescription"];
             /**
              * Format: uuid
              * @description The sensor's id.
              */
             id: string;
-            /** @description Its unique name. */
+            /** @description Unique name of the sensor. */
             name: string;
-            /** @description The preset that it was made from, if any. */
+            /** @description The preset the sensor was created from, if any. */
             preset?: string | null;
         };
-        /** @description A calibration of a sensor. It applies to readings that come after it. */
+        /** @description A calibration of a sensor. It applies to readings received after it. */
         SensorCalibration: {
-            /** @description How they lie on it after the correction. */
+            /** @description Fit of the corrected responses to the target line. */
             after: components["schemas"]["ResponseGoodness"];
-            /** @description How the usable taxels' responses lie on the target line as measured. */
+            /** @description Fit of the measured responses to the target line. */
             before: components["schemas"]["ResponseGoodness"];
             /**
              * Format: date-time
-             * @description When it was made.
+             * @description When the calibration was created.
              */
             created_at: string;
             /**
              * Format: int32
-             * @description How many presses the responses were fitted to.
+             * @description Number of presses in the fit.
              */
             n_presses: number;
             /**
              * Format: int32
-             * @description How many taxels cannot be used; their neighbours stand in for them.
+             * @description Number of unusable taxels. Their values are interpolated from their neighbours.
              */
             n_unusable: number;
             /**
              * Format: int32
-             * @description Its number among the sensor's calibrations, from 1.
+             * @description Number of the calibration, from 1 per sensor.
              */
             number: number;
             /**
@@ -3291,29 +3294,29 @@ export interface components {
              */
             sensor: string;
             spread?: components["schemas"]["SpreadCalibration"] | null;
-            /** @description The line that every usable taxel is corrected to. */
+            /** @description The response line to which every usable taxel is corrected. */
             target: components["schemas"]["ResponseLine"];
             /** @description Every taxel, row by row in the sensor's frame. */
             taxels: components["schemas"]["TaxelCalibration"][];
         };
         /**
-         * @description The geometry and response of a sensor, in metres and pascals.
+         * @description Geometry and response of a sensor, in metres and pascals.
          *
-         *     Frame: origin at the centre of the covering's free surface, +z out of the sensor towards
-         *     the object, +x along columns, +y along rows.
+         *     Frame: origin at the centre of the covering's free surface, +z out of the sensor towards the
+         *     object, +x along columns, +y along rows.
          */
         SensorDescription: {
             /**
              * Format: double
-             * @description Thickness of the covering in metres: the deepest indentation it takes.
+             * @description Thickness of the covering in metres, which is also the deepest indentation.
              * @example 0.00254
              */
             covering_thickness: number;
-            /** @description Blurred displacement to pressure: 2 to 64 knots that start at (0, 0) and rise. */
+            /** @description Maps blurred displacement to pressure: 2 to 64 rising knots from (0, 0). */
             force_curve: components["schemas"]["ForceKnot"][];
-            /** @description Where the taxels are. */
+            /** @description Layout of the taxels. */
             grid: components["schemas"]["TaxelGrid"];
-            /** @description How the driver's images are turned; not at all when not given. */
+            /** @description Orientation of the driver's images. Default: that of the sensor frame. */
             image_order?: components["schemas"]["ImageOrder"];
             /**
              * Format: double
@@ -3335,7 +3338,7 @@ export interface components {
             quantisation: number;
             /**
              * Format: double
-             * @description No taxel reads more than this, in pascal.
+             * @description Largest pressure that a taxel reports, in pascal.
              * @example 20000
              */
             saturation: number;
@@ -3348,36 +3351,36 @@ export interface components {
             next_cursor?: string | null;
         };
         /**
-         * @description Sensors that the server knows by name.
+         * @description A sensor that the server knows by name.
          * @enum {string}
          */
         SensorPreset: "digitacts-6x6" | "digitacts-6x6-thin" | "digitacts-6x8" | "fingertip-14x14" | "tekscan-26x26";
         /** @description A session: one object that is touched. */
         Session: {
             /**
-             * @description Bins of an object along x, y and the turn; null unless the method is
+             * @description Number of bins per object along x, y and the rotation; null unless the method is
              *     `geometric_histogram`.
              */
             bins?: number[] | null;
-            /** @description The catalogue that it recognises with. */
+            /** @description Name of the session's catalogue. */
             catalogue: string;
             /**
              * Format: date-time
-             * @description When it ended; null while it is open.
+             * @description When the session ended; null while it is open.
              */
             closed_at?: string | null;
             /**
              * Format: date-time
-             * @description When it was created.
+             * @description When the session was created.
              */
             created_at: string;
             ended?: components["schemas"]["SessionEnd"] | null;
             /**
              * Format: date-time
-             * @description When it expires if nothing new comes; null when it never does, or has ended.
+             * @description When the session expires if no reading arrives; null if never, or if it has ended.
              */
             expires_at?: string | null;
-            /** @description The frame of its sensor poses, if it was named. */
+            /** @description Frame of the sensor poses; null if not set. */
             frame_id?: string | null;
             /**
              * Format: uuid
@@ -3387,73 +3390,73 @@ export interface components {
             leased_by?: components["schemas"]["Writer"] | null;
             /**
              * Format: date-time
-             * @description Until when a lease keeps it open; null without one.
+             * @description End of the lease; null without one.
              */
             leased_until?: string | null;
-            /** @description How it recognises. */
+            /** @description Recognition method. */
             method: components["schemas"]["Method"];
             /**
              * Format: int32
-             * @description How many readings it has; withdrawn ones do not count.
+             * @description Number of readings that count, that is, without retracted ones.
              */
             n_readings: number;
             /**
              * Format: int32
-             * @description How many readings are withdrawn.
+             * @description Number of retracted readings.
              */
             n_retracted?: number;
             object_moves?: components["schemas"]["Looseness"] | null;
             /**
              * Format: int32
-             * @description Particles of all objects; null unless the method is `geometric_particles`.
+             * @description Number of particles over all objects; null unless the method is `geometric_particles`.
              */
             particles?: number | null;
             pose_prior?: components["schemas"]["PosePrior"] | null;
             /**
              * Format: int32
-             * @description Counts what changed its readings: readings that came, withdrawals, and its end.
+             * @description Number of changes to the readings: arrivals, retractions and the session's end.
              */
             revision?: number;
             /**
              * Format: double
-             * @description The risk of a wrong answer at which its client wants to stop; null when not named.
+             * @description Accepted risk of a wrong answer; null if not set.
              */
             risk?: number | null;
-            /** @description Robots whose bases are not exact; null when all are. */
+            /** @description Robots with an inexactly known base; null if there are none. */
             robots?: components["schemas"]["RobotBase"][] | null;
             /**
              * Format: int64
-             * @description The seed of its random choices; null when it makes none.
+             * @description Seed of its random choices; null if the method makes none.
              */
             seed?: number | null;
-            /** @description Whether it takes readings. */
+            /** @description State of the session. */
             state: components["schemas"]["SessionState"];
             truth?: components["schemas"]["Truth"] | null;
             /**
              * Format: int32
-             * @description Seconds without a new reading after which it expires; null when it never does.
+             * @description Seconds without a new reading after which the session expires; null if never.
              */
             ttl_s?: number | null;
             /**
              * Format: double
-             * @description How probable it was before the first touch that the object is none of the catalogue's;
-             *     null with methods other than `surface`.
+             * @description Prior probability that the object is not in the catalogue; null with methods other than
+             *     `surface`.
              */
             unknown_prior?: number | null;
             /**
              * Format: int32
-             * @description The catalogue's version, fixed when the session was created.
+             * @description Version of the catalogue, fixed when the session was created.
              */
             version: number;
         };
-        /** @description What makes a revision. */
+        /** @description A change that makes a revision. */
         SessionChange: components["schemas"]["ReadingChange"] | components["schemas"]["RetractionChange"] | components["schemas"]["ClosedChange"];
         /**
-         * @description Why a session takes no more readings.
+         * @description Why a session ended.
          * @enum {string}
          */
         SessionEnd: "closed" | "expired";
-        /** @description Something happened to a session. */
+        /** @description An event of a session. */
         SessionEvent: components["schemas"]["BeliefEvent"] | components["schemas"]["ClosedEvent"] | components["schemas"]["DeletedEvent"];
         /** @description A page of sessions. */
         SessionPage: {
@@ -3462,50 +3465,50 @@ export interface components {
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
-        /** @description A reading of a session, as it came. */
+        /** @description A stored reading of a session. */
         SessionReading: {
             /**
              * Format: double
-             * @description How far the sensor came along its +z with nothing in touch, metres; 0 when not said.
+             * @description Distance in metres that the sensor travelled along its +z without contact; 0 if not sent.
              */
             approach_m: number;
             /**
              * Format: int32
-             * @description The number of the sensor's calibration that corrects them; null when there was none.
+             * @description Number of the sensor calibration applied to the pressures; null if there was none.
              */
             calibration?: number | null;
-            /** @description The client's own code of the press; null when it sent none. */
+            /** @description The client's own feature of the press; null if not sent. */
             feature?: number[] | null;
-            /** @description Pressures in pascal, as they were sent. */
+            /** @description Pressures in pascal, as sent. */
             image: (number | null)[];
             /**
              * Format: int32
-             * @description Its number within the session: it was the entry that made revision `number` + 1.
+             * @description Number of the reading within the session. Its arrival made revision `number` + 1.
              */
             number: number;
             object_moved?: components["schemas"]["Looseness"] | null;
             pose?: components["schemas"]["Pose"] | null;
             /**
              * Format: date-time
-             * @description When it came, by the server's clock.
+             * @description When the reading arrived, by the server's clock.
              */
             received_at: string;
             /**
              * Format: int32
-             * @description The revision that withdrew it; null while it counts.
+             * @description The revision that retracted the reading; null while it counts.
              */
             retracted_by?: number | null;
             retraction_written_by?: components["schemas"]["Writer"] | null;
-            /** @description The robot that took it; null when it came without an id. */
+            /** @description The robot that took the reading; null if it came without an id. */
             robot?: string | null;
             /**
              * Format: uuid
-             * @description The id of its sensor.
+             * @description Id of the sensor.
              */
             sensor: string;
             /**
              * Format: int64
-             * @description The robot's number of it.
+             * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
             stamp?: components["schemas"]["Stamp"] | null;
@@ -3513,34 +3516,34 @@ export interface components {
         };
         /** @description A page of a session's readings. */
         SessionReadingPage: {
-            /** @description The readings in the order in which they came, withdrawn ones included. */
+            /** @description The readings in the order of arrival, including retracted ones. */
             items: components["schemas"]["SessionReading"][];
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
         /**
-         * @description Whether a session takes readings.
+         * @description State of a session.
          * @enum {string}
          */
         SessionState: "open" | "closed";
-        /** @description Which version new sessions are to use. */
+        /** @description The version to make current. */
         SetCurrent: {
             /**
              * Format: int32
-             * @description A version of this catalogue.
+             * @description Number of a version of this catalogue.
              */
             version: number;
         };
-        /** @description An object that a training left out. */
+        /** @description An object that the training skipped. */
         SkippedObject: {
             /**
              * Format: uuid
              * @description The object's id.
              */
             id: string;
-            /** @description The object's name when it was left out. */
+            /** @description Name of the object when it was skipped. */
             name: string;
-            /** @description Why nothing could be learnt of it. */
+            /** @description Why the object could not be trained. */
             reason: string;
         };
         /**
@@ -3548,27 +3551,27 @@ export interface components {
          * @description A snapshot, as `docs/formats.md` draws it.
          */
         SnapshotFile: string;
-        /** @description What can be told apart at one force resolution. */
+        /** @description Spatial acuity at one force resolution. */
         SpatialAcuity: {
             /**
              * Format: double
-             * @description The smallest step of force as a part of the impulse.
+             * @description Smallest step of force, as a fraction of the impulse.
              */
             force_resolution: number;
             /**
              * Format: int32
-             * @description Different images while a point moves over one element, of 51 places.
+             * @description Number of distinct images as a point moves over one element, out of 51 positions.
              */
             representations: number;
             /**
              * Format: double
-             * @description Distance in metres from which two points differ from one of twice the force; null when
-             *     they never do.
+             * @description Distance in metres at which two points can be told from one point of twice the force; null
+             *     if they never can.
              */
             two_point_distance?: number | null;
         };
         /**
-         * @description A fitted point spread. The sensor's description does not change: to use it, add a sensor
+         * @description A fitted point spread. The sensor's description does not change: to use the fit, create a sensor
          *     with it.
          */
         SpreadCalibration: {
@@ -3579,22 +3582,22 @@ export interface components {
             cosine: number;
             /**
              * Format: double
-             * @description What the sensor's description says, in metres.
+             * @description Standard deviation in the sensor's description, in metres.
              */
             described: number;
             /**
              * Format: int32
-             * @description How many presses it was fitted to.
+             * @description Number of presses in the fit.
              */
             n_presses: number;
             /**
              * Format: double
-             * @description Mean Pearson correlation of the same.
+             * @description Mean Pearson correlation of measured and modelled images.
              */
             pearson: number;
             /**
              * Format: double
-             * @description What equation 2.5 says of the covering, in metres.
+             * @description Standard deviation that equation 2.5 gives for the covering, in metres.
              */
             published: number;
             /**
@@ -3604,7 +3607,7 @@ export interface components {
             sigma: number;
             /**
              * Format: double
-             * @description The same in element widths (the sensor's pitch).
+             * @description The standard deviation in element widths (the sensor's pitch).
              */
             sigma_in_widths: number;
         };
@@ -3612,21 +3615,21 @@ export interface components {
         SpreadPress: {
             /**
              * Format: double
-             * @description How deep the covering's surface was displaced, in metres.
+             * @description Displacement of the covering's surface, in metres.
              * @example 0.00127
              */
             depth: number;
-            /** @description The image as the driver sends it, in pascal; null for a taxel without a value. */
+            /** @description The image in pascal, as the driver sends it; null for a taxel without a value. */
             pressures: (number | null)[];
             /**
              * Format: double
-             * @description Where the indenter's axis met the covering, along +x in the sensor's frame, in metres.
+             * @description Where the indenter's axis meets the covering, along +x in the sensor's frame, in metres.
              * @example 0.0012
              */
             x: number;
             /**
              * Format: double
-             * @description The same along +y.
+             * @description Where the indenter's axis meets the covering, along +y in the sensor's frame, in metres.
              * @example 0.0009
              */
             y: number;
@@ -3635,7 +3638,7 @@ export interface components {
         SpreadPresses: {
             /**
              * Format: double
-             * @description Thickness of the covering that was pressed, in metres; the sensor's own if not given.
+             * @description Thickness of the pressed covering, in metres. Default: the sensor's own.
              * @example 0.00254
              */
             covering_thickness?: number | null;
@@ -3648,11 +3651,11 @@ export interface components {
             /** @description The presses. */
             presses: components["schemas"]["SpreadPress"][];
         };
-        /** @description A time of the robot's clock, as ROS has it. */
+        /** @description A time by the robot's clock, as in ROS. */
         Stamp: {
             /**
              * Format: int32
-             * @description Nanoseconds after them.
+             * @description Nanoseconds after the whole seconds.
              * @example 250000000
              */
             nanosec: number;
@@ -3663,101 +3666,101 @@ export interface components {
              */
             sec: number;
         };
-        /** @description What to train. */
+        /** @description Training request. */
         StartTraining: {
-            /** @description Whether new sessions use the version as soon as it is trained; true when not given. */
+            /** @description Whether to make the version current as soon as it is trained. Default: true. */
             activate?: boolean | null;
             appearance?: components["schemas"]["AppearanceTraining"] | null;
             descriptor?: components["schemas"]["Descriptor"] | null;
             distance_range?: components["schemas"]["DistanceRange"] | null;
             /**
              * Format: int32
-             * @description A version of the same catalogue to add to: its vocabularies and what it knows of its
-             *     objects are kept bit by bit, only `objects` (those it does not know, when not given)
-             *     are trained. How they are trained is the version's matter: `n_classes`, `descriptor`,
-             *     `distance_range`, `geometry`, `appearance`, `surfaces` and `pair_maps` must not be given.
+             * @description Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;
+             *     only `objects` are trained (default: those it does not know). `n_classes`, `descriptor`,
+             *     `distance_range`, `geometry`, `appearance`, `surfaces` and `pair_maps` are taken from that
+             *     version and must not be given.
              */
             extend?: number | null;
             geometry?: components["schemas"]["GeometryTraining"] | null;
             /**
              * Format: int32
-             * @description Number of appearance classes, 2 to 255; 25 when not given.
+             * @description Number of appearance classes, 2 to 255. Default: 25.
              */
             n_classes?: number | null;
-            /** @description Ids or names of the objects; when not given, every object that has a mesh or readings. */
+            /** @description Ids or names of the objects. Default: every object that has a mesh or readings. */
             objects?: string[] | null;
             /**
-             * @description Whether to learn the maps of pairs of touches that `sva` needs; true when not given.
-             *     False suits readings without poses, of which only `appearance` is learnt, and large
-             *     catalogues for `surface` alone, with `surfaces`.
+             * @description Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
+             *     only train `appearance`, and, together with `surfaces`, large catalogues for `surface` alone.
+             *     Default: true.
              */
             pair_maps?: boolean | null;
             /**
              * Format: int32
-             * @description Simulated readings for an object with a mesh only, 20 to 20000; 1000 when not given.
+             * @description Number of simulated readings per object that has only a mesh, 20 to 20000. Default: 1000.
              */
             readings_per_object?: number | null;
             /**
              * Format: int64
-             * @description The seed of all random choices, up to 2⁵³ − 1; 1 when not given.
+             * @description Seed of all random choices, at most 2⁵³ − 1. Default: 1.
              */
             seed?: number | null;
             /**
-             * @description Id or name of the sensor that touches meshes in simulation; `digitacts-6x6` when not
-             *     given. Objects with readings of their own are trained from those.
+             * @description Id or name of the sensor that touches meshes in simulation. Objects with readings of their
+             *     own are trained from those. Default: `digitacts-6x6`.
              */
             sensor?: string | null;
             /**
-             * @description Whether an object that nothing can be learnt of fails the training; when false (not
-             *     given), it is left out and named in the report's `skipped`. A training that is left
-             *     without objects fails either way.
+             * @description Whether one object that cannot be trained fails the training. If false, the object is
+             *     skipped and listed under `skipped` in the report. A training left without objects always
+             *     fails. Default: false.
              */
             strict?: boolean | null;
-            /** @description Whether to learn the surfaces that `surface` needs; when not given, as `pair_maps`. */
+            /** @description Whether to learn the surfaces that `surface` needs. Default: the value of `pair_maps`. */
             surfaces?: boolean | null;
         };
-        /** @description Whether the answer is sure enough to stop. */
+        /** @description Advice on whether to stop touching. */
         StopAdvice: {
             /**
              * Format: double
              * @description The risk that the likeliest answer, an object or "none of these", is wrong.
              */
             found: number;
-            /** @description Whether it is low enough. */
+            /** @description Whether `found` is at most `risk`. */
             reached: boolean;
             /**
              * Format: double
-             * @description The risk that the client named.
+             * @description The risk that the client set.
              */
             risk: number;
         };
-        /** @description A training reading as it is stored. */
+        /** @description A stored training reading. */
         StoredReading: {
             /**
              * Format: int32
-             * @description The number of the sensor's calibration that corrects them; null when there was none.
+             * @description Number of the sensor calibration applied to the pressures; null if there was none.
              */
             calibration?: number | null;
-            /** @description The client's own code of the press; null when it sent none. */
+            /** @description The client's own feature of the press; null if not sent. */
             feature?: number[] | null;
-            /** @description Pressures in pascal, as they were sent. */
+            /** @description Pressures in pascal, as sent. */
             image: (number | null)[];
             /**
              * Format: int32
-             * @description Its number within the object, from 0.
+             * @description Number of the reading within the object, from 0.
              */
             index: number;
             pose?: components["schemas"]["Pose"] | null;
-            /** @description The robot that took it. */
+            /** @description The robot that took the reading. */
             robot?: string | null;
             /**
              * Format: uuid
-             * @description The id of its sensor.
+             * @description Id of the sensor.
              */
             sensor: string;
             /**
              * Format: int64
-             * @description The robot's number of it.
+             * @description The robot's sequence number of the reading.
              */
             seq?: number | null;
             stamp?: components["schemas"]["Stamp"] | null;
@@ -3765,59 +3768,59 @@ export interface components {
         };
         /** @description A page of training readings. */
         StoredReadingPage: {
-            /** @description The readings in the order in which they arrived. */
+            /** @description The readings in the order of arrival. */
             items: components["schemas"]["StoredReading"][];
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
-        /** @description The surface of an object, as the method `surface` knows it. */
+        /** @description Report of an object's surface, as `surface` uses it. */
         SurfaceReport: {
             /**
              * Format: int64
-             * @description Its memory, in bytes.
+             * @description Memory of the surface, in bytes.
              */
             bytes: number;
             /**
              * Format: int32
-             * @description How many pairs of them propose poses.
+             * @description Number of touch pairs that propose poses.
              */
             n_pairs: number;
             /**
              * Format: int32
-             * @description How many touches it keeps.
+             * @description Number of touches kept.
              */
             n_patches: number;
         };
-        /** @description An axis that an object can be turned about without a trace. */
+        /** @description An axis of rotational symmetry. */
         SymmetryAxis: {
-            /** @description Its direction, norm 1. */
+            /** @description Direction of the axis, a unit vector. */
             direction: number[];
             /**
              * Format: int32
-             * @description How many equal turns make a full one, 2 to 30; null when every turn leaves the object as
-             *     it is. Beside such an axis, one of order 2 stands for all across it; three of them are a
-             *     ball.
+             * @description Order of the axis, 2 to 30; null for full rotational symmetry. Next to an axis of full
+             *     symmetry, one axis of order 2 stands for all axes perpendicular to it. Three axes of full
+             *     symmetry mean a ball.
              */
             order?: number | null;
-            /** @description A point of the axis, in metres. */
+            /** @description A point on the axis, in metres. */
             point: number[];
         };
         /**
-         * @description What the symmetry of an object was decided by.
+         * @description Source of a symmetry decision.
          * @enum {string}
          */
         SymmetryBy: "mesh" | "touches" | "undetermined";
-        /** @description How one taxel responds. */
+        /** @description Response of one taxel. */
         TaxelCalibration: {
             answers?: components["schemas"]["TaxelPlace"] | null;
             /**
              * Format: int32
-             * @description Its column, from 0.
+             * @description Column of the taxel, from 0.
              */
             col: number;
             /**
              * Format: double
-             * @description Pascal without indentation.
+             * @description Pressure without indentation, in pascal.
              */
             offset: number;
             /**
@@ -3827,15 +3830,15 @@ export interface components {
             r_squared: number;
             /**
              * Format: int32
-             * @description Its row, from 0.
+             * @description Row of the taxel, from 0.
              */
             row: number;
             /**
              * Format: double
-             * @description Pascal a metre of its own indentation.
+             * @description Slope in pascal per metre of its own indentation.
              */
             slope: number;
-            /** @description Whether it can be used. */
+            /** @description State of the taxel. */
             state: components["schemas"]["TaxelState"];
         };
         /** @description A rectangular grid of square taxels. */
@@ -3869,84 +3872,81 @@ export interface components {
         TaxelPlace: {
             /**
              * Format: int32
-             * @description Its column, from 0.
+             * @description Column of the taxel, from 0.
              */
             col: number;
             /**
              * Format: int32
-             * @description Its row, from 0.
+             * @description Row of the taxel, from 0.
              */
             row: number;
         };
         /**
-         * @description What a taxel does when it is pressed.
+         * @description State of a taxel.
          * @enum {string}
          */
         TaxelState: "ok" | "dead" | "cross_wired";
-        /**
-         * @description An approach that a robot can make: from a pose straight along the sensor's +z until it feels
-         *     something.
-         */
+        /** @description A candidate approach: a straight move from a pose along the sensor's +z until contact. */
         TouchCandidate: {
             /**
              * Format: double
-             * @description What trying it costs, above 0: seconds, or metres of travel, or any other unit that is
-             *     the same for all candidates. Given with all of them or with none.
+             * @description Cost of the approach, above 0, in a unit common to all candidates, such as seconds or metres
+             *     of travel. Give it for all candidates or for none.
              */
             cost?: number | null;
-            /** @description The sensor's pose in the session frame where the approach begins, outside of the object. */
+            /** @description Start of the approach, outside the object: the sensor's pose in the session frame. */
             pose: components["schemas"]["Pose"];
             /**
              * Format: double
-             * @description How far it goes at most, in metres, above 0 to 10.
+             * @description Maximum travel in metres, above 0 and at most 10.
              */
             reach_m: number;
         };
         /** @description A ball in which the object lies. */
         TouchWorkspace: {
-            /** @description Its middle in the session frame, in metres. */
+            /** @description Centre in the session frame, in metres. */
             center: number[];
             /**
              * Format: double
-             * @description Its radius in metres, above 0 to 10.
+             * @description Radius in metres, above 0 and at most 10.
              */
             radius: number;
         };
-        /** @description What became of training readings. */
+        /** @description Result of adding training readings. */
         TrainingReadingsAdded: {
             /**
              * Format: int32
-             * @description How many are new.
+             * @description Number of new readings.
              */
             n_new: number;
             /**
              * Format: int32
-             * @description How many the object has now.
+             * @description Number of readings the object has now.
              */
             n_readings: number;
             /**
              * Format: int32
-             * @description How many were there already (same robot and seq, same content).
+             * @description Number of readings already stored (same robot, `seq` and content).
              */
             n_repeated: number;
             /**
-             * @description What is probably a mistake, such as pressures in kPa or positions in millimetres; at most
-             *     one of a kind. The readings are stored all the same.
+             * @description Probable mistakes, such as pressures in kPa or positions in millimetres; at most one of a
+             *     kind. The readings are stored nevertheless.
              */
             warnings?: components["schemas"]["Warning"][];
         };
-        /** @description What a training made, and what it cost. */
+        /** @description Report of a training: results and cost. */
         TrainingReport: {
             appearance?: components["schemas"]["AppearanceSummary"] | null;
             /**
-             * @description Whether the probabilities of `surface` were calibrated on readings that were held back;
-             *     null without surfaces, and of versions that were trained before this was reported.
+             * @description Whether the probabilities of `surface` were calibrated on held-back readings; null without
+             *     surfaces, and for versions trained before this was reported.
              */
             calibrated?: boolean | null;
             /**
              * Format: int32
-             * @description How many objects the readings are of that the calibration was learnt on: those of the
-             *     extended version, when it is kept.
+             * @description Number of objects whose readings the calibration was fitted to; that of the extended
+             *     version, if its calibration is kept.
              */
             calibrated_on?: number;
             /**
@@ -3956,22 +3956,22 @@ export interface components {
             index_bytes: number;
             /**
              * Format: int32
-             * @description Number of appearance classes in the vocabulary of pair maps; 0 without pair maps.
+             * @description Number of appearance classes in the vocabulary of the pair maps; 0 without pair maps.
              */
             n_classes: number;
-            /** @description The objects that it knows. */
+            /** @description The objects in the version. */
             objects: components["schemas"]["ObjectReport"][];
             /**
              * Format: double
-             * @description How long the training took, in seconds.
+             * @description Duration of the training, in seconds.
              */
             seconds: number;
             /**
              * Format: int64
-             * @description The seed of all its random choices.
+             * @description Seed of all random choices.
              */
             seed: number;
-            /** @description Objects that nothing could be learnt of, and why. They are not in the version. */
+            /** @description Objects that could not be trained, with reasons. They are not in the version. */
             skipped?: components["schemas"]["SkippedObject"][];
             /**
              * Format: int64
@@ -3979,97 +3979,97 @@ export interface components {
              */
             surface_bytes?: number;
             uncalibrated_reason?: components["schemas"]["UncalibratedReason"] | null;
-            /**
-             * @description What is probably a mistake in the training as a whole; those of one object are in its own
-             *     `warnings`.
-             */
+            /** @description Probable mistakes in the training as a whole. Those of one object are in its own `warnings`. */
             warnings?: components["schemas"]["Warning"][];
         };
-        /** @description What a session's object was, as a client said when it closed the session. */
+        /** @description The true object of a session, as a client reported it. */
         Truth: {
-            /** @description Its name; null when it was none of the catalogue's. */
+            /** @description Name of the object; null if it was not in the catalogue. */
             name?: string | null;
             /**
              * Format: uuid
-             * @description The object's id; null when it was none of the catalogue's.
+             * @description Id of the object; null if it was not in the catalogue.
              */
             object?: string | null;
             /**
              * Format: double
-             * @description The probability that the session's belief gave to that.
+             * @description Probability that the session's belief gave the true answer.
              */
             probability: number;
-            /** @description Whether that was the likeliest answer. */
+            /** @description Whether the likeliest answer was the true one. */
             was_right: boolean;
         };
         /**
-         * @description Why probabilities are not calibrated.
+         * @description Reason why probabilities are not calibrated.
          * @enum {string}
          */
         UncalibratedReason: "one_object" | "few_readings" | "method";
-        /** @description What to change of an object; what is not given stays. */
+        /** @description Changes to an object. Omitted fields stay as they are. */
         UpdateObject: {
             /** @description A new description. */
             description?: string | null;
             /** @description A new unique name. */
             name?: string | null;
         };
-        /** @description Which server this is. */
+        /** @description Name and version of the server. */
         Version: {
-            /** @description The version of the API, as in its path. */
+            /** @description Version of the API, as in its path. */
             api: string;
-            /** @description The name of the service, `palpate`. */
+            /** @description Name of the service: `palpate`. */
             name: string;
-            /** @description Its version. */
+            /** @description Version of the server. */
             version: string;
         };
         /** @description A version of a catalogue, by name and number. */
         VersionReference: {
             /**
-             * @description The catalogue's name.
+             * @description Name of the catalogue.
              * @example default
              */
             catalogue: string;
             /**
              * Format: int32
-             * @description The version's number.
+             * @description Number of the version.
              */
             version: number;
         };
-        /** @description Something that is probably a mistake. It changes nothing: what it is about was accepted. */
+        /** @description A probable mistake in accepted input. It does not change the result. */
         Warning: {
-            /** @description What kind of mistake: for programs, it does not change between releases. */
+            /** @description Kind of mistake, for programs; stable between releases. */
             code: components["schemas"]["WarningCode"];
-            /** @description What was found and what was expected, in a sentence. */
+            /** @description What was found and what was expected. */
             detail: string;
             /**
-             * @description What it is about: a JSON pointer into the request, such as `/readings/3/image` (the first
-             *     reading that it is about), or into the report; empty for the whole.
+             * @description Location: a JSON pointer into the request (to the first reading concerned, such as
+             *     `/readings/3/image`) or into the report; empty for the whole.
              * @example /readings/0/image
              */
             pointer: string;
         };
         /**
-         * @description The kind of a warning.
+         * @description Kind of a warning.
          * @enum {string}
          */
         WarningCode: "pressure_unit" | "pressure_low" | "not_tared" | "saturated" | "position_unit" | "position_far" | "positions_apart" | "object_large" | "object_small" | "sizes_differ" | "few_touches" | "objects_skipped";
-        /** @description Whom the server takes the caller for. */
+        /** @description The caller, as the server identifies it. */
         Whoami: {
             key?: components["schemas"]["ApiKey"] | null;
-            /** @description Whether the server asks for keys. If not, everybody on its machine may do everything. */
+            /**
+             * @description Whether the server requires keys. If not, every caller on the same machine may do
+             *     everything.
+             */
             keys_required: boolean;
-            /** @description What the caller may do as; `admin` when nobody is asked for a key. */
+            /** @description Role of the caller; `admin` if the server requires no keys. */
             role: components["schemas"]["Role"];
         };
-        /** @description A key that wrote something. */
+        /** @description The key that wrote something. */
         Writer: {
             /**
              * Format: uuid
              * @description The key's id.
              */
             key_id: string;
-            /** @description What its holder is called; null when the key is forgotten. */
+            /** @description Name of the key; null if the key has been forgotten. */
             key_name?: string | null;
         };
     };
@@ -4090,7 +4090,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It does */
+            /** @description The process answers */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -4099,14 +4099,14 @@ export interface operations {
                     "application/json": components["schemas"]["Liveness"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4114,7 +4114,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4123,14 +4123,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4149,7 +4149,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description Figures in the text format of Prometheus */
+            /** @description Metrics in the Prometheus text format */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -4158,7 +4158,7 @@ export interface operations {
                     "text/plain": string;
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4167,7 +4167,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -4176,14 +4176,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4191,7 +4191,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4200,14 +4200,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4235,14 +4235,14 @@ export interface operations {
                     "application/json": components["schemas"]["Readiness"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4250,7 +4250,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4259,14 +4259,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4289,7 +4289,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description How they compare */
+            /** @description The comparison */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -4307,7 +4307,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4316,7 +4316,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -4352,7 +4352,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4370,21 +4370,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4392,7 +4392,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4401,14 +4401,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4430,19 +4430,19 @@ export interface operations {
     list_audit: {
         parameters: {
             query?: {
-                /** @description Not before this time (RFC 3339, such as `2026-05-01T00:00:00Z`). */
+                /** @description Earliest time (RFC 3339), inclusive, such as `2026-05-01T00:00:00Z`. */
                 since?: string;
-                /** @description Before this time (RFC 3339). */
+                /** @description Latest time (RFC 3339), exclusive. */
                 until?: string;
-                /** @description By this key: its id, or a name that it had. */
+                /** @description Only entries of this key: its id, or a name that it had. */
                 key?: string;
-                /** @description This operation, by its id in this description, such as `delete_object`. */
+                /** @description Only entries of this operation, by operation id, such as `delete_object`. */
                 operation?: string;
-                /** @description Only entries of this part of the log. */
+                /** @description Only entries of this ring. */
                 ring?: "changes" | "refused" | "strangers";
-                /** @description How many entries at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of entries, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -4460,7 +4460,7 @@ export interface operations {
                     "application/json": components["schemas"]["AuditPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4469,7 +4469,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -4478,7 +4478,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4496,21 +4496,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4518,7 +4518,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4527,14 +4527,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4547,9 +4547,9 @@ export interface operations {
     list_catalogues: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -4567,7 +4567,7 @@ export interface operations {
                     "application/json": components["schemas"]["CataloguePage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4576,7 +4576,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -4585,7 +4585,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -4603,21 +4603,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4625,7 +4625,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4634,14 +4634,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4672,7 +4672,7 @@ export interface operations {
                     "application/json": components["schemas"]["Catalogue"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4681,7 +4681,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -4690,7 +4690,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -4699,14 +4699,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4714,7 +4714,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4723,14 +4723,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4752,14 +4752,14 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It is gone */
+            /** @description Deleted */
             204: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4768,7 +4768,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -4777,7 +4777,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -4786,7 +4786,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -4795,14 +4795,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4810,7 +4810,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4819,14 +4819,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4868,7 +4868,7 @@ export interface operations {
                     "application/json": components["schemas"]["CurrentVersion"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4877,7 +4877,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -4886,7 +4886,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -4895,7 +4895,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -4904,14 +4904,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4919,7 +4919,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -4928,14 +4928,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -4984,7 +4984,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4993,7 +4993,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5002,7 +5002,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5020,7 +5020,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Somebody else has switched in between */
+            /** @description The current version has changed meanwhile */
             412: {
                 headers: {
                     [name: string]: unknown;
@@ -5047,7 +5047,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -5065,7 +5065,7 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
@@ -5081,14 +5081,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5096,7 +5096,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -5105,14 +5105,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5150,7 +5150,7 @@ export interface operations {
             /** @description The new version */
             201: {
                 headers: {
-                    /** @description The path of what was made */
+                    /** @description The path of the new resource */
                     location?: string;
                     [name: string]: unknown;
                 };
@@ -5167,7 +5167,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5176,7 +5176,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5185,7 +5185,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5203,7 +5203,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -5230,7 +5230,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -5248,21 +5248,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5270,7 +5270,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -5279,14 +5279,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5342,7 +5342,7 @@ export interface operations {
             /** @description The job that trains it */
             202: {
                 headers: {
-                    /** @description The path of what was made */
+                    /** @description The path of the new resource */
                     location?: string;
                     [name: string]: unknown;
                 };
@@ -5359,7 +5359,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5368,7 +5368,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5377,7 +5377,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5413,7 +5413,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -5431,21 +5431,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5453,7 +5453,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -5462,14 +5462,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5491,9 +5491,9 @@ export interface operations {
     list_versions: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -5514,7 +5514,7 @@ export interface operations {
                     "application/json": components["schemas"]["CatalogueVersionPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5523,7 +5523,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5532,7 +5532,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5541,7 +5541,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -5559,21 +5559,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5581,7 +5581,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -5590,14 +5590,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5630,7 +5630,7 @@ export interface operations {
                     "application/json": components["schemas"]["CatalogueVersion"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5639,7 +5639,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5648,7 +5648,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5657,14 +5657,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5672,7 +5672,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -5681,14 +5681,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5712,14 +5712,14 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It is gone */
+            /** @description Deleted */
             204: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5728,7 +5728,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5737,7 +5737,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5746,7 +5746,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -5755,14 +5755,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5770,7 +5770,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -5779,14 +5779,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5808,9 +5808,9 @@ export interface operations {
     get_object_map: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -5835,7 +5835,7 @@ export interface operations {
                     "application/json": components["schemas"]["ObjectMap"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5844,7 +5844,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5853,7 +5853,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5862,7 +5862,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -5880,21 +5880,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5902,7 +5902,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -5911,14 +5911,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -5931,7 +5931,7 @@ export interface operations {
     get_occupancy: {
         parameters: {
             query?: {
-                /** @description The layer of cells with this number, from 0 at the smallest z. */
+                /** @description Layer of cells, counted from 0 at the smallest z. */
                 slice?: number;
             };
             header?: never;
@@ -5958,14 +5958,14 @@ export interface operations {
                     "application/json": components["schemas"]["OccupancyMap"];
                 };
             };
-            /** @description It is the one of `If-None-Match` */
+            /** @description Not modified: the client has it */
             304: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5974,7 +5974,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -5983,7 +5983,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -5992,7 +5992,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6001,7 +6001,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -6019,21 +6019,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6041,7 +6041,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6050,14 +6050,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6070,7 +6070,7 @@ export interface operations {
     get_occupancy_ply: {
         parameters: {
             query?: {
-                /** @description What the file holds; `points` when not given. */
+                /** @description Content of the file. Default: `points`. */
                 form?: components["schemas"]["PlyForm"];
             };
             header?: never;
@@ -6097,14 +6097,14 @@ export interface operations {
                     "model/ply": components["schemas"]["MapFile"];
                 };
             };
-            /** @description It is the one of `If-None-Match` */
+            /** @description Not modified: the client has it */
             304: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6113,7 +6113,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6122,7 +6122,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -6131,7 +6131,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6140,7 +6140,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -6158,21 +6158,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6180,7 +6180,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6189,14 +6189,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6209,7 +6209,7 @@ export interface operations {
     get_occupancy_png: {
         parameters: {
             query?: {
-                /** @description The layer of cells with this number, from 0 at the smallest z. */
+                /** @description Layer of cells, counted from 0 at the smallest z. */
                 slice?: number;
             };
             header?: never;
@@ -6236,14 +6236,14 @@ export interface operations {
                     "image/png": components["schemas"]["MapFile"];
                 };
             };
-            /** @description It is the one of `If-None-Match` */
+            /** @description Not modified: the client has it */
             304: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6252,7 +6252,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6261,7 +6261,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -6270,7 +6270,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6279,7 +6279,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -6297,21 +6297,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6319,7 +6319,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6328,14 +6328,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6368,7 +6368,7 @@ export interface operations {
                     "application/json": components["schemas"]["TrainingReport"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6377,7 +6377,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6386,7 +6386,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -6395,14 +6395,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6410,7 +6410,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6419,14 +6419,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6459,7 +6459,7 @@ export interface operations {
                     "application/json": components["schemas"]["AppearanceReport"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6468,7 +6468,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6477,7 +6477,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -6486,7 +6486,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6495,14 +6495,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6510,7 +6510,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6519,14 +6519,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6545,7 +6545,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It is done */
+            /** @description Sizes before and after */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -6554,7 +6554,7 @@ export interface operations {
                     "application/json": components["schemas"]["Compacted"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6563,7 +6563,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6572,14 +6572,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6587,7 +6587,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6596,14 +6596,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6643,7 +6643,7 @@ export interface operations {
                     "text/event-stream": string;
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6652,7 +6652,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6661,7 +6661,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -6679,21 +6679,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6701,7 +6701,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6710,14 +6710,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6730,7 +6730,7 @@ export interface operations {
     get_fleet: {
         parameters: {
             query?: {
-                /** @description How many sessions at most, 1 to 100; 100 when not given. */
+                /** @description Maximum number of sessions, 1 to 100. Default: 100. */
                 limit?: number;
             };
             header?: never;
@@ -6739,7 +6739,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description The open sessions */
+            /** @description The most recently active open sessions */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -6748,7 +6748,7 @@ export interface operations {
                     "application/json": components["schemas"]["Fleet"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6757,7 +6757,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6766,7 +6766,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -6784,21 +6784,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6806,7 +6806,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6815,14 +6815,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6835,9 +6835,9 @@ export interface operations {
     list_jobs: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -6855,7 +6855,7 @@ export interface operations {
                     "application/json": components["schemas"]["JobPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6864,7 +6864,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6873,7 +6873,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -6891,21 +6891,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6913,7 +6913,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -6922,14 +6922,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -6960,7 +6960,7 @@ export interface operations {
                     "application/json": components["schemas"]["Job"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6969,7 +6969,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -6978,7 +6978,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -6987,14 +6987,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7002,7 +7002,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7011,14 +7011,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7049,7 +7049,7 @@ export interface operations {
                     "application/json": components["schemas"]["Job"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7058,7 +7058,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7067,7 +7067,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -7076,7 +7076,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7085,14 +7085,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7100,7 +7100,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7109,14 +7109,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7156,7 +7156,7 @@ export interface operations {
                     "text/event-stream": string;
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7165,7 +7165,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7174,7 +7174,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -7183,14 +7183,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7198,7 +7198,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7207,14 +7207,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7227,9 +7227,9 @@ export interface operations {
     list_keys: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -7247,7 +7247,7 @@ export interface operations {
                     "application/json": components["schemas"]["ApiKeyPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7256,7 +7256,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7265,7 +7265,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -7283,21 +7283,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7305,7 +7305,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7314,14 +7314,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7347,7 +7347,7 @@ export interface operations {
             /** @description The new key and its secret */
             201: {
                 headers: {
-                    /** @description The path of what was made */
+                    /** @description The path of the new resource */
                     location?: string;
                     [name: string]: unknown;
                 };
@@ -7364,7 +7364,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7373,7 +7373,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7391,7 +7391,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7418,7 +7418,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -7436,21 +7436,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7458,7 +7458,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7467,14 +7467,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7514,7 +7514,7 @@ export interface operations {
                     "application/json": components["schemas"]["ApiKey"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7523,7 +7523,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7532,7 +7532,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -7541,14 +7541,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7556,7 +7556,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7565,14 +7565,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7594,14 +7594,14 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It is refused from now on */
+            /** @description The key is revoked */
             204: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7610,7 +7610,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7619,7 +7619,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -7628,7 +7628,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7637,14 +7637,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7652,7 +7652,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7661,14 +7661,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7721,7 +7721,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7730,7 +7730,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7739,7 +7739,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -7757,7 +7757,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7784,7 +7784,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -7802,21 +7802,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7824,7 +7824,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7833,14 +7833,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7862,9 +7862,9 @@ export interface operations {
     list_objects: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -7882,7 +7882,7 @@ export interface operations {
                     "application/json": components["schemas"]["ObjectPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -7891,7 +7891,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -7900,7 +7900,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -7918,21 +7918,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7940,7 +7940,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -7949,14 +7949,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -7982,7 +7982,7 @@ export interface operations {
             /** @description The new object */
             201: {
                 headers: {
-                    /** @description The path of what was made */
+                    /** @description The path of the new resource */
                     location?: string;
                     [name: string]: unknown;
                 };
@@ -7999,7 +7999,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8008,7 +8008,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8026,7 +8026,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -8053,7 +8053,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -8071,21 +8071,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8093,7 +8093,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -8102,14 +8102,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8149,7 +8149,7 @@ export interface operations {
                     "application/json": components["schemas"]["ObjectInfo"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8158,7 +8158,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8167,7 +8167,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8176,14 +8176,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8191,7 +8191,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -8200,14 +8200,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8229,14 +8229,14 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It is gone */
+            /** @description Deleted */
             204: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8245,7 +8245,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8254,7 +8254,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8263,7 +8263,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -8272,14 +8272,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8287,7 +8287,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -8296,14 +8296,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8338,7 +8338,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description The object as it is now */
+            /** @description The updated object */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -8356,7 +8356,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8365,7 +8365,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8374,7 +8374,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8392,7 +8392,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -8419,7 +8419,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -8437,21 +8437,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8459,7 +8459,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -8468,14 +8468,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8506,7 +8506,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description The file, in the format that it was uploaded in */
+            /** @description The file in its original format */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -8518,7 +8518,7 @@ export interface operations {
                     "model/off": components["schemas"]["MeshFile"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8527,7 +8527,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8536,7 +8536,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8545,14 +8545,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8560,7 +8560,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -8569,14 +8569,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8589,9 +8589,9 @@ export interface operations {
     put_mesh: {
         parameters: {
             query: {
-                /** @description What one unit of the file's coordinates is. Mandatory: guessing would be silent. */
+                /** @description Unit of the file's coordinates. Mandatory, because a wrong guess would go unnoticed. */
                 unit: components["schemas"]["MeshUnit"];
-                /** @description The file's format, when the content type is `application/octet-stream`. */
+                /** @description Format of the file, if the content type is `application/octet-stream`. */
                 format?: components["schemas"]["MeshFormat"];
             };
             header?: never;
@@ -8608,7 +8608,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description How the mesh is understood */
+            /** @description The server's interpretation of the mesh */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -8626,7 +8626,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8635,7 +8635,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8644,7 +8644,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8680,7 +8680,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -8698,21 +8698,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8720,7 +8720,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -8729,14 +8729,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8758,9 +8758,9 @@ export interface operations {
     list_object_readings: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -8772,7 +8772,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description A page of readings in the order they came */
+            /** @description A page of readings in the order of arrival */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -8781,7 +8781,7 @@ export interface operations {
                     "application/json": components["schemas"]["StoredReadingPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8790,7 +8790,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8799,7 +8799,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8808,7 +8808,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -8826,21 +8826,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8848,7 +8848,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -8857,14 +8857,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -8890,7 +8890,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description How many are stored */
+            /** @description The number of readings stored */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -8908,7 +8908,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -8917,7 +8917,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -8926,7 +8926,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -8944,7 +8944,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -8971,7 +8971,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -8989,21 +8989,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9011,7 +9011,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9020,14 +9020,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9049,9 +9049,9 @@ export interface operations {
     list_robots: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -9069,7 +9069,7 @@ export interface operations {
                     "application/json": components["schemas"]["RobotPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9078,7 +9078,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, viewer, admin */
+            /** @description The key has none of the required roles: trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9087,7 +9087,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -9105,21 +9105,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9127,7 +9127,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9136,14 +9136,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9187,7 +9187,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9196,7 +9196,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9205,7 +9205,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -9223,7 +9223,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -9250,7 +9250,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -9268,21 +9268,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9290,7 +9290,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9299,14 +9299,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9337,14 +9337,14 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It belongs to no key */
+            /** @description Released */
             204: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9353,7 +9353,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9362,7 +9362,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -9371,14 +9371,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9386,7 +9386,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9395,14 +9395,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9424,9 +9424,9 @@ export interface operations {
     list_sensors: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -9444,7 +9444,7 @@ export interface operations {
                     "application/json": components["schemas"]["SensorPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9453,7 +9453,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9462,7 +9462,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -9480,21 +9480,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9502,7 +9502,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9511,14 +9511,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9577,7 +9577,7 @@ export interface operations {
             /** @description The new sensor */
             201: {
                 headers: {
-                    /** @description The path of what was made */
+                    /** @description The path of the new resource */
                     location?: string;
                     [name: string]: unknown;
                 };
@@ -9594,7 +9594,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9603,7 +9603,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9621,7 +9621,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -9648,7 +9648,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -9666,21 +9666,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9688,7 +9688,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9697,14 +9697,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9744,7 +9744,7 @@ export interface operations {
                     "application/json": components["schemas"]["Sensor"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9753,7 +9753,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9762,7 +9762,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -9771,14 +9771,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9786,7 +9786,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9795,14 +9795,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9824,14 +9824,14 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It is gone */
+            /** @description Deleted */
             204: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9840,7 +9840,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9849,7 +9849,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -9858,7 +9858,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -9867,14 +9867,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9882,7 +9882,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -9891,14 +9891,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -9920,7 +9920,7 @@ export interface operations {
     get_calibration: {
         parameters: {
             query?: {
-                /** @description Its number, from 1; the newest if not given. */
+                /** @description Number of the calibration, from 1. Default: the newest. */
                 number?: number;
             };
             header?: never;
@@ -9941,7 +9941,7 @@ export interface operations {
                     "application/json": components["schemas"]["SensorCalibration"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -9950,7 +9950,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -9959,7 +9959,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -9968,7 +9968,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -9986,21 +9986,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10008,7 +10008,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10017,14 +10017,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10053,7 +10053,7 @@ export interface operations {
             /** @description The new calibration */
             201: {
                 headers: {
-                    /** @description The path of what was made */
+                    /** @description The path of the new resource */
                     location?: string;
                     [name: string]: unknown;
                 };
@@ -10070,7 +10070,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -10079,7 +10079,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: trainer, admin */
+            /** @description The key has none of the required roles: trainer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -10088,7 +10088,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -10124,7 +10124,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -10142,21 +10142,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10164,7 +10164,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10173,14 +10173,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10215,7 +10215,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description How the reading is understood */
+            /** @description The server's interpretation of the reading */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -10233,7 +10233,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -10242,7 +10242,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -10251,7 +10251,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -10287,7 +10287,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -10305,21 +10305,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10327,7 +10327,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10336,14 +10336,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10365,9 +10365,9 @@ export interface operations {
     list_sessions: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
                 /** @description Only sessions in this state. */
                 state?: "open" | "closed";
@@ -10387,7 +10387,7 @@ export interface operations {
                     "application/json": components["schemas"]["SessionPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -10396,7 +10396,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -10405,7 +10405,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -10423,21 +10423,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10445,7 +10445,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10454,14 +10454,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10501,7 +10501,7 @@ export interface operations {
             /** @description The new session */
             201: {
                 headers: {
-                    /** @description The path of what was made */
+                    /** @description The path of the new resource */
                     location?: string;
                     [name: string]: unknown;
                 };
@@ -10518,7 +10518,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -10527,7 +10527,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, admin */
+            /** @description The key has none of the required roles: robot, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -10545,7 +10545,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -10572,7 +10572,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -10590,21 +10590,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10612,7 +10612,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10621,14 +10621,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10668,7 +10668,7 @@ export interface operations {
                     "application/json": components["schemas"]["Session"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -10677,7 +10677,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -10686,7 +10686,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -10695,14 +10695,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10710,7 +10710,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10719,14 +10719,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10748,14 +10748,14 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It is gone */
+            /** @description Deleted */
             204: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -10764,7 +10764,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, admin */
+            /** @description The key has none of the required roles: robot, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -10773,7 +10773,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -10782,14 +10782,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10797,7 +10797,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10806,14 +10806,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10835,11 +10835,11 @@ export interface operations {
     get_belief: {
         parameters: {
             query?: {
-                /** @description How many pose hypotheses at most, 0 to 100; 5 when not given. */
+                /** @description Maximum number of pose hypotheses, 0 to 100. Default: 5. */
                 poses?: number;
                 /**
-                 * @description Of which revision, such as the one of an earlier belief: after so many readings and
-                 *     retractions, as they came; 0 is before the first, the newest when not given.
+                 * @description Revision to return: the belief after that many journal entries. 0 is the prior. Default: the
+                 *     latest.
                  */
                 at?: number;
             };
@@ -10863,14 +10863,14 @@ export interface operations {
                     "application/json": components["schemas"]["Belief"];
                 };
             };
-            /** @description The belief is still the one of `If-None-Match` */
+            /** @description Not modified: the client has the newest belief */
             304: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -10879,7 +10879,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -10888,7 +10888,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -10897,7 +10897,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -10915,21 +10915,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10937,7 +10937,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -10946,14 +10946,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -10973,7 +10973,7 @@ export interface operations {
             };
             cookie?: never;
         };
-        /** @description What the object was; may be left out */
+        /** @description The true object; optional */
         requestBody: {
             content: {
                 "application/json": components["schemas"]["CloseSession"];
@@ -10998,7 +10998,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -11007,7 +11007,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, admin */
+            /** @description The key has none of the required roles: robot, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -11016,7 +11016,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11034,7 +11034,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -11061,7 +11061,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -11079,21 +11079,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11101,7 +11101,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -11110,14 +11110,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11157,7 +11157,7 @@ export interface operations {
                     "text/event-stream": string;
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -11166,7 +11166,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -11175,7 +11175,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11184,14 +11184,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11199,7 +11199,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -11208,14 +11208,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11228,7 +11228,7 @@ export interface operations {
     explain_session: {
         parameters: {
             query?: {
-                /** @description The revision; the newest when not given. */
+                /** @description Revision to explain. Default: the newest. */
                 at?: number;
             };
             header?: never;
@@ -11240,7 +11240,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description What each reading contributed */
+            /** @description The contribution of each reading */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -11249,7 +11249,7 @@ export interface operations {
                     "application/json": components["schemas"]["Explanation"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -11258,7 +11258,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -11267,7 +11267,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11276,7 +11276,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -11285,7 +11285,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -11303,21 +11303,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11325,7 +11325,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -11334,14 +11334,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11367,7 +11367,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description The session, with its lease */
+            /** @description The session with its new deadline */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -11385,7 +11385,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -11394,7 +11394,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, admin */
+            /** @description The key has none of the required roles: robot, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -11403,7 +11403,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11448,7 +11448,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -11466,21 +11466,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11488,7 +11488,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -11497,14 +11497,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11526,7 +11526,7 @@ export interface operations {
     get_marginals: {
         parameters: {
             query?: {
-                /** @description Id or name of an object of the session's version; the likeliest when not given. */
+                /** @description Id or name of an object of the session's version. Default: the likeliest. */
                 object?: string;
             };
             header?: never;
@@ -11549,14 +11549,14 @@ export interface operations {
                     "application/json": components["schemas"]["Marginals"];
                 };
             };
-            /** @description The belief is still the one of `If-None-Match` */
+            /** @description Not modified: the client has the newest belief */
             304: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content?: never;
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -11565,7 +11565,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -11574,7 +11574,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11583,7 +11583,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -11592,7 +11592,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -11610,21 +11610,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11632,7 +11632,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -11641,14 +11641,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11692,7 +11692,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -11701,7 +11701,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -11710,7 +11710,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11728,7 +11728,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -11764,7 +11764,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -11782,21 +11782,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11804,7 +11804,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -11813,14 +11813,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11842,9 +11842,9 @@ export interface operations {
     list_session_readings: {
         parameters: {
             query?: {
-                /** @description How many items at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of items, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description The `next_cursor` of the page before; its content is the server's business. */
+                /** @description The `next_cursor` of the previous page, passed back unchanged. */
                 cursor?: string;
             };
             header?: never;
@@ -11865,7 +11865,7 @@ export interface operations {
                     "application/json": components["schemas"]["SessionReadingPage"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -11874,7 +11874,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -11883,7 +11883,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -11892,7 +11892,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -11910,21 +11910,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11932,7 +11932,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -11941,14 +11941,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -11961,7 +11961,7 @@ export interface operations {
     add_readings: {
         parameters: {
             query?: {
-                /** @description How much of the belief to answer; `full` when not given. */
+                /** @description How much of the belief the answer contains. Default: `full`. */
                 belief?: components["schemas"]["BeliefDetail"];
             };
             header?: never;
@@ -12014,7 +12014,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description What became of the readings */
+            /** @description The belief after the readings */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -12032,7 +12032,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -12041,7 +12041,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, admin */
+            /** @description The key has none of the required roles: robot, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -12050,7 +12050,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -12068,7 +12068,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -12104,7 +12104,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -12122,21 +12122,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12144,7 +12144,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -12153,14 +12153,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12182,7 +12182,7 @@ export interface operations {
     retract_reading: {
         parameters: {
             query?: {
-                /** @description How much of the belief to answer; `full` when not given. */
+                /** @description How much of the belief the answer contains. Default: `full`. */
                 belief?: components["schemas"]["BeliefDetail"];
             };
             header?: never;
@@ -12196,7 +12196,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description What became of the reading */
+            /** @description The result of the retraction */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -12205,7 +12205,7 @@ export interface operations {
                     "application/json": components["schemas"]["ReadingRetracted"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -12214,7 +12214,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, admin */
+            /** @description The key has none of the required roles: robot, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -12223,7 +12223,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -12232,7 +12232,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -12250,7 +12250,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -12268,21 +12268,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12290,7 +12290,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -12299,14 +12299,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12328,7 +12328,7 @@ export interface operations {
     retract_robot_reading: {
         parameters: {
             query?: {
-                /** @description How much of the belief to answer; `full` when not given. */
+                /** @description How much of the belief the answer contains. Default: `full`. */
                 belief?: components["schemas"]["BeliefDetail"];
             };
             header?: never;
@@ -12337,14 +12337,14 @@ export interface operations {
                 session: string;
                 /** @description The robot that took it */
                 robot: string;
-                /** @description The robot's number of it */
+                /** @description The reading's `seq` */
                 seq: string;
             };
             cookie?: never;
         };
         requestBody?: never;
         responses: {
-            /** @description What became of the reading */
+            /** @description The result of the retraction */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -12353,7 +12353,7 @@ export interface operations {
                     "application/json": components["schemas"]["ReadingRetracted"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -12362,7 +12362,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, admin */
+            /** @description The key has none of the required roles: robot, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -12371,7 +12371,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -12380,7 +12380,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description It does not fit the state of things, or something else has its name or number */
+            /** @description The request conflicts with the current state, or its name or number is taken */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -12398,7 +12398,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -12416,21 +12416,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12438,7 +12438,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -12447,14 +12447,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12476,13 +12476,13 @@ export interface operations {
     replay_session: {
         parameters: {
             query?: {
-                /** @description The last revision; the newest when not given. */
+                /** @description Last revision to return. Default: the newest. */
                 upto?: number;
-                /** @description The revision behind which the steps begin; 0 when not given: all of them. */
+                /** @description Return the steps after this revision. Default: 0, which returns all of them. */
                 after?: number;
-                /** @description How many steps at most, 1 to 1000; 100 when not given. */
+                /** @description Maximum number of steps, 1 to 1000. Default: 100. */
                 limit?: number;
-                /** @description How many pose hypotheses of the belief at most, 0 to 100; 5 when not given. */
+                /** @description Maximum number of pose hypotheses in the belief, 0 to 100. Default: 5. */
                 poses?: number;
             };
             header?: never;
@@ -12503,7 +12503,7 @@ export interface operations {
                     "application/json": components["schemas"]["Replay"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -12512,7 +12512,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -12521,7 +12521,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description There is nothing with this id or name */
+            /** @description Nothing has this id or name */
             404: {
                 headers: {
                     [name: string]: unknown;
@@ -12530,7 +12530,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description A value is wrong; `errors` names it */
+            /** @description A value is invalid; `errors` names it */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -12548,21 +12548,21 @@ export interface operations {
                      *       "instance": "/v1/sessions/01890a5d-ac96-774b-bcce-b302099a8057/readings",
                      *       "request_id": "01890a5d-ac96-774b-bcce-b302099a8058",
                      *       "status": 422,
-                     *       "title": "A value is wrong",
+                     *       "title": "Invalid value",
                      *       "type": "urn:palpate:problem:invalid-value"
                      *     }
                      */
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12570,7 +12570,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -12579,14 +12579,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12614,7 +12614,7 @@ export interface operations {
                     "application/octet-stream": components["schemas"]["SnapshotFile"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -12623,7 +12623,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: admin */
+            /** @description The key has none of the required roles: admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -12632,14 +12632,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12647,7 +12647,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -12656,14 +12656,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12700,7 +12700,7 @@ export interface operations {
                     "application/json": components["schemas"]["Whoami"];
                 };
             };
-            /** @description No API key came, or none that is let in */
+            /** @description The API key is missing or not valid */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -12709,7 +12709,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The key has none of the roles that this needs: robot, trainer, viewer, admin */
+            /** @description The key has none of the required roles: robot, trainer, viewer, admin */
             403: {
                 headers: {
                     [name: string]: unknown;
@@ -12718,14 +12718,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12733,7 +12733,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -12742,14 +12742,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12777,14 +12777,14 @@ export interface operations {
                     "application/json": components["schemas"]["Version"];
                 };
             };
-            /** @description More than the client's share; `Retry-After` says when there is more */
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
             429: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };
@@ -12792,7 +12792,7 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The server is at fault, or what is stored is damaged */
+            /** @description Internal error, or the stored data is damaged */
             500: {
                 headers: {
                     [name: string]: unknown;
@@ -12801,14 +12801,14 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Too much at once, or stopping; `Retry-After` says when to ask again */
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
             503: {
                 headers: {
-                    /** @description The bound's name, `r` what is left of it, `t` seconds until there is more */
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
                     RateLimit?: string;
-                    /** @description The bound: its name, `q` how much there may be, `qu` of what */
+                    /** @description The limit: its name, quota `q` and unit `qu` */
                     "RateLimit-Policy"?: string;
-                    /** @description Whole seconds to wait; missing when waiting does not help */
+                    /** @description Whole seconds to wait; absent if waiting does not help */
                     "Retry-After"?: string;
                     [name: string]: unknown;
                 };

@@ -1,4 +1,4 @@
-// Short names for the wire types that views use; the types themselves are generated.
+// Short names of the generated wire types.
 import type { components } from "./schema";
 
 type Schemas = components["schemas"];

@@ -1,4 +1,4 @@
-// One open session: who touches, what it probably is, and whether somebody should look.
+// One open session: robots, likeliest objects, and state.
 import { age, bits, now, plural, shortId } from "../format";
 import { Badge } from "../parts/Panel";
 import { ProbabilityBars, shares } from "../parts/ProbabilityBars";
@@ -29,7 +29,7 @@ export function FleetRow({ watched }: { watched: Watched }) {
         {belief ? (
           <ProbabilityBars of={shares(belief.objects, belief.unknown ?? 0, 3)} label={`Likeliest objects of ${robots}`} />
         ) : (
-          <span class="faint">belief is being read …</span>
+          <span class="faint">loading belief …</span>
         )}
       </div>
       <div class="fleet-entropy">

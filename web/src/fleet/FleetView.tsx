@@ -1,4 +1,4 @@
-// The fleet at a glance: every open session, those that need somebody first.
+// The fleet: open sessions, those that need attention first.
 import { useEffect, useRef } from "preact/hooks";
 import { announce } from "../announce";
 import { now, percent, plural } from "../format";
@@ -21,7 +21,7 @@ export function FleetView() {
         title="Fleet"
         sub={
           loaded && !problem
-            ? `${plural(nOpen, "open session")}${nUrgent > 0 ? `, ${nUrgent} to look at` : ""}`
+            ? `${plural(nOpen, "open session")}${nUrgent > 0 ? `, ${nUrgent} need attention` : ""}`
             : "Open sessions, live"
         }
       >
@@ -57,14 +57,14 @@ export function FleetView() {
 
 function NoSessions() {
   return (
-    <Empty title="No session is open">
+    <Empty title="No open sessions">
       <p>A robot opens one with <code>POST /v1/sessions</code>. To see one without a robot:</p>
       <pre>palpate touch --object mug --mesh mug.stl --pace 500</pre>
     </Empty>
   );
 }
 
-/** Tells when a session has become sure of an object or surprising; not every small change. */
+/** Announces when a session becomes sure or surprising. */
 function useAnnouncements(sessions: Watched[]): void {
   const said = useRef(new Map<string, string>());
   useEffect(() => {

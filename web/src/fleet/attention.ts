@@ -1,4 +1,4 @@
-// Which sessions an operator should look at first, and why.
+// The attention that sessions need, and why.
 import { age } from "../format";
 import type { TracePoint, Watched } from "./watch";
 
@@ -6,18 +6,18 @@ export type Level = "surprising" | "stuck" | "sure" | "working" | "waiting";
 
 export interface Attention {
   level: Level;
-  /** Why, in words. */
+  /** The reason in words. */
   why: string;
 }
 
 const SURE = 0.95;
 const ORDER: Record<Level, number> = { surprising: 0, stuck: 1, working: 2, waiting: 3, sure: 4 };
-/** So long without a reading an undecided session is stuck. */
+/** Time without a reading after which an undecided session is stuck. */
 const QUIET_MS = 60_000;
-/** So many readings that brought nothing make one stuck. */
+/** Number of readings without progress after which a session is stuck. */
 const IDLE_READINGS = 8;
 
-/** What a session is like. `now` is this browser's clock. */
+/** State of a session. `now` is this browser's clock. */
 export function attention(watched: Watched, now: number): Attention {
   const trace = watched.trace;
   const last = trace.at(-1);
@@ -28,28 +28,28 @@ export function attention(watched: Watched, now: number): Attention {
   if (surprise !== undefined) return { level: "surprising", why: surprise };
   if (last.probability >= SURE) return { level: "sure", why: `${last.best ?? ""} is sure` };
   const quiet = watched.lastReadingAt === undefined ? 0 : now - watched.lastReadingAt;
-  if (quiet > QUIET_MS) return { level: "stuck", why: `undecided, and no reading for ${age(quiet)}` };
+  if (quiet > QUIET_MS) return { level: "stuck", why: `undecided, no reading for ${age(quiet)}` };
   const before = trace.find((point) => point.nReadings >= last.nReadings - IDLE_READINGS);
   const longEnough = last.nReadings >= IDLE_READINGS && before !== undefined && before.nReadings <= last.nReadings - IDLE_READINGS;
   if (longEnough && last.entropyBits > 0.5 && before.entropyBits - last.entropyBits < 0.1) {
-    return { level: "stuck", why: `${IDLE_READINGS} readings brought nothing` };
+    return { level: "stuck", why: `${IDLE_READINGS} readings without progress` };
   }
-  return { level: "working", why: "readings come in" };
+  return { level: "working", why: "readings arrive" };
 }
 
 function surprising(trace: TracePoint[], last: TracePoint): string | undefined {
   if (last.unknown >= 0.5) return "probably none of the known objects";
   const recent = trace.slice(-5);
   const other = recent.find((point) => point.best !== last.best && point.probability >= 0.7);
-  if (other !== undefined) return `was taken for ${other.best ?? "another"} shortly before`;
+  if (other !== undefined) return `answer was ${other.best ?? "another"} shortly before`;
   const previous = trace.at(-2);
   if (previous !== undefined && last.nReadings >= 3 && last.entropyBits - previous.entropyBits >= 0.5) {
-    return `the last reading cost ${(last.entropyBits - previous.entropyBits).toFixed(1)} bit of certainty`;
+    return `the last reading raised the entropy by ${(last.entropyBits - previous.entropyBits).toFixed(1)} bit`;
   }
   return undefined;
 }
 
-/** Those that need somebody first; among equals the less certain, then by id so that rows rest. */
+/** Order: attention first, then less certain, then id, so that rows stay in place. */
 export function byAttention(now: number): (a: Watched, b: Watched) => number {
   return (a, b) =>
     ORDER[attention(a, now).level] - ORDER[attention(b, now).level] ||

@@ -1,17 +1,17 @@
-// The open sessions as they are now: listed every few seconds, followed by one stream between.
+// State of the open sessions: listed every few seconds, and followed by one event stream.
 import { signal } from "@preact/signals";
 import { follow } from "../api/events";
 import { getJson } from "../api/http";
 import { problemFrom } from "../api/resource";
 import type { Belief, Fleet, FleetSession, Problem, Replay, SessionEvent } from "../api/types";
 
-/** What is known of an open session. */
+/** State of an open session. */
 export interface Watched {
   info: FleetSession;
   belief: Belief | undefined;
   /** Beliefs over the readings, oldest first. */
   trace: TracePoint[];
-  /** When its newest reading came, by this browser's clock. */
+  /** When its newest reading arrived, by this browser's clock. */
   lastReadingAt: number | undefined;
 }
 
@@ -33,9 +33,9 @@ export interface FleetState {
 }
 
 const LIST_EVERY_MS = 3000;
-/** So long the first list waits for histories at most. */
+/** Maximum wait of the first list for histories. */
 const SETTLE_MS = 1500;
-/** Older sessions with more revisions get their line from now on only. */
+/** Sessions with more revisions than this start their trace now. */
 const REPLAY_MAX = 120;
 
 export const fleet = signal<FleetState>({
@@ -46,12 +46,12 @@ export const fleet = signal<FleetState>({
   problem: undefined,
 });
 
-/** Watches until the function that it returns is called. */
+/** Starts watching; the returned function stops it. */
 export function watchFleet(): () => void {
   const whole = new AbortController();
   let stream = new AbortController();
   let followed = "";
-  /** This browser's clock less the server's. */
+  /** Offset of this browser's clock from the server's. */
   let clockAhead = 0;
   const asked = new Set<string>();
 
@@ -64,7 +64,7 @@ export function watchFleet(): () => void {
       const isNew = ids.join() !== followed;
       if (isNew) restart(ids);
       if (fleet.value.loaded) return void (isNew && history(ids));
-      // The first list is shown in the order that its histories ask for, so that rows rest.
+      // The first list waits for the histories, so that its order is stable.
       await Promise.race([history(ids), new Promise((resolve) => setTimeout(resolve, SETTLE_MS))]);
       fleet.value = { ...fleet.value, loaded: true };
     } catch (error) {
@@ -81,7 +81,7 @@ export function watchFleet(): () => void {
     follow(path, stream.signal, (event) => take(JSON.parse(event.data) as SessionEvent), (connected) => {
       fleet.value = { ...fleet.value, connected };
     }).catch(() => {
-      // A session that is gone by now: the next list says which are left.
+      // The session is gone; the next list omits it.
       followed = "";
     });
   };
@@ -95,7 +95,7 @@ export function watchFleet(): () => void {
         const path = `/v1/sessions/${id}/replay?limit=${REPLAY_MAX}&poses=0`;
         remember(id, await getJson<Replay>(path, whole.signal));
       } catch {
-        // Without its history a session is still shown; it is asked again when it is opened.
+        // Without its history the session is still listed; its page requests it again.
       }
     }
   };
@@ -176,7 +176,7 @@ function pointOf(belief: Belief): TracePoint {
   };
 }
 
-/** Two traces as one, a point a revision. */
+/** Merges two traces, one point per revision. */
 function joined(a: TracePoint[], b: TracePoint[]): TracePoint[] {
   const all = new Map([...a, ...b].map((point) => [point.revision, point]));
   return [...all.values()].sort((x, y) => x.revision - y.revision).slice(-200);

@@ -1,4 +1,4 @@
-// Whether the server does its work: its checks, what it has done, and which version it is.
+// Health of the server: checks, metrics and version.
 import { ask, getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Readiness, Storage, Version } from "../api/types";
@@ -18,7 +18,7 @@ export function HealthView() {
   const storage = useResource("storage", (signal) => getJson<Storage>("/v1/storage", signal), STORAGE_EVERY_MS);
   return (
     <>
-      <ViewHead title="Health" sub={version.data ? `${version.data.name} ${version.data.version}, API ${version.data.api}` : "The server’s state"}>
+      <ViewHead title="Health" sub={version.data ? `${version.data.name} ${version.data.version}, API ${version.data.api}` : "State of the server"}>
         {ready.data && <Badge kind={ready.data.ready ? "good" : "bad"}>{ready.data.ready ? "ready" : "not ready"}</Badge>}
         {ready.problem && <Badge kind="bad">not ready</Badge>}
       </ViewHead>
@@ -28,8 +28,8 @@ export function HealthView() {
             {(found) => <Checks checks={found.checks} />}
           </Show>
         </Panel>
-        <Panel title="Figures" class="panel-figures" aside={<a href="/metrics">all of them</a>}>
-          <Show of={metrics} what="the figures" lines={5}>
+        <Panel title="Metrics" class="panel-figures" aside={<a href="/metrics">all metrics</a>}>
+          <Show of={metrics} what="the metrics" lines={5}>
             {(samples) => <Figures samples={samples} />}
           </Show>
         </Panel>
@@ -45,7 +45,7 @@ export function HealthView() {
         </Show>
       </Panel>
       <p class="faint foot">
-        This page contains work of others: <a href="/assets/licences.txt">their licences</a>.
+        This page contains third-party code: <a href="/assets/licences.txt">licences</a>.
       </p>
     </>
   );
@@ -54,12 +54,12 @@ export function HealthView() {
 function Checks({ checks }: { checks: Readiness["checks"] }) {
   return (
     <table>
-      <thead><tr><th scope="col">Check</th><th scope="col">State</th><th scope="col">Found</th></tr></thead>
+      <thead><tr><th scope="col">Check</th><th scope="col">State</th><th scope="col">Finding</th></tr></thead>
       <tbody>
         {checks.map((check) => (
           <tr key={check.name}>
             <th scope="row">{check.name}</th>
-            <td><Badge kind={check.passed ? "good" : "bad"}>{check.passed ? "in order" : "failed"}</Badge></td>
+            <td><Badge kind={check.passed ? "good" : "bad"}>{check.passed ? "passed" : "failed"}</Badge></td>
             <td>{check.detail}</td>
           </tr>
         ))}
@@ -75,14 +75,14 @@ function Figures({ samples }: { samples: Sample[] }) {
     ["readings stored", count(total(samples, "palpate_readings_total"))],
     ["sessions in memory", count(total(samples, "palpate_sessions_in_memory"))],
     ["unfinished jobs", count(total(samples, "palpate_jobs_unfinished"))],
-    ["places to compute", count(total(samples, "palpate_compute_places_free"))],
-    ["of models in memory", bytes(total(samples, "palpate_model_bytes"))],
+    ["free compute places", count(total(samples, "palpate_compute_places_free"))],
+    ["models in memory", bytes(total(samples, "palpate_model_bytes"))],
     ["on the disk", bytes(total(samples, "palpate_store_bytes"))],
-    ["of them live", bytes(total(samples, "palpate_store_live_bytes"))],
-    ["free on the disk", bytes(total(samples, "palpate_store_free_bytes"))],
+    ["live data", bytes(total(samples, "palpate_store_live_bytes"))],
+    ["free disk space", bytes(total(samples, "palpate_store_free_bytes"))],
     ["requests", count(total(samples, "palpate_http_requests_total"))],
-    ["answered 5xx", count(failed)],
-    ["for 95 % of requests", p95 === undefined ? "–" : Number.isFinite(p95) ? `≤ ${p95 < 1 ? `${p95 * 1000} ms` : `${p95} s`}` : "> 30 s"],
+    ["answers with 5xx", count(failed)],
+    ["95th percentile latency", p95 === undefined ? "–" : Number.isFinite(p95) ? `≤ ${p95 < 1 ? `${p95 * 1000} ms` : `${p95} s`}` : "> 30 s"],
   ];
   return (
     <dl class="stats">

@@ -1,4 +1,4 @@
-// Prometheus text into the few sums that people look at.
+// Sums and quantiles from the Prometheus text format.
 
 export interface Sample {
   name: string;
@@ -16,12 +16,12 @@ export function parseMetrics(text: string): Sample[] {
   });
 }
 
-/** The sum of all samples of a name that have these labels. */
+/** Sum of the samples of a metric with these labels. */
 export function total(samples: Sample[], name: string, labels: (labels: Record<string, string>) => boolean = () => true): number {
   return samples.filter((one) => one.name === name && labels(one.labels)).reduce((sum, one) => sum + one.value, 0);
 }
 
-/** The bucket below which a share of all requests was answered, in seconds. */
+/** Upper bound of the bucket that holds a quantile of the requests, in seconds. */
 export function quantile(samples: Sample[], name: string, share: number): number | undefined {
   const buckets = new Map<number, number>();
   for (const one of samples.filter((sample) => sample.name === `${name}_bucket`)) {

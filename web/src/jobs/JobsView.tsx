@@ -1,4 +1,4 @@
-// Trainings: under way with their progress, and what became of earlier ones.
+// Trainings: those in progress and ended ones.
 import { getAll, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Job } from "../api/types";
@@ -17,12 +17,12 @@ export function JobsView() {
   const ended = jobs.data?.filter(isFinal).reverse() ?? [];
   return (
     <>
-      <ViewHead title="Jobs" sub={jobs.data ? `${under.length} under way, ${ended.length} ended` : "Trainings, one at a time"} />
+      <ViewHead title="Jobs" sub={jobs.data ? `${under.length} in progress, ${ended.length} ended` : "Trainings run one at a time"} />
       <Show of={jobs} what="the jobs" lines={5}>
         {(found) =>
           found.length === 0 ? (
-            <Empty title="No training was asked for yet">
-              <a href={link("objects")}>Train from the objects’ page</a>
+            <Empty title="No trainings yet">
+              <a href={link("objects")}>Start one on the Objects page</a>
             </Empty>
           ) : (
             <>
@@ -65,11 +65,11 @@ function Ended({ jobs }: { jobs: Job[] }) {
         <table>
           <thead>
             <tr>
-              <th scope="col">Asked for</th>
+              <th scope="col">Requested</th>
               <th scope="col">Catalogue</th>
               <th scope="col">Outcome</th>
-              <th scope="col" class="num">Took</th>
-              <th scope="col">Why</th>
+              <th scope="col" class="num">Duration</th>
+              <th scope="col">Reason</th>
             </tr>
           </thead>
           <tbody>

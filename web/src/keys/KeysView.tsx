@@ -1,4 +1,4 @@
-// API keys: who may do what; a new secret is shown this once.
+// API keys and their roles; a new secret is shown once.
 import { useState } from "preact/hooks";
 import { getAll, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
@@ -11,10 +11,10 @@ import { useAction } from "../parts/useAction";
 import { who } from "../signin";
 
 const ROLES: [Role, string][] = [
-  ["robot", "touches: sessions and readings"],
-  ["trainer", "teaches: objects, sensors, trainings"],
-  ["viewer", "looks on"],
-  ["admin", "everything, also keys"],
+  ["robot", "touch: sessions and readings"],
+  ["trainer", "train: objects, sensors, trainings"],
+  ["viewer", "read only"],
+  ["admin", "everything, including keys"],
 ];
 
 export function KeysView() {
@@ -31,7 +31,7 @@ export function KeysView() {
   const rotate = (key: ApiKey) =>
     action.run(async () => done(await sendJson<NewApiKey>("POST", `/v1/keys/${key.id}/rotate`, { grace_s: 3600 })));
   const revoke = (key: ApiKey) => {
-    if (!confirm(`Revoke ${key.name}? Whoever uses it is refused at once.`)) return;
+    if (!confirm(`Revoke ${key.name}? Its requests will be refused at once.`)) return;
     action.run(async () => {
       await sendJson("DELETE", `/v1/keys/${key.id}`);
       keys.reload();
@@ -39,7 +39,7 @@ export function KeysView() {
   };
   return (
     <>
-      <ViewHead title="Keys" sub={isOpen ? "Nobody is asked for a key until the server is started again" : "Who may do what"}>
+      <ViewHead title="Keys" sub={isOpen ? "The server requires keys from its next start" : "API keys and their roles"}>
         <button type="button" class="primary" onClick={() => setCreating(true)}>
           New key …
         </button>
@@ -48,8 +48,8 @@ export function KeysView() {
       <Show of={keys} what="the keys" lines={4}>
         {(found) =>
           found.length === 0 ? (
-            <Empty title="There is no key">
-              <p>This server is open to everybody on its own machine. Once a key exists, it asks everybody for one from its next start on: make an admin’s first.</p>
+            <Empty title="No keys">
+              <p>This server is open to everybody on its own machine. Once a key exists, it requires keys from its next start: create an admin key first.</p>
             </Empty>
           ) : (
             <Panel title="All keys">
@@ -57,11 +57,11 @@ export function KeysView() {
                 <table>
                   <thead>
                     <tr>
-                      <th scope="col">Holder</th>
+                      <th scope="col">Name</th>
                       <th scope="col">Role</th>
                       <th scope="col">State</th>
                       <th scope="col">Last used</th>
-                      <th scope="col">Made</th>
+                      <th scope="col">Created</th>
                       <th scope="col"><span class="visually-hidden">Actions</span></th>
                     </tr>
                   </thead>
@@ -126,9 +126,9 @@ function CreateDialog(props: { isFirst: boolean; onMade: (made: NewApiKey) => vo
   return (
     <Dialog title="New key" onClose={props.onClose}>
       <form onSubmit={submit}>
-        {props.isFirst && <p class="note note-warn">From its next start on the server asks everybody for a key, this page too. Make an admin’s first, and keep it.</p>}
+        {props.isFirst && <p class="note note-warn">From its next start the server requires keys, also for this page. Create an admin key first and keep it.</p>}
         <div class="field">
-          <label for="key-name">Holder</label>
+          <label for="key-name">Name</label>
           <input id="key-name" type="text" required maxlength={64} value={name} placeholder="arm-3" onInput={(event) => setName(event.currentTarget.value)} />
         </div>
         <fieldset>
@@ -141,12 +141,12 @@ function CreateDialog(props: { isFirst: boolean; onMade: (made: NewApiKey) => vo
           ))}
         </fieldset>
         <div class="field">
-          <label for="key-days">Expires after days</label>
+          <label for="key-days">Expires after (days)</label>
           <input id="key-days" type="number" min={1} max={3650} value={days} placeholder="never" onInput={(event) => setDays(event.currentTarget.value)} />
         </div>
         {action.problem && <ProblemNote problem={action.problem} />}
         <div class="form-end">
-          <button type="submit" class="primary" disabled={action.busy}>Make the key</button>
+          <button type="submit" class="primary" disabled={action.busy}>Create key</button>
         </div>
       </form>
     </Dialog>
@@ -159,7 +159,7 @@ function SecretDialog({ made, onClose }: { made: NewApiKey; onClose: () => void 
   return (
     <Dialog title={`Secret of ${made.key.name}`} onClose={onClose}>
       <div class="stack">
-        <p class="note note-warn">This secret is shown this once. Keep it where its holder finds it.</p>
+        <p class="note note-warn">This secret is shown only once. Store it now.</p>
         <div class="secret">
           <code>{made.secret}</code>
           <button type="button" onClick={copy}>{copied ? "Copied" : "Copy"}</button>

@@ -1,4 +1,4 @@
-// Catalogues and their versions: which one new sessions use, and the way back to an older one.
+// Catalogues and their versions, and the switch of the current version.
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Catalogue, CatalogueVersion } from "../api/types";
@@ -13,12 +13,12 @@ export function ModelsView() {
   const catalogues = useResource("catalogues", (signal) => getAll<Catalogue>("/v1/catalogues", 1000, signal));
   return (
     <>
-      <ViewHead title="Models" sub="Catalogues of trained versions; a session keeps the version it began with" />
+      <ViewHead title="Models" sub="Catalogues of trained versions; a session keeps its version" />
       <Show of={catalogues} what="the catalogues">
         {(found) =>
           found.length === 0 ? (
-            <Empty title="Nothing is trained yet">
-              <a href={link("objects")}>Add objects and train them</a>
+            <Empty title="No trained versions yet">
+              <a href={link("objects")}>Add and train objects</a>
             </Empty>
           ) : (
             <>
@@ -62,7 +62,7 @@ function Versions({ catalogue, reload }: { catalogue: Catalogue; reload: () => v
                     <th scope="col">Version</th>
                     <th scope="col">Trained</th>
                     <th scope="col">Objects</th>
-                    <th scope="col">Learnt</th>
+                    <th scope="col">Parts</th>
                     <th scope="col"><span class="visually-hidden">Actions</span></th>
                   </tr>
                 </thead>
@@ -88,7 +88,7 @@ function Row(props: { version: CatalogueVersion; isCurrent: boolean; busy: boole
     (report.surface_bytes ?? 0) > 0 && "surfaces",
     report.n_classes > 0 && `pair maps (${report.n_classes} classes)`,
     report.appearance && `appearance (${report.appearance.n_classes} classes)`,
-    report.objects.some((object) => object.geometry) && "maps of contact",
+    report.objects.some((object) => object.geometry) && "contact maps",
   ].filter(Boolean);
   return (
     <tr>

@@ -1,4 +1,4 @@
-// One version's report: what was learnt of each object, and which objects touch confuses.
+// Report of one version: its objects, and which of them touch confuses.
 import { getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { AppearanceReport, CatalogueVersion } from "../api/types";
@@ -39,7 +39,7 @@ function Summary({ version }: { version: CatalogueVersion }) {
         of={[
           ["Took", duration(report.seconds)],
           ["Objects", count(report.objects.length)],
-          ["Touches each", training.readings_per_object ? count(training.readings_per_object) : "–"],
+          ["Touches per object", training.readings_per_object ? count(training.readings_per_object) : "–"],
           ["Descriptor", training.descriptor ?? "–"],
           ["Classes", report.n_classes > 0 ? count(report.n_classes) : "none"],
           ["Pair index", bytes(report.index_bytes)],
@@ -61,9 +61,9 @@ function Objects({ version }: { version: CatalogueVersion }) {
               <th scope="col">Object</th>
               <th scope="col" class="num">Touches</th>
               <th scope="col" class="num">Patches</th>
-              <th scope="col" class="num">Pairs that propose</th>
+              <th scope="col" class="num">Pairs</th>
               <th scope="col">Symmetry</th>
-              <th scope="col">Map of contact</th>
+              <th scope="col">Contact map</th>
             </tr>
           </thead>
           <tbody>
@@ -89,13 +89,13 @@ function Appearance({ version, path }: { version: CatalogueVersion; path: string
   const report = useResource(has ? `${path}/report/appearance` : null, (signal) => getJson<AppearanceReport>(`${path}/report/appearance`, signal));
   if (!has) {
     return (
-      <Panel title="Which objects touch confuses">
-        <p class="faint">Not known: this version was trained without appearance. Train with it to see confusion, affinity and near-duplicates.</p>
+      <Panel title="Confusable objects">
+        <p class="faint">This version was trained without appearance. Train with appearance to see confusion, similarity and near duplicates.</p>
       </Panel>
     );
   }
   return (
-    <Panel title="Which objects touch confuses" aside={report.data && `by appearance alone, after ${plural(report.data.n_readings, "reading")} each`}>
+    <Panel title="Confusable objects" aside={report.data && `by appearance alone, after ${plural(report.data.n_readings, "reading")} each`}>
       <Show of={report} what="the report" lines={6}>
         {(found) => <Report report={found} />}
       </Show>
@@ -111,18 +111,18 @@ function Report({ report }: { report: AppearanceReport }) {
         <p key={warning} class="note note-warn">{warning}</p>
       ))}
       {report.near_duplicates.length === 0 && report.warnings.length === 0 && (
-        <p class="note note-good">No two objects are nearly the same to the touch.</p>
+        <p class="note note-good">No near duplicates.</p>
       )}
       <Facts
         of={[
           ["Recognised", percent(report.accuracy)],
           ["Classes", count(report.n_classes)],
-          ["Values a feature", `${report.feature_length}, reduced to ${report.n_components}`],
+          ["Feature components", `${report.feature_length}, reduced to ${report.n_components}`],
         ]}
       />
       <div class="grid grid-2 matrices">
-        <Matrix caption="Confusion: mean probability of each object (column) when the row’s was touched" names={names} rows={report.confusion} rowWord="touched" diagonalIsGood />
-        <Matrix caption="Affinity: how alike the objects’ histograms of appearance are" names={names} rows={report.affinity} rowWord="object" diagonalIsGood />
+        <Matrix caption="Confusion: mean probability of each object (column) when the row’s object was touched" names={names} rows={report.confusion} rowWord="touched" diagonalIsGood />
+        <Matrix caption="Similarity of the objects’ appearance histograms" names={names} rows={report.affinity} rowWord="object" diagonalIsGood />
       </div>
     </div>
   );

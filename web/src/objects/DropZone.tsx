@@ -1,4 +1,4 @@
-// A mesh dropped or chosen becomes an object; its unit must be said, no file format says it.
+// A drop zone for meshes, with a dialog for the unit, which no file format records.
 import { useRef, useState } from "preact/hooks";
 import { ask, sendJson } from "../api/http";
 import type { MeshReport, ObjectInfo } from "../api/types";
@@ -11,7 +11,7 @@ const FORMATS = ["stl", "obj", "ply", "off"];
 
 interface Props {
   onAdded: () => void;
-  /** An object whose mesh is to be replaced; otherwise a new one is made. */
+  /** The object whose mesh is replaced; without it a new object is created. */
   into?: ObjectInfo;
 }
 
@@ -99,7 +99,7 @@ function MeshDialog({ file, into, onClose, onAdded }: Props & { file: File; onCl
             </div>
           )}
           <fieldset>
-            <legend>One unit of the file is</legend>
+            <legend>One unit of the file means</legend>
             {(["mm", "m"] as const).map((one) => (
               <label key={one}>
                 <input type="radio" name="unit" value={one} required checked={unit === one} onChange={() => setUnit(one)} />
@@ -140,7 +140,7 @@ function Understood({ report, name, onClose }: { report: MeshReport; name: strin
   );
 }
 
-/** Makes an object, or finds the one that a broken upload left without a mesh. */
+/** Creates an object, or finds the one that an interrupted upload left without a mesh. */
 async function made(name: string): Promise<ObjectInfo> {
   try {
     return await sendJson<ObjectInfo>("POST", "/v1/objects", { name });
@@ -152,7 +152,7 @@ async function made(name: string): Promise<ObjectInfo> {
   }
 }
 
-/** A file's name as an object's: what is not allowed becomes a dash. */
+/** An object name from a file name, with dashes for invalid characters. */
 function nameOf(file: string): string {
   const bare = file.replace(/\.[^.]*$/, "").replace(/[^A-Za-z0-9._-]+/g, "-");
   return bare.replace(/^[^A-Za-z0-9]+/, "").slice(0, 64);

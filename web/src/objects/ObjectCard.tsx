@@ -1,11 +1,11 @@
-// One object of the gallery: its mesh as a picture, drawn when it comes into sight.
+// One object of the gallery, with a picture of its mesh drawn when it scrolls into view.
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { ObjectInfo } from "../api/types";
 import { bytes, dark, plural } from "../format";
 import { link } from "../router";
 import { meshOf } from "../session/shapes";
 
-/** Larger meshes are drawn only where they are asked for. */
+/** Larger meshes have no picture in the gallery. */
 const PICTURE_BYTES_MAX = 12e6;
 
 export function ObjectCard({ object }: { object: ObjectInfo }) {
@@ -18,7 +18,7 @@ export function ObjectCard({ object }: { object: ObjectInfo }) {
         <span class="faint">
           {mesh ? `${mesh.format.toUpperCase()} in ${mesh.unit}, ${bytes(mesh.bytes)}` : "taught by touch"}
         </span>
-        <span class="faint">{object.n_readings > 0 ? plural(object.n_readings, "training touch", "training touches") : "touched in simulation"}</span>
+        <span class="faint">{object.n_readings > 0 ? plural(object.n_readings, "training touch", "training touches") : "simulated touches"}</span>
       </div>
     </li>
   );
@@ -44,7 +44,7 @@ function Picture({ object }: { object: ObjectInfo }) {
       if (!gone && canvas.current) picture(shape, canvas.current);
     };
     draw().catch(() => {
-      // A card without its picture still leads to the object.
+      // A card without a picture still links to the object.
     });
     return () => {
       gone = true;

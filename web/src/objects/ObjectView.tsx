@@ -1,4 +1,4 @@
-// One object: its mesh, where it was touched in training, and what was learnt of its surface.
+// One object: its mesh, its training touches, and its trained surface.
 import { useMemo, useState } from "preact/hooks";
 import { getAll, getJson, sendJson } from "../api/http";
 import { useResource } from "../api/resource";
@@ -16,7 +16,7 @@ import { may } from "../signin";
 import { DropZone } from "./DropZone";
 import { OccupancyPanel } from "./OccupancyPanel";
 
-/** What lies on the surface. */
+/** The layer drawn on the surface. */
 type Layer = "nothing" | "touches" | "classes";
 
 export function ObjectView({ id }: { id: string }) {
@@ -38,7 +38,7 @@ function Found({ object, reload }: { object: ObjectInfo; reload: () => void }) {
   const action = useAction();
   return (
     <>
-      <ViewHead title={object.name} sub={object.description || (object.n_readings > 0 ? "Taught by a robot’s touches" : "Taught by its mesh")}>
+      <ViewHead title={object.name} sub={object.description || (object.n_readings > 0 ? "Taught by touch" : "Taught by its mesh")}>
         {versions.data && versions.data.length > 1 && (
           <select aria-label="Version" value={version ? key(version) : ""} onChange={(event) => choose(event.currentTarget.value)}>
             {versions.data.map((one) => (
@@ -52,7 +52,7 @@ function Found({ object, reload }: { object: ObjectInfo; reload: () => void }) {
             class="danger"
             disabled={action.busy}
             onClick={() => {
-              if (confirm(`Delete ${object.name}, its mesh and its touches? Trained versions go on knowing it.`)) {
+              if (confirm(`Delete ${object.name}, its mesh and its touches? Trained versions still recognise it.`)) {
                 action.run(async () => {
                   await sendJson("DELETE", `/v1/objects/${object.id}`);
                   go("objects");
@@ -91,9 +91,9 @@ function SurfacePanel({ object, version }: { object: ObjectInfo; version: Catalo
   return (
     <Panel title="Surface" aside={data && <span>{plural(data.map.length || data.touches.length, "touch", "touches")}</span>}>
       {surface.problem && <ProblemNote problem={surface.problem} retry={surface.reload} />}
-      <Stage3D content={content} label={`${object.name}, ${layer === "classes" ? "classes of appearance" : "training touches"} over its surface`}
-        note="object frame, origin at the centroid · drag or arrow keys turn" />
-      <div class="layers" role="group" aria-label="What is shown">
+      <Stage3D content={content} label={`${object.name}, ${layer === "classes" ? "appearance classes" : "training touches"} over its surface`}
+        note="object frame, origin at the centroid · drag or arrow keys rotate" />
+      <div class="layers" role="group" aria-label="Layers">
         <button type="button" aria-pressed={mesh} disabled={!object.mesh} onClick={() => setMesh(!mesh)}>Mesh</button>
         <button type="button" aria-pressed={layer === "touches"} onClick={() => setLayer(layer === "touches" ? "nothing" : "touches")}>
           Training touches
@@ -184,7 +184,7 @@ function patches({ map, touches }: Surface, layer: Layer): SurfacePoint[] {
 
 const key = (version: CatalogueVersion) => `${version.catalogue} version ${version.version}`;
 
-/** The current versions that know an object. */
+/** Current versions that include an object. */
 async function knowing(object: string, signal: AbortSignal): Promise<CatalogueVersion[]> {
   const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
   const current = catalogues.filter((catalogue) => catalogue.current);

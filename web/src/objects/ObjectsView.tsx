@@ -1,4 +1,4 @@
-// The gallery: every object with its picture, a place to drop meshes, and the way to train.
+// The gallery: all objects with pictures, a drop zone for meshes, and the training dialog.
 import { useState } from "preact/hooks";
 import { getAll, getJson, ProblemError } from "../api/http";
 import { useResource } from "../api/resource";
@@ -20,7 +20,7 @@ export function ObjectsView() {
   const trainable = objects.data?.filter((object) => object.mesh || object.n_readings > 0) ?? [];
   return (
     <>
-      <ViewHead title="Objects" sub={objects.data ? `${plural(objects.data.length, "object")}, ${trainable.length} with a mesh or touches to train from` : "What robots are to recognise"}>
+      <ViewHead title="Objects" sub={objects.data ? `${plural(objects.data.length, "object")}, ${trainable.length} trainable` : "Objects to recognise"}>
         {may("trainer", "admin") && (
           <button type="button" class="primary" disabled={trainable.length === 0} onClick={() => setTraining(true)}>
             Train …
@@ -41,8 +41,8 @@ export function ObjectsView() {
       <Show of={objects} what="objects" lines={6}>
         {(found) =>
           found.length === 0 ? (
-            <Empty title="There is no object yet">
-              <p>Drop a mesh above, or let a robot teach one by its touches.</p>
+            <Empty title="No objects yet">
+              <p>Drop a mesh above, or post a robot’s training readings.</p>
               <pre>palpate objects add mug --mesh mug.stl</pre>
             </Empty>
           ) : (
@@ -67,7 +67,7 @@ interface Twins {
   affinity: number;
 }
 
-/** Pairs that the current versions' reports call nearly the same. */
+/** Near duplicates in the reports of the current versions. */
 async function nearDuplicates(signal: AbortSignal): Promise<Twins[]> {
   const catalogues = await getAll<Catalogue>("/v1/catalogues", 100, signal);
   const found: Twins[] = [];
@@ -80,7 +80,7 @@ async function nearDuplicates(signal: AbortSignal): Promise<Twins[]> {
       const report = await getJson<AppearanceReport>(`${path}/report/appearance`, signal);
       found.push(...report.near_duplicates.map((twin) => ({ ...twin, catalogue, version: current.version })));
     } catch (error) {
-      // A version without such a report warns of nothing.
+      // Versions without such a report have no warnings.
       if (!(error instanceof ProblemError) || ![404, 409].includes(error.status)) throw error;
     }
   }

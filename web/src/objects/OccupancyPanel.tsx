@@ -1,4 +1,4 @@
-// The map of where an object generates contact: a heat map of a plane, slices of a solid.
+// The contact map of an object: a heat map of a plane, or slices of a solid.
 import { useEffect, useState } from "preact/hooks";
 import { ask, getJson } from "../api/http";
 import { useResource } from "../api/resource";
@@ -13,16 +13,16 @@ export function OccupancyPanel({ version, object }: { version: CatalogueVersion;
   const map = useResource(trained?.geometry ? path : null, (signal) => getJson<OccupancyMap>(path, signal));
   if (!trained?.geometry) {
     return (
-      <Panel title="Map of contact">
+      <Panel title="Contact map">
         <p class="faint">
-          {version.catalogue} version {version.version} was trained without maps of contact. Train with “planar” for raised shapes
+          {version.catalogue} version {version.version} was trained without contact maps. Train with “planar” for raised shapes
           that are pressed from above, with “solid” for things touched from all sides.
         </p>
       </Panel>
     );
   }
   return (
-    <Panel title="Map of contact">
+    <Panel title="Contact map">
       <Show of={map} what="the map" lines={6}>
         {(found) => <MapView map={found} path={path} />}
       </Show>

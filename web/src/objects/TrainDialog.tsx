@@ -1,4 +1,4 @@
-// Starting a training: what to learn, of which objects; its progress is then on the page.
+// The dialog that starts a training: objects and options.
 import { useState } from "preact/hooks";
 import { sendJson } from "../api/http";
 import type { Job, ObjectInfo, StartTraining } from "../api/types";
@@ -52,10 +52,10 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
           </div>
         </div>
         <div class="field">
-          <label for="train-readings">Simulated touches of each mesh</label>
+          <label for="train-readings">Simulated touches per mesh</label>
           <input id="train-readings" type="number" min={20} max={20000} required value={readings}
             onInput={(event) => setReadings(event.currentTarget.valueAsNumber)} />
-          <span class="hint">Objects with touches of a robot are trained from those.</span>
+          <span class="hint">Objects with a robot’s touches are trained from those.</span>
         </div>
         <fieldset class="train-objects">
           <legend>{plural(chosen.size, "object")} of {objects.length}</legend>
@@ -67,7 +67,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
           ))}
         </fieldset>
         <fieldset>
-          <legend>Maps of contact</legend>
+          <legend>Contact maps</legend>
           {(["none", "planar", "solid"] as const).map((kind) => (
             <label key={kind}>
               <input type="radio" name="geometry" checked={geometry === kind} onChange={() => setGeometry(kind)} />
@@ -81,7 +81,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
         </label>
         <label class="check">
           <input type="checkbox" checked={activate} onChange={(event) => setActivate(event.currentTarget.checked)} />
-          New sessions use the version at once
+          Make the version current
         </label>
         {action.problem && <ProblemNote problem={action.problem} />}
         <div class="form-end">

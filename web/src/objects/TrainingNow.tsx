@@ -1,4 +1,4 @@
-// Trainings that this page started or found under way, each with its progress, until dismissed.
+// Trainings started on this page or already running, each with its progress, until dismissed.
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { announce } from "../announce";
@@ -9,7 +9,7 @@ import { duration } from "../format";
 import { Progress } from "../parts/Progress";
 import { link } from "../router";
 
-/** Jobs to show; kept while the reader looks at other views. */
+/** Jobs to show; kept across views. */
 export const startedJobs = signal<Job[]>([]);
 
 export const isFinal = (job: Job) => ["succeeded", "failed", "cancelled"].includes(job.state);
@@ -23,7 +23,7 @@ export function TrainingNow({ onDone }: { onDone: () => void }) {
         if (found.length > 0) startedJobs.value = [...startedJobs.value, ...found];
       },
       () => {
-        // The list of jobs is a view of its own, where its problem is shown.
+        // The view of jobs shows its own problem.
       },
     );
   }, []);
@@ -73,7 +73,7 @@ function OneJob({ started, onDone, onDismiss }: { started: Job; onDone: () => vo
   );
 }
 
-/** A job as it goes on. */
+/** One job and its progress. */
 export function useJob(started: Job, onEnd: (job: Job) => void): Job {
   const [job, setJob] = useState(started);
   useEffect(() => {
@@ -85,7 +85,7 @@ export function useJob(started: Job, onEnd: (job: Job) => void): Job {
       if (isFinal(now)) onEnd(now);
       return isFinal(now);
     }).catch(() => {
-      // Not to be followed any more; the list of jobs says what became of it.
+      // The stream is lost; the view of jobs shows the outcome.
     });
     return () => abort.abort();
   }, [started.id]);

@@ -1,4 +1,4 @@
-// Lines over readings, drawn by uPlot, with the same numbers as a table for those who read it.
+// A line chart, drawn by uPlot, with the same numbers as a table.
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
@@ -14,19 +14,19 @@ export interface Series {
 
 interface Props {
   label: string;
-  /** What is on the x axis, also the head of the table's first column. */
+  /** Label of the x axis and of the table's first column. */
   xLabel: string;
   x: number[];
   series: Series[];
   range?: [number, number];
   format: (value: number) => string;
-  /** How ticks are written, where shorter than values. */
+  /** Format of ticks, if shorter than that of values. */
   tick?: (value: number) => string;
   height?: number;
-  /** A place on the x axis to mark. */
+  /** Marked position on the x axis. */
   at?: number;
   legend?: boolean;
-  /** Whether x counts something, so that ticks are whole. */
+  /** Whether x is a count, with integer ticks. */
   wholeX?: boolean;
   onPick?: (x: number) => void;
 }
@@ -115,7 +115,7 @@ function ChartTable(props: Props) {
   );
 }
 
-/** Steps between whole ticks. */
+/** Distances between integer ticks. */
 const WHOLE = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 
 function data(props: Props): uPlot.AlignedData {
@@ -162,7 +162,7 @@ function options(newest: { current: Props }, width: number): uPlot.Options {
   };
 }
 
-/** A line where the replay stands. */
+/** Line at the position of the replay. */
 function mark(plot: uPlot, at: number | undefined, color: string): void {
   if (at === undefined) return;
   const x = plot.valToPos(at, "x", true);

@@ -1,4 +1,4 @@
-// A modal window: the browser's own, which keeps the focus inside and gives it back.
+// A modal dialog: the browser's own, which manages the focus.
 import type { ComponentChildren } from "preact";
 import { useEffect, useId, useRef } from "preact/hooks";
 

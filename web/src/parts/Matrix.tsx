@@ -1,4 +1,4 @@
-// A square of numbers as a table whose cells are tinted: confusion and affinity of objects.
+// A matrix as a table with tinted cells, for confusion and similarity.
 import { useId } from "preact/hooks";
 
 export function Matrix(props: {
@@ -6,7 +6,7 @@ export function Matrix(props: {
   names: string[];
   rows: number[][];
   rowWord: string;
-  /** Whether the diagonal is where the values should be. */
+  /** Whether large values belong on the diagonal. */
   diagonalIsGood: boolean;
 }) {
   const id = useId();

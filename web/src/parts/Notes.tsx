@@ -1,9 +1,9 @@
-// The three states beside "there it is": empty, still loading, and refused with the reason.
+// Placeholders of a view: empty, loading, refused.
 import type { ComponentChildren } from "preact";
 import type { Problem } from "../api/types";
 import type { Resource } from "../api/resource";
 
-/** A problem as the server tells it, with the fields it names and how to ask again. */
+/** The server's problem, with invalid fields and a retry button. */
 export function ProblemNote({ problem, retry }: { problem: Problem; retry?: () => void }) {
   const errors = (problem.errors ?? []).filter((error) => error.detail !== problem.detail);
   return (
@@ -34,7 +34,7 @@ export function ProblemNote({ problem, retry }: { problem: Problem; retry?: () =
   );
 }
 
-/** Nothing there yet, and what would bring something. */
+/** An empty state, with a hint how to fill it. */
 export function Empty({ title, children }: { title: string; children?: ComponentChildren }) {
   return (
     <div class="note note-empty">
@@ -44,7 +44,7 @@ export function Empty({ title, children }: { title: string; children?: Component
   );
 }
 
-/** Lines of the size of what will be there, so that nothing jumps when it comes. */
+/** Placeholder lines of the final size, so that the layout does not jump. */
 export function Loading({ lines = 3, what }: { lines?: number; what: string }) {
   return (
     <div class="skeleton" role="status">
@@ -56,7 +56,7 @@ export function Loading({ lines = 3, what }: { lines?: number; what: string }) {
   );
 }
 
-/** Shows what a resource has, or the state that it is in. */
+/** Shows a resource, or its placeholder. */
 export function Show<T>(props: {
   of: Resource<T>;
   what: string;

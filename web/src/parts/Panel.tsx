@@ -1,4 +1,4 @@
-// A titled part of a view, and the head of a view with its actions.
+// A titled panel, and the head of a view with its actions.
 import type { ComponentChildren } from "preact";
 import { useId } from "preact/hooks";
 
@@ -36,7 +36,7 @@ export function ViewHead(props: {
   );
 }
 
-/** Facts in two columns: what, and its value. */
+/** Facts in two columns: name and value. */
 export function Facts({ of: facts }: { of: [string, ComponentChildren][] }) {
   return (
     <dl class="facts">
@@ -50,7 +50,7 @@ export function Facts({ of: facts }: { of: [string, ComponentChildren][] }) {
   );
 }
 
-/** A word on a coloured ground; the colour never says more than the word. */
+/** A word on a coloured ground; the colour repeats the word's meaning. */
 export function Badge({ kind, children }: { kind: string; children: ComponentChildren }) {
   return <span class={`badge badge-${kind}`}>{children}</span>;
 }

@@ -1,4 +1,4 @@
-// Who it may be, as bars: the likeliest objects and "none of these".
+// Bars of the likeliest objects and "none of these".
 import { percent } from "../format";
 
 export interface Share {
@@ -8,7 +8,7 @@ export interface Share {
   isUnknown?: boolean;
 }
 
-/** The likeliest `n` of a belief with "none of these" in its place among them. */
+/** The `n` likeliest answers of a belief, including "none of these". */
 export function shares(
   objects: { name: string; probability: number }[],
   unknown: number,

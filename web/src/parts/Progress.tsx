@@ -1,20 +1,20 @@
-// How far a training is: the stage, a bar, and what is left.
+// Progress of a training: stage, bar and remaining time.
 import type { Job } from "../api/types";
 import { duration } from "../format";
 
 const STAGES: Record<string, string> = {
   sampling: "Touching meshes in simulation",
-  vocabulary: "Learning classes of appearance",
-  mapping: "Mapping the objects",
+  vocabulary: "Learning appearance classes",
+  mapping: "Building pair maps",
   surface: "Learning surfaces",
-  geometry: "Learning maps of contact",
+  geometry: "Learning contact maps",
   appearance: "Learning appearance",
   storing: "Storing the version",
 };
 
 export function Progress({ job }: { job: Job }) {
   const share = job.total > 0 ? job.done / job.total : undefined;
-  const stage = job.state === "queued" ? "Waiting for its turn" : (STAGES[job.stage ?? ""] ?? "Running");
+  const stage = job.state === "queued" ? "Queued" : (STAGES[job.stage ?? ""] ?? "Running");
   return (
     <div class="progress">
       <div class="progress-head">

@@ -1,4 +1,4 @@
-// A small line without axes: how entropy fell over a session's readings.
+// A small line without axes, for the entropy of a session.
 
 interface Point {
   n: number;

@@ -1,4 +1,4 @@
-// What a press looked like to the sensor: one square a taxel, scaled to a common pressure.
+// A tactile image: one square per taxel, on a common pressure scale.
 import { useEffect, useRef } from "preact/hooks";
 import { heat } from "../format";
 

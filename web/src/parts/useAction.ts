@@ -1,4 +1,4 @@
-// Something that a button does: whether it is under way, and what the server said against it.
+// State of an action: whether it is in progress, and the problem if it failed.
 import { useState } from "preact/hooks";
 import type { Problem } from "../api/types";
 import { problemFrom } from "../api/resource";

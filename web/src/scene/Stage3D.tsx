@@ -1,4 +1,4 @@
-// A scene within a view: loads the 3-D chunk when it is first needed, and says so when it cannot.
+// A 3-D scene within a view: loads the 3-D chunk on first use and reports failures.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { dark } from "../format";
 import type { Content } from "./content";
@@ -35,7 +35,7 @@ export function Stage3D(props: { content: Content; label: string; note?: string;
         <p class="stage-fault">This browser cannot draw in 3-D (WebGL). The numbers are in the tables.</p>
       ) : (
         <>
-          <canvas ref={canvas} tabIndex={0} role="img" aria-label={`${props.label}. Arrow keys turn, plus and minus zoom, 0 resets.`} />
+          <canvas ref={canvas} tabIndex={0} role="img" aria-label={`${props.label}. Arrow keys rotate, plus and minus zoom, 0 resets.`} />
           {state === "loading" && <p class="stage-fault">Loading the view …</p>}
           {state === "ready" && props.empty && <p class="stage-fault">{props.empty}</p>}
           {props.note && !props.empty && <p class="stage-note">{props.note}</p>}

@@ -1,8 +1,8 @@
-// What a scene shows, in plain numbers: views say it, the 3-D chunk draws it.
+// Content of a scene as plain data, from views to the 3-D chunk.
 import type { Pose } from "../api/types";
 import type { Vector } from "./vectors";
 
-/** The shape of an object in its own frame: a mesh file, or points where there is none. */
+/** Shape of an object in its own frame: a mesh file, or points without one. */
 export interface Shape {
   id: string;
   mesh?: { file: ArrayBuffer; format: string; metresPerUnit: number; origin: Vector };
@@ -15,23 +15,23 @@ export interface SurfacePoint {
   color?: string;
 }
 
-/** An object somewhere; a ghost is another hypothesis. */
+/** An object in a pose; a ghost is an alternative hypothesis. */
 export interface Body {
   shape: Shape;
   pose: Pose;
   ghost?: { color: string; weight: number };
-  /** Without its mesh only its points are shown. */
+  /** Without a mesh only the points are drawn. */
   hideMesh?: boolean;
 }
 
 /** A touch in the scene's frame. */
 export interface TouchMark {
   position: Vector;
-  /** Out of the object, towards the sensor. */
+  /** Outward normal, towards the sensor. */
   normal: Vector;
   color: string;
   selected: boolean;
-  /** Whether something was in touch; otherwise a ring is drawn. */
+  /** Whether the touch had contact; otherwise it is drawn as a ring. */
   contact: boolean;
 }
 

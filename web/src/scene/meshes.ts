@@ -1,4 +1,4 @@
-// Mesh files into geometry: the four formats that the server takes.
+// Mesh files to geometry, for the four formats of the API.
 import { BufferGeometry, Float32BufferAttribute, Mesh } from "three";
 import { OBJLoader } from "three/addons/loaders/OBJLoader.js";
 import { PLYLoader } from "three/addons/loaders/PLYLoader.js";
@@ -6,7 +6,7 @@ import { STLLoader } from "three/addons/loaders/STLLoader.js";
 import { mergeGeometries } from "three/addons/utils/BufferGeometryUtils.js";
 import type { Vector } from "./vectors";
 
-/** Reads a mesh file; the result is in metres, in the object frame, with normals. */
+/** Parses a mesh file into geometry in metres, in the object frame, with normals. */
 export function readMesh(file: ArrayBuffer, format: string, metresPerUnit: number, origin: Vector): BufferGeometry {
   const geometry = parse(file, format);
   geometry.scale(metresPerUnit, metresPerUnit, metresPerUnit);
@@ -42,7 +42,7 @@ function objGeometry(text: string): BufferGeometry {
   return parts.length === 1 ? parts[0]! : mergeGeometries(parts);
 }
 
-/** OFF: counts, vertices, then faces that are split into triangles about their first corner. */
+/** OFF: counts, vertices, and faces, split into triangles at their first corner. */
 function offGeometry(text: string): BufferGeometry {
   const numbers = text
     .replace(/^\s*OFF/, "")

@@ -1,4 +1,4 @@
-// The 3-D chunk: draws what a view says, when it says it, and turns by mouse, finger and keys.
+// The 3-D chunk: draws a view's content, with mouse, touch and keyboard control.
 import {
   AmbientLight, Box3, BufferGeometry, CircleGeometry, Color, DirectionalLight, DoubleSide, Float32BufferAttribute,
   GridHelper, Group, HemisphereLight, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, Mesh,
@@ -14,7 +14,7 @@ import type { Vector } from "./vectors";
 const TURN = 0.12;
 const Z = new Vector3(0, 0, 1);
 
-/** Colours that follow the page's. */
+/** Colours of the current theme. */
 interface Theme {
   ground: Color;
   body: Color;
@@ -24,7 +24,7 @@ interface Theme {
 
 const geometries = new Map<string, BufferGeometry>();
 
-/** The geometry of a shape's mesh; made once. */
+/** Geometry of a shape's mesh, cached. */
 function geometryOf(shape: Shape): BufferGeometry | undefined {
   if (shape.mesh === undefined) return undefined;
   const known = geometries.get(shape.id);
@@ -42,13 +42,13 @@ export class Stage {
   private readonly controls: OrbitControls;
   private readonly resized: ResizeObserver;
   private content = new Group();
-  /** What was shown before; freed after the next picture, so that shaders are kept. */
+  /** Previous content, freed after the next frame so that shaders are reused. */
   private readonly outdated: Group[] = [];
   private readonly lamp = new DirectionalLight(0xffffff, 1.6);
   private framed: Sphere | undefined;
   private waiting = 0;
 
-  /** Draws into a canvas; throws when there is no WebGL. */
+  /** Draws into a canvas; throws without WebGL. */
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
@@ -65,7 +65,7 @@ export class Stage {
     this.resize();
   }
 
-  /** Shows other content; the view stays unless the content has moved out of it. */
+  /** Replaces the content; the camera moves only if the content has left its view. */
   show(content: Content): void {
     this.outdated.push(this.content);
     this.scene.remove(this.content);
@@ -89,7 +89,7 @@ export class Stage {
     this.draw();
   }
 
-  /** Looks at everything from the front above. */
+  /** Places the camera in front and above, with everything in view. */
   reset = (): void => {
     const sphere = this.framed ?? new Sphere(new Vector3(), 0.1);
     const away = new Vector3(0.75, -1.15, 0.7).normalize().multiplyScalar(sphere.radius * 3.6);
@@ -121,7 +121,7 @@ export class Stage {
     this.reset();
   }
 
-  /** An approach that ends where it meets a believed surface. */
+  /** An approach that ends at the estimated surface. */
   private untilHit(approach: ApproachMark): ApproachMark {
     const ray = new Raycaster(new Vector3(...approach.from), new Vector3(...approach.direction).normalize(), 0, approach.length);
     const solids: Mesh[] = [];
@@ -182,7 +182,7 @@ export class Stage {
 
 let shared: { renderer: WebGLRenderer; scene: Scene; camera: PerspectiveCamera } | undefined;
 
-/** Draws a small picture of a shape; all pictures share one renderer, browsers have few. */
+/** Draws a small picture of a shape. All pictures share one renderer, because browsers limit them. */
 export function picture(shape: Shape, into: HTMLCanvasElement): void {
   const width = 480;
   const height = 360;
@@ -258,7 +258,7 @@ function discs(points: SurfacePoint[], radius: number, opacity = 1): InstancedMe
     roughness: 0.8,
     transparent: opacity < 1,
     opacity,
-    // A press sinks in by a few millimetres: the disc is still drawn before the surface there.
+    // A press sinks in by a few millimetres, so the disc is drawn in front of the surface.
     polygonOffset: true,
     polygonOffsetFactor: -2,
     polygonOffsetUnits: -900,
@@ -271,7 +271,7 @@ function discs(points: SurfacePoint[], radius: number, opacity = 1): InstancedMe
   return mesh;
 }
 
-/** A frame at a point whose +z is a normal, lifted off the surface a little. */
+/** A frame at a point with its +z along the normal, lifted slightly off the surface. */
 function facing(position: Vector, normal: Vector, lift: number, scale = 1): Matrix4 {
   const up = new Vector3(...normal).normalize();
   const at = new Vector3(...position).addScaledVector(up, lift);
@@ -292,7 +292,7 @@ function touchMarks(touches: TouchMark[], radius: number): Object3D[] {
     mark.applyMatrix4(facing(touch.position, touch.normal, 0));
     mark.renderOrder = touch.selected ? 2 : 1;
     marks.push(mark);
-    // Behind the object it shines through faintly.
+    // Parts behind the object stay faintly visible.
     const behind = new Mesh(shape, new MeshBasicMaterial({ color, side: DoubleSide, depthTest: false, transparent: true, opacity: 0.28 }));
     behind.matrixAutoUpdate = false;
     behind.matrix.copy(facing(touch.position, touch.normal, 0));
@@ -328,7 +328,7 @@ function approachOf(approach: ApproachMark, theme: Theme, radius: number): Objec
   return arrow;
 }
 
-/** A faint grid under everything, along x and y of the frame. */
+/** A faint grid in the frame's x-y plane, below everything. */
 function floor(sphere: Sphere, theme: Theme): Object3D {
   const size = sphere.radius * 4;
   const grid = new GridHelper(size, 16, theme.grid, theme.grid);
@@ -337,7 +337,7 @@ function floor(sphere: Sphere, theme: Theme): Object3D {
   return grid;
 }
 
-/** A ball around all that matters: bodies that are no ghosts, and touches. */
+/** Bounding ball of the bodies, except ghosts, and the touches. */
 function sphereOf(content: Content): Sphere {
   const box = new Box3();
   const solid = content.bodies.filter((body) => body.ghost === undefined);
@@ -360,7 +360,7 @@ function sphereOf(content: Content): Sphere {
   return box.isEmpty() ? new Sphere(new Vector3(), 0.05) : box.getBoundingSphere(new Sphere());
 }
 
-/** Takes everything out of a group and frees it, but for the meshes that are kept. */
+/** Empties a group and frees its content, except for cached meshes. */
 function empty(group: Group): void {
   const kept = new Set(geometries.values());
   group.traverse((node) => {

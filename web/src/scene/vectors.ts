@@ -1,13 +1,13 @@
-// Poses and images in plain numbers: what views need of geometry without loading the 3-D chunk.
+// Poses and images as plain numbers, for views that do not load the 3-D chunk.
 import type { Pose, Sensor } from "../api/types";
 import type { Image } from "../parts/TactileImage";
 
 export type Vector = [number, number, number];
 
-/** A reading touches where a taxel has at least so much, in pascal. */
+/** Pressure from which a taxel counts as in contact, in pascal. */
 export const CONTACT_PA = 2000;
 
-/** Turns a vector by a quaternion x, y, z, w. */
+/** Rotates a vector by a quaternion x, y, z, w. */
 export function rotate(q: readonly number[], v: Vector): Vector {
   const [x = 0, y = 0, z = 0, w = 1] = q;
   const cross = (a: Vector, b: Vector): Vector => [
@@ -21,13 +21,13 @@ export function rotate(q: readonly number[], v: Vector): Vector {
   return [0, 1, 2].map((i) => v[i]! + w * t[i]! + c[i]!) as Vector;
 }
 
-/** A point of the frame `b` in the frame `a`. */
+/** Maps a point from frame `b` into frame `a`. */
 export function transform(aFromB: Pose, pointInB: Vector): Vector {
   const turned = rotate(aFromB.orientation, pointInB);
   return [0, 1, 2].map((i) => turned[i]! + aFromB.position[i]!) as Vector;
 }
 
-/** The image the right way up: rows along the sensor's +y, columns along its +x. */
+/** The image in sensor orientation: rows along +y, columns along +x. */
 export function upright(sensor: Sensor, sent: (number | null)[]): Image {
   const { grid, image_order: order } = sensor.description;
   const { rows, cols } = grid;
@@ -42,7 +42,7 @@ export function upright(sensor: Sensor, sent: (number | null)[]): Image {
   return { rows, cols, values };
 }
 
-/** The centre of pressure in the sensor frame, metres; null when nothing is in touch. */
+/** Centre of pressure in the sensor frame, metres; null without contact. */
 export function centreOfPressure(sensor: Sensor, image: Image): Vector | null {
   const { pitch } = sensor.description.grid;
   let [sum, x, y] = [0, 0, 0];

@@ -1,4 +1,4 @@
-// One sensor: its geometry, its force curve, and what its calibration found of every taxel.
+// One sensor: geometry, force curve and calibration.
 import { useMemo } from "preact/hooks";
 import { getJson } from "../api/http";
 import { useResource } from "../api/resource";
@@ -72,7 +72,7 @@ function Described({ sensor }: { sensor: Sensor }) {
 
 function order(order: Sensor["description"]["image_order"]): string {
   const said = [order?.transposed && "transposed", order?.rows_reversed && "rows reversed", order?.cols_reversed && "columns reversed"];
-  return said.filter(Boolean).join(", ") || "as it comes";
+  return said.filter(Boolean).join(", ") || "unchanged";
 }
 
 function Calibrated({ calibration }: { calibration: SensorCalibration }) {
@@ -86,11 +86,11 @@ function Calibrated({ calibration }: { calibration: SensorCalibration }) {
         {dead.length + crossed.length === 0 && <Badge kind="good">all taxels usable</Badge>}
       </p>
       <Taxels calibration={calibration} />
-      <h3>Lines of the taxels</h3>
+      <h3>Response lines</h3>
       <Lines calibration={calibration} />
       <Facts
         of={[
-          ["R² as measured", calibration.before.r_squared.toFixed(3)],
+          ["R² measured", calibration.before.r_squared.toFixed(3)],
           ["R² corrected", calibration.after.r_squared.toFixed(3)],
           ["Residual before", kPa(calibration.before.residual)],
           ["Residual after", kPa(calibration.after.residual)],
@@ -104,7 +104,7 @@ function Calibrated({ calibration }: { calibration: SensorCalibration }) {
   );
 }
 
-/** Every taxel with its gain relative to the target, +y up as in the sensor's frame. */
+/** Gain of every taxel relative to the target, +y up as in the sensor's frame. */
 function Taxels({ calibration }: { calibration: SensorCalibration }) {
   const rows = Math.max(...calibration.taxels.map((taxel) => taxel.row)) + 1;
   const cols = Math.max(...calibration.taxels.map((taxel) => taxel.col)) + 1;
@@ -118,7 +118,7 @@ function Taxels({ calibration }: { calibration: SensorCalibration }) {
               const taxel = at(row, col);
               const state = taxel?.state ?? "ok";
               const gain = taxel ? taxel.slope / calibration.target.slope : 1;
-              const answers = taxel?.answers ? `answers row ${taxel.answers.row}, column ${taxel.answers.col}` : "";
+              const answers = taxel?.answers ? `responds to row ${taxel.answers.row}, column ${taxel.answers.col}` : "";
               return (
                 <td key={col} class={`taxel taxel-${state}`} title={`row ${row}, column ${col}: ${state.replace("_", " ")} ${answers}`}>
                   {state === "ok" ? gain.toFixed(2) : state === "dead" ? "dead" : "×"}
@@ -133,7 +133,7 @@ function Taxels({ calibration }: { calibration: SensorCalibration }) {
   );
 }
 
-/** Pressure over depth: a thin line for each usable taxel, the target thick. */
+/** Pressure over depth: a thin line per usable taxel, a thick one for the target. */
 function Lines({ calibration }: { calibration: SensorCalibration }) {
   const isDark = dark.value;
   const x = useMemo(() => [0, 0.2, 0.4, 0.6], []);

@@ -1,4 +1,4 @@
-// The sensors that the server knows, and which of them are calibrated.
+// The sensors of the server and their calibrations.
 import { getAll, getJson } from "../api/http";
 import { useResource } from "../api/resource";
 import type { Sensor, SensorCalibration } from "../api/types";
@@ -11,15 +11,15 @@ export function SensorsView() {
   const sensors = useResource("sensors", (signal) => getAll<Sensor>("/v1/sensors", 1000, signal));
   return (
     <>
-      <ViewHead title="Sensors" sub={sensors.data ? plural(sensors.data.length, "sensor") : "Tactile arrays and how they respond"} />
+      <ViewHead title="Sensors" sub={sensors.data ? plural(sensors.data.length, "sensor") : "Tactile sensor arrays"} />
       <Show of={sensors} what="the sensors" lines={6}>
         {(found) =>
           found.length === 0 ? (
-            <Empty title="No sensor is known">
+            <Empty title="No sensors">
               <p>Describe one with <code>POST /v1/sensors</code>.</p>
             </Empty>
           ) : (
-            <Panel title="Known sensors">
+            <Panel title="All sensors">
               <div class="scroll" tabIndex={0} role="region" aria-label="Sensors">
                 <table>
                   <thead>
@@ -57,7 +57,7 @@ function Row({ sensor }: { sensor: Sensor }) {
       <td class="num">{mm(grid.pitch)}</td>
       <td class="num">{mm(covering)}</td>
       <td>
-        {found === undefined ? "…" : found === null ? <span class="faint">as described</span> : (
+        {found === undefined ? "…" : found === null ? <span class="faint">uncalibrated</span> : (
           <>
             number {found.number} {found.n_unusable > 0 && <Badge kind="warn">{plural(found.n_unusable, "taxel")} unusable</Badge>}
           </>

@@ -1,4 +1,4 @@
-// What is believed at the revision shown: identities, uncertainty, the best pose.
+// The belief at the shown revision: identities, entropy, the best pose.
 import { bits, mm, plural } from "../format";
 import { Loading } from "../parts/Notes";
 import { Badge, Facts, Panel } from "../parts/Panel";
@@ -27,15 +27,15 @@ export function BeliefPanel({ model }: { model: SessionModel }) {
         <Facts
           of={[
             ["Uncertainty", bits(belief.entropy_bits)],
-            ["Rests on", plural(belief.n_readings, "reading")],
+            ["Based on", plural(belief.n_readings, "reading")],
             ...(pose
               ? ([
                   ["Position", pose.pose.position.map((part) => mm(part).replace(" mm", "")).join(", ") + " mm"],
-                  ["Known to", `${mm(spread)}, ${((turn * 180) / Math.PI).toFixed(0)}°`],
+                  ["Accuracy", `${mm(spread)}, ${((turn * 180) / Math.PI).toFixed(0)}°`],
                 ] as [string, string][])
               : []),
             ...(belief.stop
-              ? ([["Risk of being wrong", `${(belief.stop.found * 100).toFixed(1)} % (wanted ${(belief.stop.risk * 100).toFixed(1)} %)`]] as [string, string][])
+              ? ([["Risk of error", `${(belief.stop.found * 100).toFixed(1)} % (accepted ${(belief.stop.risk * 100).toFixed(1)} %)`]] as [string, string][])
               : []),
           ]}
         />

@@ -1,4 +1,4 @@
-// Why it is believed: what each reading contributed in bits, and which one disagrees.
+// Contributions of the readings in bits, and the readings that disagree.
 import { bitsColor, percent, signedBits } from "../format";
 import { Loading, ProblemNote } from "../parts/Notes";
 import { Badge, Panel } from "../parts/Panel";
@@ -20,19 +20,19 @@ export function ExplainPanel({ model, selected, select }: Props) {
   const isOpen = model.session.value?.state === "open" && may("robot", "admin");
   const nAgainst = explanation?.readings.filter((one) => one.disagrees).length ?? 0;
   return (
-    <Panel title="Why" aside={model.explaining.value ? "comparing …" : nAgainst > 0 ? <Badge kind="bad">{nAgainst} disagree</Badge> : ""}>
+    <Panel title="Contributions" aside={model.explaining.value ? "comparing …" : nAgainst > 0 ? <Badge kind="bad">{nAgainst} disagree</Badge> : ""}>
       {problem && <ProblemNote problem={problem} />}
       {action.problem && <ProblemNote problem={action.problem} />}
       {explanation === undefined ? (
-        model.revision.value === 0 ? <p class="faint">There is nothing to explain before the first reading.</p>
+        model.revision.value === 0 ? <p class="faint">No readings to explain yet.</p>
           : !problem && <Loading what="the explanation" lines={4} />
       ) : (
         <>
           <p>
-            {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}: without a
-            reading the answer would be so many bits less probable.
+            {explanation.answer.name ?? "None of the known objects"} with {percent(explanation.answer.probability)}. Each
+            reading adds this many bits to its probability (log2).
           </p>
-          {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others: no single one decides any more.</p>}
+          {model.coloring.value === "fit" && <p class="faint">Bars show how well each reading fits the others, because no single one changes the answer any more.</p>}
           {!explanation.complete && <p class="faint">Time ran out; some readings were not compared.</p>}
           <div class="scroll explain" tabIndex={0} role="region" aria-label="Contributions of readings">
             <table>
@@ -42,7 +42,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                   <th scope="col"><span class="visually-hidden">As a bar</span></th>
                   <th scope="col" class="num">Bits</th>
                   <th scope="col" class="num">Fit</th>
-                  <th scope="col"><span class="visually-hidden">Withdraw</span></th>
+                  <th scope="col"><span class="visually-hidden">Retract</span></th>
                 </tr>
               </thead>
               <tbody>
@@ -61,7 +61,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
                       {one.disagrees && <Badge kind="disagrees">disagrees</Badge>}
                       {one.disagrees && isOpen && model.at.value === null && (
                         <button type="button" class="small danger" disabled={action.busy} onClick={() => action.run(() => model.withdraw(one.number))}>
-                          Withdraw
+                          Retract
                         </button>
                       )}
                     </td>
@@ -76,7 +76,7 @@ export function ExplainPanel({ model, selected, select }: Props) {
   );
 }
 
-/** A bar from the middle: left against, right for; ±8 bits are full. */
+/** A bar from the centre: left against, right for the answer; full at ±8 bits. */
 function Contribution({ bits }: { bits: number | null | undefined }) {
   if (typeof bits !== "number") return null;
   const length = Math.min(1, Math.abs(bits) / 8) * 49;

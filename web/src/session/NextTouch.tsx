@@ -1,4 +1,4 @@
-// Where to touch next: the service's own proposals for the newest belief of an open session.
+// Suggested next touches for the newest belief of an open session.
 import { useEffect, useState } from "preact/hooks";
 import type { NextTouch as Touch, NextTouches, Problem } from "../api/types";
 import { sendJson } from "../api/http";
@@ -9,15 +9,15 @@ import type { SessionModel } from "./model";
 
 const N = 3;
 const DEADLINE_MS = 400;
-/** So long nothing new must have come: a robot that is at work is not to be kept waiting. */
+/** Pause without new readings before suggestions are requested, so that a busy robot does not wait. */
 const QUIET_MS = 900;
 
 export interface Suggested {
-  /** Why nothing is suggested; undefined when something is, or will be. */
+  /** Why there are no suggestions; undefined if there are, or will be. */
   why: string | undefined;
   answer: NextTouches | undefined;
   problem: Problem | undefined;
-  /** What the scene shows: nothing while the past is looked at. */
+  /** Suggestions in the scene; none while an older revision is shown. */
   shown: Touch[];
 }
 
@@ -48,7 +48,7 @@ export function useNextTouches(model: SessionModel): Suggested {
 function reason(state: string | undefined, method: string | undefined, revision: number): string | undefined {
   if (state === "closed") return "The session is closed.";
   if (method !== undefined && method !== "surface") return `Suggestions need the method surface; this session uses ${method.replaceAll("_", " ")}.`;
-  if (revision === 0) return "Suggestions begin with the first touch.";
+  if (revision === 0) return "Suggestions need a first touch.";
   return undefined;
 }
 
@@ -57,15 +57,15 @@ export function NextTouchPanel({ next }: { next: Suggested }) {
     <Panel title="Where to touch next" class="panel-next">
       {next.why !== undefined && <p class="faint">{next.why}</p>}
       {next.why === undefined && next.problem && <p class="faint">{next.problem.detail}</p>}
-      {next.why === undefined && !next.problem && next.answer === undefined && <p class="faint">Asking once the robot pauses …</p>}
+      {next.why === undefined && !next.problem && next.answer === undefined && <p class="faint">Waiting for the robot to pause …</p>}
       {next.why === undefined && next.answer && (
         <div class="scroll" tabIndex={0} role="region" aria-label="Suggested touches">
           <table>
             <thead>
               <tr>
                 <th scope="col">Approach from (mm)</th>
-                <th scope="col" class="num">Says what</th>
-                <th scope="col" class="num">Says where</th>
+                <th scope="col" class="num">Identity (bits)</th>
+                <th scope="col" class="num">Pose (bits)</th>
                 <th scope="col" class="num">Contact</th>
               </tr>
             </thead>

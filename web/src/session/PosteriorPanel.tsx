@@ -1,11 +1,11 @@
-// How the posterior over identities went, reading by reading, and the uncertainty beneath it.
+// Posterior over identities and entropy, by revision.
 import { useMemo } from "preact/hooks";
 import { dark, percent, seriesColor } from "../format";
 import { Chart, type Series } from "../parts/Chart";
 import { Panel } from "../parts/Panel";
 import type { SessionModel, Step } from "./model";
 
-/** More lines than this cannot be told apart. */
+/** Maximum number of lines that can be told apart. */
 const LINES_MAX = 6;
 
 export function PosteriorPanel({ model }: { model: SessionModel }) {
@@ -21,7 +21,7 @@ export function PosteriorPanel({ model }: { model: SessionModel }) {
   if (steps.length === 0) {
     return (
       <Panel title="Posterior over readings" class="panel-posterior">
-        <div class="chart-plot chart-none faint">Lines appear with the first reading.</div>
+        <div class="chart-plot chart-none faint">No readings yet.</div>
       </Panel>
     );
   }
@@ -35,7 +35,7 @@ export function PosteriorPanel({ model }: { model: SessionModel }) {
   );
 }
 
-/** One line for each object that was ever among the likeliest, the strongest first. */
+/** One line for each object that was ever among the likeliest, strongest first. */
 function identities(steps: Step[]): Series[] {
   const most = new Map<string, number>();
   for (const step of steps) {

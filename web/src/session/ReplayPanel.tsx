@@ -1,4 +1,4 @@
-// The slider over a session's revisions: what was believed after each reading.
+// The slider over a session's revisions.
 import { useEffect, useState } from "preact/hooks";
 import { bits, percent, plural } from "../format";
 import { Panel } from "../parts/Panel";
@@ -22,7 +22,7 @@ export function ReplayPanel({ model }: { model: SessionModel }) {
         return;
       }
       void model.show(here + 1);
-      // Counted from the picture on: where pictures take long, the page still answers to clicks.
+      // Timed from the last frame, so that the page stays responsive if frames are slow.
       frame = requestAnimationFrame(() => {
         frame = requestAnimationFrame(() => (timer = window.setTimeout(step, STEP_MS)));
       });
@@ -71,8 +71,8 @@ function say(step: Step | undefined, revision: number): string {
   if (revision === 0) return "Before the first reading.";
   if (step === undefined) return `Revision ${revision}.`;
   const best = step.objects[0];
-  const came = { reading: "a reading came", retraction: "a reading was withdrawn", closed: "the session was closed" }[step.what] ?? step.what;
+  const came = { reading: "a reading arrived", retraction: "a reading was retracted", closed: "the session was closed" }[step.what] ?? step.what;
   const unknown = step.unknown > (best?.probability ?? 0);
-  const answer = unknown ? `none of these ${percent(step.unknown)}` : best ? `${best.name} ${percent(best.probability)}` : "nothing known";
+  const answer = unknown ? `none of these ${percent(step.unknown)}` : best ? `${best.name} ${percent(best.probability)}` : "no answer";
   return `Revision ${revision}, ${came} (${plural(step.nReadings, "reading")}): ${answer}, ${bits(step.entropyBits)} of uncertainty.`;
 }

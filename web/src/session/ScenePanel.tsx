@@ -1,4 +1,4 @@
-// The believed object in its believed pose, in 3-D, with its touches; the same as a table.
+// The likeliest object in its pose, in 3-D, with its touches, and the same as a table.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import type { NextTouch } from "../api/types";
 import { dark, mm, percent, seriesColor, signedBits } from "../format";
@@ -29,10 +29,10 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
   const others = (belief?.poses ?? []).slice(1, 5).filter((pose) => pose.weight >= 0.02);
   const label = best
     ? `${best.name} at ${best.pose.position.map(mm).join(", ")}, ${content.touches.length} touches, ${others.length} other hypotheses`
-    : `No pose is believed yet, ${content.touches.length} touches`;
+    : `No pose yet, ${content.touches.length} touches`;
   return (
     <Panel
-      title="Where it is"
+      title="Pose"
       aside={
         <>
           <button type="button" class="small" aria-pressed={ghosts} onClick={() => setGhosts(!ghosts)}>
@@ -41,7 +41,7 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
         </>
       }
     >
-      <Stage3D content={content} label={label} note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag or arrow keys turn, + and − zoom`}
+      <Stage3D content={content} label={label} note={`frame ${model.session.value?.frame_id ?? "of the session"} · drag or arrow keys rotate, + and − zoom`}
         {...(isEmpty ? { empty: nothing(model) } : {})} />
       <div class="layers">
         <label class="key">
@@ -67,14 +67,14 @@ export function ScenePanel(props: { model: SessionModel; selected: number | unde
   );
 }
 
-/** Why there is nothing to see. */
+/** Why the scene is empty. */
 function nothing(model: SessionModel): string {
-  if (model.revision.value === 0) return "Nothing was touched yet.";
+  if (model.revision.value === 0) return "No touches yet.";
   const isAppearance = model.session.value?.method.startsWith("appearance");
-  return isAppearance ? "This method says which object it is, not where." : "No pose is believed yet.";
+  return isAppearance ? "This method recognises the object but not its pose." : "No pose yet.";
 }
 
-/** The shapes of the objects that hypotheses name, as they come. */
+/** Shapes of the hypotheses' objects, as they load. */
 function useShapes(model: SessionModel): Map<string, Shape> {
   const [shapes, setShapes] = useState(new Map<string, Shape>());
   const version = model.version.value;
@@ -85,7 +85,7 @@ function useShapes(model: SessionModel): Map<string, Shape> {
       shapeOf(version, object).then(
         (shape) => setShapes((before) => (before.get(object) === shape ? before : new Map(before).set(object, shape))),
         () => {
-          // Without a shape the touches are still shown.
+          // Without a shape, only the touches are drawn.
         },
       );
     }
@@ -106,7 +106,7 @@ function TouchTable({ model }: { model: SessionModel }) {
             <tr>
               <th scope="col">Reading</th>
               <th scope="col">Position (mm)</th>
-              <th scope="col">Sensor looks along</th>
+              <th scope="col">Sensor direction</th>
               <th scope="col" class="num">Bits</th>
             </tr>
           </thead>

@@ -1,4 +1,4 @@
-// One session: what is believed and where, which touches said so, and how it came about.
+// One session: belief, pose, touches and history.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { announce } from "../announce";
 import { percent, plural, shortId, when } from "../format";
@@ -80,7 +80,7 @@ export function SessionView({ id }: { id: string }) {
   );
 }
 
-/** Tells when the likeliest object changes or becomes sure; the numbers between are on the page. */
+/** Announces when the likeliest object changes or becomes sure. */
 function useBeliefAnnouncements(model: SessionModel): void {
   const belief = model.shown.value;
   const best = belief?.objects[0];

@@ -1,4 +1,4 @@
-// The strip of tactile images: every reading, what it contributed, and which one disagrees.
+// The strip of tactile images, with contributions and disagreements.
 import { useMemo } from "preact/hooks";
 import type { SessionReading } from "../api/types";
 import { bitsColor, kPa, signedBits } from "../format";
@@ -69,12 +69,12 @@ export function StripPanel({ model, selected, select }: Props) {
 
 function shade(reading: SessionReading, revision: number): string {
   if (counts(reading, revision)) return "";
-  return reading.number >= revision ? "later" : "later withdrawn";
+  return reading.number >= revision ? "later" : "later retracted";
 }
 
 function describe(reading: SessionReading, image: Image | undefined): string {
   const most = Math.max(0, ...(image?.values ?? []).map((value) => value ?? 0));
-  const withdrawn = typeof reading.retracted_by === "number" ? ", withdrawn" : "";
+  const withdrawn = typeof reading.retracted_by === "number" ? ", retracted" : "";
   const by = reading.written_by;
   const writer = by ? `written with ${by.key_name ?? by.key_id}, ` : "";
   return `${reading.robot ? `of ${reading.robot}, ` : ""}${writer}up to ${kPa(most)}${withdrawn}`;

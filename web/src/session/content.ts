@@ -1,17 +1,17 @@
-// What the session's scene shows: the believed object, ghosts, touches and suggested approaches.
+// Content of the session's scene: the likeliest object, ghosts, touches and suggested approaches.
 import type { Belief, NextTouch, Sensor, SessionReading } from "../api/types";
 import { bitsColor, seriesColor } from "../format";
 import type { ApproachMark, Body, Content, Shape, TouchMark } from "../scene/content";
 import { centreOfPressure, rotate, transform, upright, type Vector } from "../scene/vectors";
 
-/** Hypotheses of less weight are not worth a ghost. */
+/** Minimum weight of a ghost. */
 const GHOST_WEIGHT_MIN = 0.02;
 
 export interface Seen {
   belief: Belief | undefined;
   revision: number;
   readings: SessionReading[];
-  /** By the number of a reading: what it is coloured by. */
+  /** Colour values by reading number. */
   tints: Map<number, number | null | undefined>;
   sensors: Map<string, Sensor>;
   shapes: Map<string, Shape>;
@@ -40,7 +40,7 @@ function bodies({ belief, shapes, ghosts }: Seen): Body[] {
   });
 }
 
-/** Whether a reading counts at a revision: it had come and was not withdrawn. */
+/** Whether a reading counts at a revision: arrived and not retracted. */
 export function counts(reading: SessionReading, revision: number): boolean {
   const withdrawn = reading.retracted_by;
   return reading.number < revision && !(typeof withdrawn === "number" && withdrawn <= revision);

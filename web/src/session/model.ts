@@ -1,31 +1,31 @@
-// One session as the page knows it: live belief, history, readings, and the revision shown.
+// State of a session's page: live belief, history, readings, and the shown revision.
 import { computed, signal } from "@preact/signals";
 import { follow } from "../api/events";
 import { ask, getAll, getJson, ProblemError } from "../api/http";
 import { problemFrom } from "../api/resource";
 import type { Belief, BestObject, CatalogueVersion, Explanation, Problem, ReadingContribution, Replay, Sensor, Session, SessionEvent, SessionReading } from "../api/types";
 
-/** What was believed at a revision, and what made it. */
+/** The answer at a revision, and the change that made it. */
 export interface Step {
   revision: number;
   nReadings: number;
   objects: BestObject[];
   unknown: number;
   entropyBits: number;
-  /** What came; unknown for a revision of the live stream until its reading is listed. */
+  /** The change; unknown for a live revision until its reading is listed. */
   what: string;
 }
 
-/** What touches are coloured by: bits they contributed, or how well they fit the others. */
+/** Colouring of touches: bits contributed, or fit with the other readings. */
 export type ColorBy = "bits" | "fit";
 
-/** Less is no contribution: an answer that is sure is so without any one reading. */
+/** Below this, a reading contributes nothing: no single reading changes a sure answer. */
 const BITS_MIN = 0.05;
-/** Fits are of up to 18 bits, contributions of a few. */
+/** Fits reach 18 bits, contributions a few. */
 const FIT_SCALE = 4;
 
 const REPLAY_PAGE = 200;
-/** Explaining folds every reading anew without each other: it waits until readings cease. */
+/** Explaining refolds the readings without each of them, so it waits until readings pause. */
 const EXPLAIN_AFTER_MS = 700;
 const LIST_AFTER_MS = 150;
 
@@ -42,28 +42,28 @@ export class SessionModel {
   readonly problem = signal<Problem | undefined>(undefined);
   readonly connected = signal(false);
   readonly deleted = signal(false);
-  /** What touches are coloured by; undefined leaves it to what says most. */
+  /** Chosen colouring of touches; undefined for automatic. */
   readonly colorBy = signal<ColorBy | undefined>(undefined);
-  /** The revision that the slider stands at; null follows the newest. */
+  /** Revision of the slider; null follows the newest. */
   readonly at = signal<number | null>(null);
   private readonly past = signal(new Map<number, Belief>());
 
   readonly revision = computed(() => this.at.value ?? this.newest.value?.revision ?? 0);
-  /** The belief of the revision shown; the one before while it is being asked for. */
+  /** Belief of the shown revision; the previous one while it loads. */
   readonly shown = computed<Belief | undefined>((): Belief | undefined => {
     const { value: at } = this.at;
     const known = at === null ? this.newest.value : (this.past.value.get(at) ?? this.lastShown);
     this.lastShown = known ?? this.lastShown;
     return known;
   });
-  /** As chosen; else by bits, or by fit where no reading contributed any. */
+  /** Effective colouring: as chosen, otherwise bits, or fit if no reading contributed any. */
   readonly coloring = computed<ColorBy>(() => {
     const readings = this.explanation.value?.readings ?? [];
     const isSaturated = readings.every((one) => Math.abs(one.bits ?? 0) < BITS_MIN);
     const hasFit = readings.some((one) => typeof one.fit_bits === "number");
     return this.colorBy.value ?? (isSaturated && hasFit ? "fit" : "bits");
   });
-  /** The number that a reading is coloured by, on the scale of bits. */
+  /** Value that colours a reading, on the scale of bits. */
   readonly tints = computed(() => {
     const by = this.coloring.value;
     const tint = (one: ReadingContribution) => {
@@ -114,7 +114,7 @@ export class SessionModel {
     this.abort.abort();
   }
 
-  /** Shows a revision; null goes with the newest. */
+  /** Shows a revision; null follows the newest. */
   async show(at: number | null): Promise<void> {
     const newest = this.newest.value?.revision;
     this.at.value = at !== null && newest !== undefined && at >= newest ? null : at;
@@ -129,7 +129,7 @@ export class SessionModel {
     }
   }
 
-  /** Withdraws a reading. */
+  /** Retracts a reading. */
   async withdraw(number: number): Promise<void> {
     await ask(`${this.path}/readings/${number}?belief=none`, { method: "DELETE" });
     await this.list();
@@ -178,7 +178,7 @@ export class SessionModel {
     this.readings.value = await getAll<SessionReading>(`${this.path}/readings`, 2000, this.abort.signal);
   }
 
-  /** The steps that are missing, page by page. */
+  /** Loads the missing steps, page by page. */
   private async replay(): Promise<void> {
     for (;;) {
       const after = this.steps.value.at(-1)?.revision ?? 0;

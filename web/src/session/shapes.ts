@@ -1,4 +1,4 @@
-// The shape of a trained object: its mesh, else the trained map, else its training touches.
+// Shape of a trained object: its mesh, otherwise its trained map, otherwise its training touches.
 import { ask, getAll, getJson, ProblemError } from "../api/http";
 import type { CatalogueVersion, MapPatch, ObjectInfo, ObjectMap, StoredReading } from "../api/types";
 import type { Shape, SurfacePoint } from "../scene/content";
@@ -6,7 +6,7 @@ import { rotate, type Vector } from "../scene/vectors";
 
 const kept = new Map<string, Promise<Shape>>();
 
-/** The shape of an object in its own frame, as a version knows it; asked for once. */
+/** Shape of an object of a version in its own frame, cached. */
 export function shapeOf(version: CatalogueVersion, object: string): Promise<Shape> {
   const id = `${version.catalogue}/${version.version}/${object}`;
   const known = kept.get(id);
@@ -21,7 +21,7 @@ async function load(version: CatalogueVersion, object: string, id: string): Prom
   const trained = version.report.objects.find((one) => one.id === object);
   const origin = (trained?.origin_in_mesh ?? [0, 0, 0]) as Vector;
   const info = await orNothing(() => getJson<ObjectInfo>(`/v1/objects/${object}`));
-  // With readings of its own it was trained from those, whatever frame its mesh has.
+  // An object with readings was trained from those, in their frame.
   if (info?.mesh && info.n_readings === 0) return meshOf(info, origin, `${id}/${info.mesh.hash}`);
   const patches = await orNothing(() => patchesOf(version, object));
   if (patches !== undefined && patches.length > 0) return { id, points: patches };
@@ -29,14 +29,14 @@ async function load(version: CatalogueVersion, object: string, id: string): Prom
   return { id, points: await touchesOf(info, origin) };
 }
 
-/** An object's mesh with its origin where the object frame has it. */
+/** An object's mesh, moved to the origin of the object frame. */
 export async function meshOf(info: ObjectInfo, origin: Vector, id: string): Promise<Shape> {
   const file = await (await ask(`/v1/objects/${info.id}/mesh`)).arrayBuffer();
   const mesh = info.mesh!;
   return { id, mesh: { file, format: mesh.format, metresPerUnit: mesh.unit === "mm" ? 0.001 : 1, origin } };
 }
 
-/** What a version's pair map knows of an object's surface. */
+/** Surface points from a version's pair map. */
 export async function mapOf(version: CatalogueVersion, object: string): Promise<ObjectMap & { all: MapPatch[] }> {
   const path = `/v1/catalogues/${encodeURIComponent(version.catalogue)}/versions/${version.version}/objects/${object}/map`;
   const all: MapPatch[] = [];
@@ -54,7 +54,7 @@ async function patchesOf(version: CatalogueVersion, object: string): Promise<Sur
   return map.all.map(({ position, normal }) => ({ position: position as Vector, normal: normal as Vector }));
 }
 
-/** Where training readings of a robot touched an object: at the sensor, against its +z. */
+/** Surface points from a robot's training readings: at the sensor, against its +z. */
 export async function touchesOf(info: ObjectInfo, origin: Vector): Promise<SurfacePoint[]> {
   const readings = await getAll<StoredReading>(`/v1/objects/${info.id}/readings`, 2000);
   return readings.flatMap(({ pose }) => {
@@ -64,7 +64,7 @@ export async function touchesOf(info: ObjectInfo, origin: Vector): Promise<Surfa
   });
 }
 
-/** Undefined for what is not there or was not learnt. */
+/** Undefined if the resource does not exist or was not trained. */
 async function orNothing<T>(get: () => Promise<T>): Promise<T | undefined> {
   try {
     return await get();

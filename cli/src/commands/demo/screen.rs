@@ -1,5 +1,5 @@
-//! What one sees while the robots touch: a table that redraws in place on a terminal, a line
-//! an object elsewhere.
+//! Display while the robots touch: a table redrawn in place on a terminal, otherwise a line per
+//! object.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::output::{self, Output};
 use crate::progress::is_watched;
 use crate::trial::{Step, TrialResult};
 
-/// The robots' table.
+/// Table of the robots.
 pub(super) struct Screen {
     output: Output,
     live: Option<Live>,
@@ -24,7 +24,7 @@ struct Live {
 }
 
 impl Screen {
-    /// A screen for some robots and trials.
+    /// Creates a screen for the given robots and trials.
     pub(super) fn new(n_robots: usize, n_trials: usize, output: Output) -> Self {
         if !is_watched() {
             return Self { output, live: None };
@@ -48,21 +48,21 @@ impl Screen {
         Self { output, live: Some(Live { all, _header: header, robots, trials }) }
     }
 
-    /// A robot turns to the next object.
+    /// Shows that a robot turns to the next object.
     pub(super) fn begins(&self, robot: usize, truth: &str) {
         if let Some(live) = &self.live {
             live.robots[robot].set_message(format!("robot-{:<3} touches the {truth}", robot + 1));
         }
     }
 
-    /// A robot has touched and heard what is believed.
+    /// Shows a robot's touch and the belief after it.
     pub(super) fn touched(&self, robot: usize, truth: &str, step: &Step) {
         if let Some(live) = &self.live {
             live.robots[robot].set_message(row(robot, truth, step));
         }
     }
 
-    /// A robot is done with an object.
+    /// Shows that a robot is done with an object.
     pub(super) fn ends(&self, robot: usize, result: &TrialResult) {
         match &self.live {
             Some(live) => live.trials.inc(1),
@@ -70,14 +70,14 @@ impl Screen {
         }
     }
 
-    /// A robot has nothing more to do.
+    /// Shows that a robot has nothing left to do.
     pub(super) fn rests(&self, robot: usize) {
         if let Some(live) = &self.live {
-            live.robots[robot].finish_with_message(format!("robot-{:<3} rests", robot + 1));
+            live.robots[robot].finish_with_message(format!("robot-{:<3} done", robot + 1));
         }
     }
 
-    /// Takes the table away; the summary follows.
+    /// Removes the table; the summary follows.
     pub(super) fn clear(&self) {
         if let Some(live) = &self.live {
             // A terminal that is gone does not need to be cleared.

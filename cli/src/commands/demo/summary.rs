@@ -1,14 +1,13 @@
-//! What the demonstration showed: how many objects were recognised, after how many touches,
-//! how exactly, and how fast.
+//! Summary of the demonstration: recognised objects, number of touches, pose errors, latency.
 
 use serde::Serialize;
 
 use crate::output::{self, ERRORS_OF_POSE, median};
 use crate::trial::TrialResult;
 
-/// The line of `palpate demo --once --json`. Touches are those of all trials, and `misses` how
-/// many of them touched nothing; errors those of the recognised objects modulo their symmetry
-/// (`plain…`: as they are), null when there is none; milliseconds those of every reading.
+/// The line of `palpate demo --once --json`. Touches count all trials, and `misses` those that
+/// touched nothing. Errors are those of the recognised objects modulo symmetry (`plain…`: without
+/// regard to symmetry), null if there are none. Milliseconds are per reading.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct Summary {
     trials: usize,
@@ -64,7 +63,7 @@ impl Summary {
     }
 }
 
-/// A row for each trial, by object.
+/// A row per trial, sorted by object.
 pub(super) fn table(results: &[TrialResult]) -> String {
     let mut sorted: Vec<&TrialResult> = results.iter().collect();
     sorted.sort_by(|a, b| a.truth.cmp(&b.truth));

@@ -1,9 +1,9 @@
-//! What the planner of an exploration did, for people and programs.
+//! Statistics of the exploration's planner, for people and programs.
 
 use palpate_sim::explore::Statistics;
 use serde::Serialize;
 
-/// What the planner did, see [`Statistics`].
+/// Statistics of the planner, see [`Statistics`].
 #[derive(Debug, Serialize)]
 pub(super) struct Planner {
     iterations: usize,
@@ -34,7 +34,7 @@ impl From<Statistics> for Planner {
 }
 
 impl Planner {
-    /// What it did, as it follows "n readings".
+    /// The statistics as a sentence that follows "n readings".
     pub(super) fn words(&self) -> String {
         format!(
             " from {} contacts in {} steps of the planner ({} local); {} times it left alone what it \

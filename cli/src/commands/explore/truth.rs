@@ -1,5 +1,4 @@
-//! What was touched, as far as the command line or a file says, and whether a session can be
-//! right about it.
+//! The true object of an exploration, and whether a session can answer it.
 
 use palpate_client::Error as ClientError;
 use palpate_client::schemas::Session;
@@ -7,18 +6,19 @@ use palpate_client::schemas::Session;
 use crate::commands::Context;
 use crate::verdict::{self, NONE, Verdict};
 
-/// What was touched: an object's name, or none of the catalogue's.
+/// The true object: its name, or none of the catalogue's.
 pub(super) struct Truth(Option<String>);
 
 impl Truth {
-    /// The truth by its name on the command line.
+    /// The truth named on the command line.
     pub(super) fn named(object: &str) -> Self {
         Self((object != NONE).then(|| object.to_owned()))
     }
 
-    /// The truth that the command line says, when the session can be right about it.
+    /// The truth named on the command line, checked against the session.
     ///
     /// # Errors
+    ///
     /// When the version does not have the object, or the method cannot answer "none of these".
     pub(super) async fn told(
         object: &str,
@@ -37,8 +37,8 @@ impl Truth {
         Err(verdict::not_trained(object, objects.iter().map(|known| known.name.as_str())))
     }
 
-    /// The object that a recording names. `None`, with a message, when the session's version
-    /// lacks that object: the recording may belong to another catalogue.
+    /// The object named in a recording. `None`, with a message, if the session's version lacks that
+    /// object: the recording may belong to another catalogue.
     pub(super) async fn of_file(
         object: &str,
         session: &Session,
@@ -54,12 +54,12 @@ impl Truth {
         }
     }
 
-    /// What was touched, for people.
+    /// Name of the true object, for people.
     pub(super) fn name(&self) -> &str {
         verdict::name(self.0.as_deref())
     }
 
-    /// Whether a verdict says it.
+    /// Whether a verdict is right.
     pub(super) fn is_told_by(&self, verdict: Verdict<'_>) -> bool {
         verdict.is_right(self.0.as_deref())
     }

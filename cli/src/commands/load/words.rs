@@ -1,8 +1,8 @@
-//! A run of load in words: a line for each step, and what they say together.
+//! Text output of a load run: a line per step and a summary.
 
 use palpate_experiments::load::{Growth, LoadReport, StepReport};
 
-/// What the numbers of [`row`] are.
+/// Header of [`row`].
 pub(super) const HEADER: &str = "     due/s  accepted/s  readings/s     429     503   other  \
     errors  unsent |   p50 ms   p90 ms   p99 ms p99.9 ms   max ms | refused p99 |  memory MB";
 
@@ -36,7 +36,7 @@ pub(super) fn row(step: &StepReport) -> String {
     row
 }
 
-/// What the steps say together, and which bounds are broken.
+/// The summary of all steps, and the bounds that were exceeded.
 pub(super) fn verdict_words(report: &LoadReport, broken: &[String]) -> String {
     let verdict = &report.verdict;
     let mut lines = vec![format!(
@@ -56,9 +56,9 @@ pub(super) fn verdict_words(report: &LoadReport, broken: &[String]) -> String {
         None => "memory: not known; give --pid for a server on this machine".to_owned(),
     });
     if verdict.unexpected > 0 {
-        lines.push(format!("{} answers that no overload explains", verdict.unexpected));
+        lines.push(format!("{} unexpected answers", verdict.unexpected));
     }
-    lines.extend(broken.iter().map(|bound| format!("BROKEN: {bound}")));
+    lines.extend(broken.iter().map(|bound| format!("EXCEEDED: {bound}")));
     lines.join("\n")
 }
 

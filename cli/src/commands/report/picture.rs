@@ -6,11 +6,11 @@ use palpate_client::schemas::AppearanceReport;
 
 /// The side of a cell, pixels.
 const CELL: f64 = 16.0;
-/// Room for the names, pixels.
+/// Width of the names, pixels.
 const NAMES: f64 = 120.0;
-/// Room for a matrix's title, pixels.
+/// Height of a matrix's title, pixels.
 const TITLE: f64 = 24.0;
-/// The colour of 0 and of 1.
+/// Colours of 0 and 1.
 const WHITE: [f64; 3] = [255.0, 255.0, 255.0];
 const BLUE: [f64; 3] = [8.0, 48.0, 107.0];
 
@@ -72,7 +72,7 @@ fn color(share: f64) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Names of objects hold letters, digits, `.`, `_` and `-`; those of elsewhere may not.
+/// Escapes text for SVG. The server's object names need it not, others may.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -1,4 +1,4 @@
-//! What `palpate sessions` shows of a session's history.
+//! Text output of a session's history.
 
 use palpate_client::Client;
 use palpate_client::schemas::{
@@ -11,7 +11,7 @@ use uuid::Uuid;
 use super::NONE_OF_THESE;
 use crate::output;
 
-/// Steps that are asked for at once.
+/// Steps per request.
 const STEPS: u32 = 1000;
 
 /// All readings of a session, as one page.
@@ -28,7 +28,7 @@ pub(super) async fn readings(client: &Client, session: Uuid) -> anyhow::Result<S
     }
 }
 
-/// Withdraws a reading, by its number within the session or by a robot's.
+/// Retracts a reading, by its number within the session or by a robot's.
 pub(super) async fn retract(
     client: &Client,
     session: Uuid,
@@ -45,7 +45,7 @@ pub(super) async fn retract(
     }
 }
 
-/// The whole replay behind `after`, with the steps of all answers.
+/// The whole replay after a revision, from as many requests as needed.
 pub(super) async fn replay(
     client: &Client,
     session: Uuid,
@@ -66,7 +66,7 @@ pub(super) async fn replay(
     Ok(all)
 }
 
-/// Readings, one a line.
+/// Readings, one per line.
 pub(super) fn readings_words(page: &SessionReadingPage) -> String {
     output::table(
         ["number", "robot", "seq", "written by", "stamp", "received", "position (m)", ""],
@@ -94,10 +94,10 @@ fn remark(reading: &SessionReading) -> String {
     let Some(by) = reading.retracted_by else { return String::new() };
     let who = reading.retraction_written_by.as_ref();
     let who = who.map(|who| format!(" ({})", output::writer(Some(who)))).unwrap_or_default();
-    format!("withdrawn by revision {by}{who}")
+    format!("retracted by revision {by}{who}")
 }
 
-/// Who wrote a session's readings: keys and robots, each with how many.
+/// Keys and robots that wrote a session's readings, with counts.
 pub(super) fn writers(page: &SessionReadingPage) -> Vec<Written> {
     let mut written: Vec<Written> = Vec::new();
     for reading in &page.items {
@@ -114,7 +114,7 @@ pub(super) fn writers(page: &SessionReadingPage) -> Vec<Written> {
     written
 }
 
-/// Writers, one a line.
+/// Writers, one per line.
 pub(super) fn writers_words(written: &[Written]) -> String {
     output::table(
         ["written by", "robot", "readings"],
@@ -128,13 +128,13 @@ pub(super) fn writers_words(written: &[Written]) -> String {
 /// Readings of one robot that one key wrote.
 #[derive(Debug, Serialize)]
 pub(super) struct Written {
-    /// The key; `None` when that was not recorded.
+    /// The key; `None` if it was not recorded.
     by: Option<Writer>,
     robot: Option<String>,
     n_readings: u32,
 }
 
-/// Steps, one a line.
+/// Steps, one per line.
 pub(super) fn replay_words(replay: &Replay) -> String {
     let steps = output::table(
         ["revision", "what came", "readings", "likeliest", "", "entropy"],
@@ -167,12 +167,12 @@ fn change(change: &SessionChange) -> String {
                 _ => format!("reading {number}{late}"),
             }
         }
-        SessionChange::Retraction { number } => format!("withdrawal of {number}"),
+        SessionChange::Retraction { number } => format!("retraction of {number}"),
         SessionChange::Closed => "the end".to_owned(),
     }
 }
 
-/// Contributions, one a line.
+/// Contributions, one per line.
 pub(super) fn explanation_words(explanation: &Explanation) -> String {
     let shown = |bits: Option<f64>| bits.map(|bits| format!("{bits:+.2}")).unwrap_or_default();
     let rows = output::table(

@@ -1,34 +1,34 @@
-//! What `palpate train` asks for of appearance, and how it shows what came out.
+//! `palpate train`: appearance options and their results.
 
 use clap::{Args, ValueEnum};
 use palpate_client::schemas::{
     AppearanceSummary, AppearanceTraining, ClusteringKind, Descriptor, FeatureSource,
 };
 
-/// Arguments about appearance.
+/// Appearance options.
 #[derive(Debug, Args)]
 #[group(multiple = true)]
 pub(super) struct AppearanceArgs {
-    /// Also learn classes of appearance, for sessions with the methods `appearance…`.
+    /// Also learn appearance classes, for the methods `appearance…`.
     #[arg(long)]
     appearance: bool,
-    /// How a press becomes a feature for these classes [default: mnti].
+    /// Descriptor for these classes [default: mnti].
     #[arg(long, value_enum, requires = "appearance", conflicts_with = "features")]
     appearance_descriptor: Option<DescriptorName>,
-    /// Compare the features that robots send with their readings instead of images.
+    /// Compare the features that clients send with their readings instead of images.
     #[arg(long, requires = "appearance")]
     features: bool,
-    /// Candidates for the number of these classes; held-back readings choose [default: 48].
+    /// Candidates for the number of classes; held-back readings choose [default: 48].
     #[arg(long, requires = "appearance", value_delimiter = ',',
         value_parser = clap::value_parser!(u32).range(2..=400))]
     appearance_classes: Vec<u32>,
-    /// The share of the features' variance that is kept, 0.5 to 1 [default: 0.99].
+    /// Share of the features' variance to keep, 0.5 to 1 [default: 0.99].
     #[arg(long, requires = "appearance")]
     variance_share: Option<f64>,
-    /// How these classes are found [default: mixture].
+    /// Clustering method for these classes [default: mixture].
     #[arg(long, value_enum, requires = "appearance")]
     clustering: Option<Clustering>,
-    /// At most this many axes that tell the objects apart, after the principal components.
+    /// Maximum number of discriminant axes after the principal components.
     #[arg(long, requires = "appearance", value_parser = clap::value_parser!(u32).range(1..=1000))]
     discriminant_axes: Option<u32>,
     /// Learn nothing else: for readings without poses.
@@ -36,7 +36,7 @@ pub(super) struct AppearanceArgs {
     pub(super) no_pair_maps: bool,
 }
 
-/// How classes are found.
+/// Clustering method.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Clustering {
     /// A Gaussian mixture.
@@ -50,7 +50,7 @@ enum Clustering {
 }
 
 impl AppearanceArgs {
-    /// What is asked for; `None` for nothing.
+    /// The appearance part of the request; `None` if not requested.
     pub(super) fn wire(&self) -> Option<AppearanceTraining> {
         if !self.appearance {
             return None;
@@ -73,7 +73,7 @@ impl AppearanceArgs {
     }
 }
 
-/// What was learnt, in lines of their own behind the rest.
+/// The appearance part of the result, as lines.
 pub(super) fn appearance_words(summary: &AppearanceSummary) -> String {
     let warnings = summary.warnings.iter().map(|warning| format!("\nwarning: {warning}"));
     format!(
@@ -86,7 +86,7 @@ pub(super) fn appearance_words(summary: &AppearanceSummary) -> String {
     )
 }
 
-/// The descriptors of training, by their names on the wire.
+/// Descriptors, by their names on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 #[value(rename_all = "snake_case")]
 pub(super) enum DescriptorName {

@@ -1,4 +1,4 @@
-//! What touching with re-centring must hold, on rays at bodies of known shape.
+//! Tests of re-centring, on rays at bodies of known shape.
 
 use palpate_core::rng::Purpose;
 
@@ -19,7 +19,7 @@ fn config(simulator: &PressSimulator, rule: Recenter, shifts_max: usize) -> Rece
     RecenterConfig { contact, rule, shifts_max, ..config }
 }
 
-/// Where the rays of `seed` begin, and how their touches end.
+/// Starts of the rays of `seed`, and the results of their touches.
 fn landings(
     simulator: &PressSimulator,
     config: &RecenterConfig,
@@ -35,13 +35,13 @@ fn landings(
         .collect()
 }
 
-/// How many come to rest with a mean pressure of at least `weak_below`.
+/// Number of rests with a mean pressure of at least `weak_below`.
 fn n_valid(landings: &[(Pose, Landing)], config: &RecenterConfig) -> usize {
     landings.iter().filter(|(_, landing)| mean(landing) >= config.weak_below).count()
 }
 
 #[test]
-fn the_place_of_a_contact_is_the_mean_of_what_is_above_the_threshold() {
+fn contact_offset_is_the_mean_of_pressure_above_the_threshold() {
     let sensor = SensorDescription::digitacts_6x6();
     let mut pressures = vec![500.0; 36];
     // Columns 4 and 5 are at x = 3 and 5 mm, row 1 at y = −3 mm; weights 1 and 3 kPa.
@@ -52,7 +52,7 @@ fn the_place_of_a_contact_is_the_mean_of_what_is_above_the_threshold() {
 }
 
 #[test]
-fn without_shifts_it_is_a_touch() {
+fn without_shifts_recentering_is_a_plain_touch() {
     let simulator = simulator(cuboid(DVec3::new(60.0 * MM, 30.0 * MM, 20.0 * MM)));
     let config = config(&simulator, Recenter::Always, 0);
     for (index, (start, landing)) in landings(&simulator, &config, (30, 1)).iter().enumerate() {
@@ -71,9 +71,9 @@ fn without_shifts_it_is_a_touch() {
 
 #[test]
 fn a_centered_contact_with_a_ball_needs_no_turn() {
-    // Where a ball of 25 mm is foremost along the ray its surface faces the sensor; a contact
-    // off by 1.5 mm asks for a turn of 1.5 / 25 rad = 3.4°, and the centre of pressure of few
-    // taxels for as much again.
+    // The surface of a ball of 25 mm faces the sensor where it is foremost along the ray. A
+    // contact off by 1.5 mm needs a turn of 1.5 / 25 rad = 3.4°; the centre of pressure of
+    // few taxels adds as much again.
     let simulator = simulator(sphere(25.0 * MM, 60));
     let turns = |config: &RecenterConfig| -> Vec<f64> {
         let landings = landings(&simulator, config, (60, 2));
@@ -93,7 +93,7 @@ fn a_centered_contact_with_a_ball_needs_no_turn() {
 }
 
 #[test]
-fn more_rays_end_in_a_valid_contact_with_re_centring_than_without() {
+fn recentering_raises_the_number_of_valid_contacts() {
     let bodies = [
         ("box", cuboid(DVec3::new(60.0 * MM, 30.0 * MM, 20.0 * MM)), 1.1),
         ("rod", tube(40, |ring| (5.0 * MM, (f64::from(ring) - 19.5) * 2.0 * MM)), 1.5),
@@ -113,7 +113,7 @@ fn more_rays_end_in_a_valid_contact_with_re_centring_than_without() {
 }
 
 #[test]
-fn a_miss_tells_how_far_the_air_was_free() {
+fn a_miss_reports_the_length_of_free_air() {
     let simulator = simulator(sphere(10.0 * MM, 24));
     let config = config(&simulator, Recenter::WhenNeeded, 3);
     let start = Pose::from_parts(DQuat::IDENTITY, DVec3::new(0.04, 0.0, -0.1));
@@ -131,7 +131,7 @@ fn a_miss_tells_how_far_the_air_was_free() {
 }
 
 #[test]
-fn a_sensor_that_is_carried_is_told_of_lift_and_shift_and_may_refuse() {
+fn carry_receives_lift_and_shift_and_may_refuse() {
     let simulator = simulator(sphere(25.0 * MM, 60));
     let config = config(&simulator, Recenter::Always, 1);
     // 8 mm off the ball's middle: the first contact is near the array's edge at x < 0.

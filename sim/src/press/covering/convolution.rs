@@ -1,7 +1,7 @@
-//! Sums over a kernel of the distance, by Fourier transforms: the surface under a pressure.
+//! Convolution with a kernel of the distance, by Fourier transforms: a surface under pressure.
 //!
 //! out(row, col) = Σ kernel(|row − row'|, |col − col'|) · in(row', col') over a grid, without
-//! wrapping round: the transforms are as large as twice the grid. Plans are made once.
+//! wrapping around: the transforms are twice as large as the grid. Plans are made once.
 
 use std::fmt;
 use std::sync::Arc;
@@ -53,7 +53,7 @@ impl Convolution {
         let mut lines = Vec::with_capacity(padded_rows * padded_cols);
         for row in (0..padded_rows).map(|row| distance(row, padded_rows)) {
             for col in (0..padded_cols).map(|col| distance(col, padded_cols)) {
-                // Distances that no two cells of the grid have are never asked for.
+                // Distances that no two cells of the grid have are never evaluated.
                 let within = row < rows && col < cols;
                 lines.push(Complex::from(if within { kernel(row, col) } else { 0.0 }));
             }
@@ -66,7 +66,7 @@ impl Convolution {
         this
     }
 
-    /// What a cell's 1 gives at the cell itself.
+    /// Response of a cell to a unit load on the same cell.
     pub(super) fn own(&self) -> f64 {
         self.own
     }
@@ -114,7 +114,7 @@ impl Convolution {
         }
     }
 
-    /// The spectrum, by columns, of padded rows; those that are missing are zero.
+    /// The spectrum, by columns, of padded rows; missing rows are zero.
     fn to_spectrum(
         &self,
         lines: &mut [Complex<f64>],
@@ -132,8 +132,8 @@ impl Convolution {
     }
 }
 
-/// The smallest 2^a·3^b at which a kernel over `n` cells does not wrap round; such transforms
-/// are the fastest.
+/// The smallest 2^a·3^b at which a kernel over `n` cells does not wrap around; such
+/// transforms are the fastest.
 fn padded(n: usize) -> usize {
     let is_fast = |mut size: usize| {
         while size.is_multiple_of(2) {
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sum_is_the_naive_one_up_to_the_grids_ends() {
+    fn convolution_equals_the_naive_sum() {
         let (rows, cols) = (5, 7);
         let kernel = |row: usize, col: usize| 1.0 / (1.0 + 2.0 * row as f64 + (col * col) as f64);
         let convolution = Convolution::new(rows, cols, kernel);

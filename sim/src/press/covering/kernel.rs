@@ -1,26 +1,26 @@
-//! What a pressure on one cell of the covering gives elsewhere: the surface's give, and the
-//! stress on a taxel below.
+//! Responses of the covering to pressure on one cell: surface displacement, and stress on a taxel.
 //!
 //! Sources: Boussinesq's half-space with Love's closed form for a rectangle (1929); for a
-//! bonded layer the plane-strain solution in wave numbers k, with ξ = k·h, κ = 3 − 4ν,
-//! a = 2(1 − ν) and b = 1 − 2ν. Both are isotropic: functions of the horizontal distance.
-//! Lengths in metres, stresses in pascal, compressive stress positive.
+//! bonded layer the plane-strain solution in wave numbers k, with ξ = k·h, κ = 3 − 4ν, a =
+//! 2(1 − ν) and b = 1 − 2ν. Both are isotropic: functions of the horizontal distance. Lengths
+//! in metres, stresses in pascal, compressive stress positive.
 
 use std::f64::consts::PI;
 
 use super::super::physics::{Base, CoveringConfig};
 
-/// Points across a cell, and across a taxel, over which a kernel is averaged.
+/// Points along each side of a cell, and of a taxel, over which a kernel is averaged.
 const CELL_POINTS: usize = 3;
 const TAXEL_POINTS: usize = 6;
 
-/// The give (m) of the surface, averaged by Love's form, per pascal on a square cell of side
-/// `step`, at (`x`, `y`) metres from its centre: of a half-space of contact modulus 1 Pa.
+/// Love's form: the displacement (m) of the surface per pascal on a square cell of side
+/// `step`, at (`x`, `y`) metres from its centre, for a half-space of contact modulus 1 Pa.
 ///
 /// Source: Johnson (1985), equation 3.25.
 pub(super) fn love(step: f64, x: f64, y: f64) -> f64 {
     let half = 0.5 * step;
-    // Each term is one corner's; at a corner on an axis the product vanishes with its length.
+    // Each term belongs to one corner; at a corner on an axis the product vanishes with its
+    // length.
     let term = |along: f64, across_high: f64, across_low: f64| {
         if along.abs() < 1e-12 * step {
             return 0.0;
@@ -39,15 +39,15 @@ pub(super) struct Kernel {
     base: Base,
     depth: f64,
     contact_modulus: f64,
-    /// Of a bonded layer: by distance, what its give under a point load differs from a
-    /// half-space's, in units of 1 / (π E* h), and the density of the stress at its base per
+    /// For a bonded layer, by distance: the difference of its displacement under a point load
+    /// from a half-space's, in units of 1 / (π E* h), and the stress density at its base per
     /// newton, in units of 1 / h². Empty for a half-space.
     layer: Vec<(f64, f64)>,
     layer_step: f64,
 }
 
 impl Kernel {
-    /// The kernels of `config` as far as `reach` metres.
+    /// The kernels of `config` up to a distance of `reach` metres.
     pub(super) fn new(config: &CoveringConfig, reach: f64) -> Self {
         let depth = config.taxel_depth;
         let layer_step = depth / 24.0;
@@ -63,7 +63,7 @@ impl Kernel {
         Self { base: config.base, depth, contact_modulus, layer, layer_step }
     }
 
-    /// The give (m) of the surface at (`x`, `y`) per pascal on a cell of side `step`.
+    /// The displacement (m) of the surface at (`x`, `y`) per pascal on a cell of side `step`.
     pub(super) fn give(&self, step: f64, x: f64, y: f64) -> f64 {
         let half_space = love(step, x, y);
         let difference = match self.base {
@@ -104,7 +104,7 @@ impl Kernel {
     }
 }
 
-/// The mean of `value` over a square of `side` about the origin, by points in equal cells.
+/// The mean of `value` over a square of `side` about the origin, sampled at n × n points.
 fn mean_over_square(side: f64, n: usize, value: impl Fn(f64, f64) -> f64) -> f64 {
     let at = |index: usize| ((index as f64 + 0.5) / n as f64 - 0.5) * side;
     let sum: f64 = (0..n * n).map(|point| value(at(point % n), at(point / n))).sum();
@@ -114,15 +114,15 @@ fn mean_over_square(side: f64, n: usize, value: impl Fn(f64, f64) -> f64) -> f64
 /// A bonded layer's two kernels in wave numbers, sampled for Hankel's transform.
 struct Transforms {
     step: f64,
-    /// Compliance over the half-space's, less 1, and stress at the base over that on top;
-    /// with Simpson's weights.
+    /// Ratio of the compliance to the half-space's, less 1, and ratio of the stress at the
+    /// base to that on top; with Simpson's weights.
     samples: Vec<(f64, f64)>,
 }
 
 impl Transforms {
-    /// For distances of up to `reach` thicknesses.
+    /// The transforms for distances of up to `reach` thicknesses.
     fn new(poisson_ratio: f64, reach: f64) -> Self {
-        // Both have died away to e⁻³⁰ and less; ten points to the fastest wave.
+        // Both have decayed to at most e⁻³⁰; ten points to the fastest wave.
         const WAVE_NUMBER_MAX: f64 = 34.0;
         let n = ((WAVE_NUMBER_MAX * reach.max(10.0) * 1.6) as usize).next_multiple_of(2);
         let step = WAVE_NUMBER_MAX / n as f64;
@@ -152,8 +152,8 @@ impl Transforms {
     }
 }
 
-/// A bonded layer at the wave number ξ: its compliance over a half-space's, and the normal
-/// stress at its base over that on its top.
+/// A bonded layer at the wave number ξ: the ratio of its compliance to a half-space's, and of
+/// the normal stress at its base to that on its top.
 fn layer_factors(poisson_ratio: f64, xi: f64) -> (f64, f64) {
     let (a, b) = (2.0 * (1.0 - poisson_ratio), 1.0 - 2.0 * poisson_ratio);
     let kappa = 3.0 - 4.0 * poisson_ratio;
@@ -184,11 +184,12 @@ mod tests {
     }
 
     #[test]
-    fn a_layer_is_a_half_space_to_short_waves_and_a_uniaxial_spring_to_long_ones() {
+    fn a_layer_is_a_half_space_to_short_waves_a_spring_to_long() {
         for nu in [0.0, 0.3, 0.45] {
             let (give, stress) = layer_factors(nu, 12.0);
             assert!((give - 1.0).abs() < 1e-6 && stress < 1e-3);
-            // The give is h (1 + ν)(1 − 2ν) / ((1 − ν) E), in units of 2 (1 − ν²) h / (E ξ).
+            // The displacement is h (1 + ν)(1 − 2ν) / ((1 − ν) E), in units of 2 (1 − ν²) h /
+            // (E ξ).
             let (give, stress) = layer_factors(nu, 1e-3);
             let uniaxial = (1.0 + nu) * (1.0 - 2.0 * nu) / (1.0 - nu);
             assert!((give * 2.0 * (1.0 - nu * nu) / 1e-3 / uniaxial - 1.0).abs() < 1e-4);
@@ -202,7 +203,7 @@ mod tests {
         for config in [CoveringConfig::half_space(&sensor), CoveringConfig::bonded_layer(&sensor)] {
             let kernel = Kernel::new(&config, 80.0 * MM);
             // A cell's pressure summed over taxels without gaps, 1 mm wide, to ±40 mm: all of
-            // it, but for the part 1 − (1 − (1 + 16²)^(−3/2)) of the half-space beyond.
+            // it but the part 1 − (1 − (1 + 16²)^(−3/2)) of the half-space beyond.
             let sum: f64 = (0..81 * 81)
                 .map(|at| {
                     let along = |index: usize| (index as f64 - 40.0) * MM;
@@ -214,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn far_from_its_load_a_layer_hardly_gives() {
+    fn a_layer_hardly_moves_far_from_its_load() {
         let sensor = SensorDescription::digitacts_6x6();
         let kernel = Kernel::new(&CoveringConfig::bonded_layer(&sensor), 40.0 * MM);
         let near = kernel.give(1.0 * MM, 0.0, 0.0);

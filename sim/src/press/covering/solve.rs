@@ -1,20 +1,20 @@
 //! Contact of a rigid body with an elastic surface: pressures by conjugate gradients.
 //!
-//! Source: Polonsky and Keer (1999), with the approach given instead of the force. Wanted are
-//! pressures p ≥ 0 with gaps u − d ≥ 0 and p·(u − d) = 0, where u = K p is how far the surface
-//! gives way and d how far the body is below the undisturbed one: the minimum of
-//! ½ pᵀKp − dᵀp over p ≥ 0. Since u ≥ 0, only cells with d > 0 can touch.
+//! Source: Polonsky and Keer (1999), with the approach given instead of the force. The
+//! solution has pressures p ≥ 0 with gaps u − d ≥ 0 and p·(u − d) = 0, where u = K p is the
+//! displacement of the surface and d the depth of the body below the undisturbed one: the
+//! minimum of ½ pᵀKp − dᵀp over p ≥ 0. Since u ≥ 0, only cells with d > 0 can touch.
 
 use super::convolution::{Convolution, Workspace};
 
-/// Touches of ten objects took 22 steps at most at a tolerance of 1e-3.
+/// Iteration limit; touches of ten objects took at most 22 steps at a tolerance of 1e-3.
 const ITERATIONS_MAX: usize = 400;
 
 /// The pressures (Pa) under a body `penetrations` (m) below the undisturbed surface, both
-/// row-major; `compliance` gives metres for pascal.
+/// row-major; `compliance` gives metres per pascal.
 ///
-/// Solved when the root mean square gap of cells that touch, and overlap of those that do
-/// not, is below `tolerance` times the deepest penetration.
+/// Solved when the root mean square gap of touching cells, and overlap of the others, is
+/// below `tolerance` times the deepest penetration.
 pub(super) fn pressures(
     compliance: &Convolution,
     penetrations: &[f64],
@@ -46,9 +46,9 @@ struct Contact<'a> {
     /// K p − d on candidates.
     gaps: Vec<f64>,
     direction: Vec<f64>,
-    /// K applied to the direction, or to the pressures while gaps are made.
+    /// K applied to the direction, or to the pressures while the gaps are computed.
     response: Vec<f64>,
-    /// Of the last step; 0 begins anew.
+    /// Sum of squared gaps of the last step; 0 restarts the iteration.
     gap_squares: f64,
 }
 
@@ -68,8 +68,8 @@ impl<'a> Contact<'a> {
         }
     }
 
-    /// Starts with pressures in proportion to the penetrations, the best of such; false when
-    /// there is nothing that gives way.
+    /// Starts with pressures proportional to the penetrations, optimally scaled; false when
+    /// no displacement results.
     fn begin(&mut self) -> bool {
         for &cell in self.candidates {
             self.pressures[cell] = self.penetrations[cell];
@@ -92,7 +92,7 @@ impl<'a> Contact<'a> {
         true
     }
 
-    /// How far from a solution, metres.
+    /// Root mean square error of the solution, metres.
     fn residual(&self) -> f64 {
         let fault = |cell: usize| {
             if self.pressures[cell] > 0.0 { self.gaps[cell] } else { self.gaps[cell].min(0.0) }
@@ -128,7 +128,7 @@ impl<'a> Contact<'a> {
         self.advance(length);
     }
 
-    /// Moves by `length`, keeps pressures from pulling and lets cells join that overlap.
+    /// Moves by `length`, clips negative pressures, and lets overlapping cells join.
     fn advance(&mut self, length: f64) {
         let (mut has_left, mut has_joined) = (false, false);
         for &cell in self.candidates {
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_has_hertzs_pressures() {
+    fn a_ball_has_hertzian_pressures() {
         let (radius, depth) = (20.0 * MM, 0.8 * MM);
         let ball = around_the_middle(|r| depth - r * r / (2.0 * radius));
         let pressures = pressures(&half_space(), &ball, 1e-4);
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_punch_carries_twice_modulus_radius_and_depth() {
+    fn a_flat_punch_carries_the_analytic_force() {
         let (radius, depth) = (4.0 * MM, 0.3 * MM);
         let punch = around_the_middle(|r| if r < radius { depth } else { -1.0 });
         let pressures = pressures(&half_space(), &punch, 1e-4);
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_reach_the_surface_presses_on_nothing() {
+    fn a_body_above_the_surface_gives_no_pressure() {
         let away = around_the_middle(|_| f64::NEG_INFINITY);
         assert!(
             pressures(&half_space(), &away, 1e-3).iter().all(|pressure| pressure.abs() < 1e-30)
@@ -239,7 +239,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
-        fn surfaces_that_touch_push_and_others_keep_a_gap(
+        fn touching_cells_press_and_others_keep_a_gap(
             bumps in prop::collection::vec((0.0..48.0f64, 0.0..48.0f64, 0.2..6.0f64), 1..6),
             depth in 0.05..2.0f64,
         ) {

@@ -1,4 +1,4 @@
-//! What presses into an elastic covering must hold, by formulas and by symmetry.
+//! Tests of presses into an elastic covering, by formulas and by symmetry.
 
 use std::f64::consts::PI;
 
@@ -23,7 +23,7 @@ fn looking_down(height: f64) -> Pose {
     Pose::from_parts(DQuat::from_rotation_x(PI), DVec3::new(0.0, 0.0, height))
 }
 
-/// The same covering over taxels that are all alike.
+/// The same covering over taxels of equal gain.
 fn without_gains(config: CoveringConfig) -> CoveringConfig {
     CoveringConfig { gain_spread: 0.0, ..config }
 }
@@ -50,10 +50,10 @@ fn a_ball_drawn_from_its_mesh_has_hertzs_force() {
 }
 
 #[test]
-fn an_even_press_on_a_layer_reads_as_the_force_curve_has_it() {
-    // A plate over 60 mm of covering, 1 mm deep: 20 kPa · 1 / 2.54 = 7.87 kPa. Rubber that is
-    // nearly incompressible flows out at the plate's end, so under the usual 28 mm of covering
-    // it is up to an eighth less.
+fn a_uniform_press_on_a_layer_follows_the_force_curve() {
+    // A plate over 60 mm of covering, 1 mm deep: 20 kPa · 1 / 2.54 = 7.87 kPa. Nearly
+    // incompressible rubber flows out at the plate's edge, so under the usual 28 mm of
+    // covering it is up to an eighth less.
     let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
     let sensor = SensorDescription::digitacts_6x6();
     let expected = sensor.parameters().force_curve.pressure(1.0 * MM);
@@ -69,7 +69,7 @@ fn an_even_press_on_a_layer_reads_as_the_force_curve_has_it() {
 }
 
 #[test]
-fn an_image_is_as_symmetric_as_what_is_pressed() {
+fn a_symmetric_body_gives_a_symmetric_image() {
     let sensor = SensorDescription::digitacts_6x6();
     let post = cuboid(DVec3::new(3.0 * MM, 3.0 * MM, 10.0 * MM));
     for config in [CoveringConfig::half_space(&sensor), CoveringConfig::bonded_layer(&sensor)] {
@@ -92,7 +92,7 @@ fn an_image_is_as_symmetric_as_what_is_pressed() {
 }
 
 #[test]
-fn twice_as_fine_cells_give_nearly_the_same_image() {
+fn halving_the_cells_hardly_changes_the_image() {
     let sensor = SensorDescription::digitacts_6x6();
     for config in [CoveringConfig::half_space(&sensor), CoveringConfig::bonded_layer(&sensor)] {
         let physics = Physics::ElasticCovering(CoveringConfig { tolerance: 1e-4, ..config });
@@ -111,7 +111,7 @@ fn twice_as_fine_cells_give_nearly_the_same_image() {
 }
 
 #[test]
-fn nothing_in_reach_reads_as_nothing_and_deep_presses_no_deeper_than_the_covering() {
+fn free_air_reads_zero_and_deep_presses_are_clamped() {
     let sensor = SensorDescription::digitacts_6x6();
     let config = CoveringConfig::bonded_layer(&sensor);
     let plate = cuboid(DVec3::new(80.0 * MM, 80.0 * MM, 10.0 * MM));
@@ -128,7 +128,7 @@ fn nothing_in_reach_reads_as_nothing_and_deep_presses_no_deeper_than_the_coverin
 }
 
 #[test]
-fn the_same_seed_is_the_same_sensor_and_gains_spread_as_said() {
+fn gains_follow_the_seed_and_the_given_spread() {
     let sensor = SensorDescription::tekscan_26x26();
     let config = CoveringConfig::half_space(&sensor);
     let drawn = gains(676, &config);
@@ -141,7 +141,7 @@ fn the_same_seed_is_the_same_sensor_and_gains_spread_as_said() {
 }
 
 #[test]
-fn readings_come_in_the_coverings_own_steps_and_are_clipped_at_saturation() {
+fn readings_are_quantised_and_clipped_at_saturation() {
     let sensor = SensorDescription::digitacts_6x6();
     let config =
         CoveringConfig { young_modulus: 1e6, noise: 0.0, ..CoveringConfig::half_space(&sensor) };
@@ -160,7 +160,7 @@ fn readings_come_in_the_coverings_own_steps_and_are_clipped_at_saturation() {
 }
 
 #[test]
-fn the_tolerance_leaves_less_than_a_converters_step() {
+fn solver_tolerance_is_below_one_converter_step() {
     let sensor = SensorDescription::digitacts_6x6();
     let knight = crate::shapes::example("chess_knight").unwrap();
     for config in [CoveringConfig::half_space(&sensor), CoveringConfig::bonded_layer(&sensor)] {

@@ -1,4 +1,4 @@
-//! After a restart: is everything there that was acknowledged, and nothing that nobody sent?
+//! Checks after a restart: everything acknowledged is stored, and nothing that no client sent.
 
 use reqwest::{Client, Method};
 use serde_json::{Value, json};
@@ -9,17 +9,17 @@ use crate::keys;
 use crate::ledger::{Fate, Ledger, Session};
 use crate::robot::Robot;
 
-/// A fault in words, and which count it belongs to.
+/// A fault, its description, and the count it belongs to.
 pub(crate) enum Fault {
-    /// Something acknowledged is not there.
+    /// An acknowledged item is missing.
     Lost(String),
-    /// Something is there that nobody sent.
+    /// An item exists that no client sent.
     Invented(String),
     /// An answer that no client should get.
     Unexpected(String),
 }
 
-/// What a check found.
+/// Faults found by a check.
 #[derive(Default)]
 pub(crate) struct Found(pub(crate) Vec<Fault>);
 
@@ -36,7 +36,7 @@ impl Found {
         self.0.push(Fault::Unexpected(what));
     }
 
-    /// Adds to the counts, and says each fault.
+    /// Adds the faults to the counts and prints each.
     pub(crate) fn add_to(&self, counts: &mut Counts, say: &dyn Fn(String)) {
         for fault in &self.0 {
             let (count, what) = match fault {
@@ -50,8 +50,8 @@ impl Found {
     }
 }
 
-/// Checks all that a robot did, its older sessions only if `all`. What was not answered is
-/// asked about, so that its fate is known from now on.
+/// Checks everything that a robot did, its older sessions only if `all`. Requests without an
+/// answer are looked up, so that their fate is known afterwards.
 pub(crate) async fn check(robot: &mut Robot, url: &str, all: bool) -> Found {
     let mut found = Found::default();
     let client = robot.client.clone();
@@ -100,7 +100,7 @@ async fn check_session(
         (Outcome::Done(shown), _) => shown,
         (other, _) => return found.lost(format!("{what}: {other:?}")),
     };
-    // Not deleted after all: then it is as it was.
+    // The deletion did not happen: the session must be unchanged.
     session.deleted = None;
     let is_closed = shown["state"] == "closed";
     match session.closed {
@@ -131,13 +131,13 @@ async fn check_readings(
         found.invented(format!("{} readings of {what}", there - sent));
     }
     if session.closed.is_some() && there == acknowledged {
-        // What was not answered did not come before the close.
+        // Readings without an answer did not arrive before the close.
         session.readings.retain(|sent| sent.fate == Fate::Acknowledged);
     }
     if session.readings.is_empty() {
         return;
     }
-    // The same readings again: those that are there are repetitions, and equal in every bit.
+    // The same readings again: stored ones count as repetitions and must be equal in every bit.
     let readings: Vec<&Value> = session.readings.iter().map(|sent| &sent.reading).collect();
     let body = json!({ "readings": readings });
     let again =
@@ -186,7 +186,7 @@ async fn check_objects(client: &Client, url: &str, ledger: &mut Ledger, found: &
             found.lost(format!("the mesh of object {name}: {length:?}, sent {:?}", object.meshes));
         }
         if let Some(length) = length {
-            // The file itself: it is read whole, against its hash.
+            // The file itself is read completely and compared with its hash.
             let path = format!("{url}/v1/objects/{name}/mesh");
             if send(client, Method::GET, path, None).await.done().is_none() {
                 found.lost(format!("the file of the mesh of object {name}"));
@@ -230,7 +230,7 @@ async fn check_calibrations(
     (ledger.calibrations, ledger.calibrations_unknown) = (there, 0);
 }
 
-/// Checks that there are no other sessions and objects than were asked for.
+/// Checks that only requested sessions and objects exist.
 pub(crate) async fn check_strangers(robots: &[Robot], url: &str, trained: usize) -> Found {
     let mut found = Found::default();
     let Some(robot) = robots.first() else { return found };
@@ -262,7 +262,7 @@ pub(crate) async fn check_strangers(robots: &[Robot], url: &str, trained: usize)
     found
 }
 
-/// How many items a list has, over all its pages.
+/// Number of items of a list, over all its pages.
 async fn count(client: &Client, path: &str) -> u64 {
     let (mut n, mut cursor) = (0, String::new());
     loop {

@@ -1,4 +1,4 @@
-//! Changed and cut files: the damage is refused or named, never answered wrongly in silence.
+//! Changed and truncated files: damage is refused or reported, never answered wrongly in silence.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,11 +16,11 @@ use crate::robot::Robot;
 use crate::serving::Serving;
 use crate::{Access, Args, Counts};
 
-/// Sessions of the store that is damaged, and readings of each.
+/// Number of sessions in the damaged store, and of readings in each.
 const SESSIONS: usize = 12;
 const READINGS: usize = 8;
 
-/// Every answer of a server, by the path that was asked.
+/// All answers of a server, by path.
 type Answers = BTreeMap<String, Outcome>;
 
 /// Runs the rounds.
@@ -68,7 +68,7 @@ pub(crate) async fn run(
     Ok(())
 }
 
-/// Fills a store with a bit of everything, and gives the paths whose answers tell it all.
+/// Fills a store with every kind of data, and returns the paths whose answers cover it.
 async fn fill(
     command: &Path,
     data: &Path,
@@ -132,14 +132,14 @@ async fn ask(http: &Client, url: &str, paths: &[String]) -> Answers {
     answers
 }
 
-/// Damages one of the files; says how.
+/// Damages one of the files; returns a description.
 fn damage(data: &Path, chance: &mut Stream) -> anyhow::Result<String> {
     let mut files = files(data)?;
     files.retain(|path| path.file_name().is_some_and(|name| name != "lock"));
     files.sort();
     let log = files.iter().position(|path| path.ends_with("sled/db"));
     let log = log.context("the store has no log")?;
-    // The log is nearly all there is.
+    // The log is nearly all of the data.
     let chosen = if chance.index(4) > 0 { log } else { chance.index(files.len()) };
     let path = &files[chosen];
     let mut bytes = std::fs::read(path).with_context(|| format!("cannot read {path:?}"))?;
@@ -156,7 +156,7 @@ fn damage(data: &Path, chance: &mut Stream) -> anyhow::Result<String> {
             format!("cut to {place} of {used} bytes")
         }
         1 => {
-            // What a power cut leaves of a log whose end was never written.
+            // The state of a log whose end was lost in a power cut.
             let lost = 1 + chance.index(used.min(20_000));
             bytes[used - lost..].fill(0);
             format!("the last {lost} bytes are 0")
@@ -195,7 +195,7 @@ fn files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// An answer is as it was, or an error that says so, or `fsck` names what is wrong.
+/// An answer must be unchanged, or an error that reports the damage, or `fsck` must name it.
 fn compare(
     command: &Path,
     data: &Path,

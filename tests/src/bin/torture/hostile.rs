@@ -1,7 +1,10 @@
-//! `hostile`: four attackers with stolen keys and addresses of their own beside sixteen honest
-//! robots, on a server of its own with two gigabytes. Each attack is one that a review once found
-//! to work, bounded in count and time. What is asked: do the honest robots notice, is anything
-//! taken that should be refused, and is all that the attackers held given back?
+//! `hostile`: four attackers with stolen keys and their own addresses, beside sixteen honest
+//! robots.
+//!
+//! The server is started for it, with two gigabytes. Each attack once worked in a review and
+//! is bounded in count and time. The run counts honest robots that were delayed or refused,
+//! requests that should have been refused, and resources that attackers still hold
+//! afterwards.
 
 mod aside;
 mod attacks;
@@ -31,25 +34,25 @@ use attacks::{Attack, Prey, attack};
 use foe::{Foe, Stolen};
 use honest::{Honest, Log, Seen};
 
-/// What the server's process gets, KiB of virtual memory.
+/// Virtual memory of the server's process, KiB.
 const MEMORY_KIB: u64 = 2 << 20;
 const HONEST: usize = 16;
 const FOES: u8 = 4;
-/// Quiet time beforehand, as a multiple of an attack's.
+/// Duration of the quiet baseline, as a multiple of an attack's.
 const BASELINE: u32 = 2;
-/// After so long everything that attackers held must be free.
+/// Time after which all resources held by attackers must be free.
 const GIVEN_BACK: Duration = Duration::from_secs(60);
-/// Lines that make the large mesh, of 30 bytes.
+/// Number of lines, of 30 bytes each, of the large mesh.
 const MESH_LINES: usize = 1_000_000;
-/// Readings of the long session.
+/// Number of readings of the long session.
 const LONG_SESSION: usize = 190;
-/// Training readings of the large object.
+/// Number of training readings of the large object.
 const LARGE_OBJECT: usize = 1000;
 
-/// How many faults of a kind are told in words.
+/// Maximum number of faults of a kind that are described.
 const SAID: usize = 3;
 
-/// What was found.
+/// Results of the run.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     honest_p99_ratio: f64,
@@ -68,7 +71,7 @@ pub(crate) struct Report {
     seconds: f64,
 }
 
-/// One attack.
+/// Results of one attack.
 #[derive(Debug, Serialize)]
 struct Told {
     attack: &'static str,
@@ -80,13 +83,13 @@ struct Told {
 }
 
 impl Report {
-    /// Faults: every one of them is a caller who was hurt, or could hurt.
+    /// Total of the faults, each a caller who was hurt or did harm.
     pub(crate) fn faults(&self) -> u64 {
         self.honest_refused + self.held_after_60_s + self.attacks_that_worked
     }
 }
 
-/// Everybody who takes part.
+/// All participants.
 struct Scene {
     serving: Serving,
     admin: Client,
@@ -95,7 +98,7 @@ struct Scene {
     prey: Prey,
 }
 
-/// Attacks a server of its own, one attack after the other.
+/// Starts a server and runs one attack after the other.
 pub(crate) async fn run(
     command: &Path,
     args: &Args,
@@ -114,7 +117,7 @@ pub(crate) async fn run(
         .into_iter()
         .map(|robot| tokio::spawn(robot.work(url.clone(), Arc::clone(&material), Arc::clone(&log))))
         .collect();
-    // The first touches are slower: a model is loaded, and all begin at once.
+    // The first touches are slower: a model is loaded, and all robots start at once.
     tokio::time::sleep(Duration::from_secs(u64::from(args.seconds))).await;
     let before = log.next_window();
     tokio::time::sleep(Duration::from_secs(u64::from(args.seconds * BASELINE))).await;
@@ -174,14 +177,14 @@ pub(crate) async fn run(
     })
 }
 
-/// What became of all attacks: each with the number of its window of time.
+/// Results of all attacks: each with the number of its time window.
 struct Attacked {
     told: Vec<Told>,
     windows: Vec<usize>,
     faults: Vec<String>,
 }
 
-/// Attacks one way after the other.
+/// Runs one attack after the other.
 async fn attack_in_turn(
     admin: &Client,
     url: &str,
@@ -224,12 +227,12 @@ async fn attack_in_turn(
     Attacked { told, windows, faults }
 }
 
-/// The beginning of what may be long.
+/// The first characters of a text that may be long.
 fn shortened(text: &str) -> String {
     text.chars().take(400).collect()
 }
 
-/// A server with something of everything, honest robots, and what attackers stole.
+/// A server with data of every kind, honest robots, and the keys stolen by attackers.
 async fn set_the_scene(
     command: &Path,
     data: &Path,
@@ -275,7 +278,7 @@ async fn set_the_scene(
     Ok(Scene { serving, admin, honest, foes, prey })
 }
 
-/// Teaches what attackers ask for; the session with many readings.
+/// Trains the objects that attackers request, and fills the long session.
 async fn teach(
     teacher: &Client,
     toucher: &Client,
@@ -326,8 +329,7 @@ async fn key(admin: &Client, url: &str, name: &str, role: &str) -> anyhow::Resul
     secret.map(str::to_owned).with_context(|| format!("cannot make the key {name}"))
 }
 
-/// How much is still occupied when everything should be free: asked again until nothing is, or
-/// the time is over.
+/// Number of resources still held after the attacks, polled until it is 0 or the time is over.
 async fn given_back(admin: &Client, url: &str) -> anyhow::Result<u64> {
     let begun = Instant::now();
     loop {
@@ -340,7 +342,7 @@ async fn given_back(admin: &Client, url: &str) -> anyhow::Result<u64> {
     }
 }
 
-/// What the figures say is occupied, without the connection and the session that are ours.
+/// Resources in use according to the metrics, without our own connection and session.
 fn held(metrics: &str) -> u64 {
     let figure = |line: &str| line.rsplit_once(' ').and_then(|(_, n)| n.parse::<f64>().ok());
     let of = |name: &str| -> u64 {
@@ -355,11 +357,11 @@ fn held(metrics: &str) -> u64 {
     others.iter().sum::<u64>() + sessions + connections.saturating_sub(OWN_CONNECTIONS)
 }
 
-/// Connections that honest clients keep open for their next request: a robot has one, those who
-/// set up and measure have a few.
+/// Connections kept open by honest clients: one for each robot, and a few for set-up and
+/// measurement.
 const OWN_CONNECTIONS: u64 = HONEST as u64 + 8;
 
-/// How many cores a process keeps busy.
+/// Number of cores that a process keeps busy.
 async fn cores_used(process: u32) -> anyhow::Result<f64> {
     let watched = Duration::from_secs(2);
     let before = processor_seconds(process)?;
@@ -367,7 +369,7 @@ async fn cores_used(process: u32) -> anyhow::Result<f64> {
     Ok((processor_seconds(process)? - before) / watched.as_secs_f64())
 }
 
-/// The most memory that a process ever had, MB.
+/// Peak memory of a process, MB.
 fn peak_mb(process: u32) -> anyhow::Result<f64> {
     Ok(memory_kib(process, "VmHWM")? as f64 * 1024.0 / 1e6)
 }

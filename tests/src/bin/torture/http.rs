@@ -1,4 +1,4 @@
-//! Requests whose answer may never come: what a client knows of each afterwards.
+//! Requests whose answer may never arrive, and the client's knowledge of each afterwards.
 
 use std::time::Duration;
 
@@ -7,17 +7,17 @@ use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
 use reqwest::{Client, Method};
 use serde_json::Value;
 
-/// How long an answer may take.
+/// Maximum time of an answer.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// What became of a request.
+/// Result of a request.
 #[derive(Debug)]
 pub(crate) enum Outcome {
-    /// Answered with success, and this body.
+    /// Success, with this body.
     Done(Value),
-    /// Refused with this status: it was not done.
+    /// Refused with this status: the request had no effect.
     Refused(u16, Value),
-    /// No answer, or one that does not say: it may have been done.
+    /// No answer, or one that does not tell: the request may have had its effect.
     Unknown,
 }
 
@@ -44,7 +44,7 @@ pub(crate) fn client() -> anyhow::Result<Client> {
     Client::builder().timeout(PATIENCE).build().context("cannot set up the HTTP client")
 }
 
-/// The same with a key that is sent with every request.
+/// A client that sends a key with every request.
 pub(crate) fn client_with(key: &str) -> anyhow::Result<Client> {
     let bearer = HeaderValue::from_str(&format!("Bearer {key}")).context("a key is text")?;
     let headers = HeaderMap::from_iter([(AUTHORIZATION, bearer)]);
@@ -66,7 +66,7 @@ pub(crate) async fn send(
     answer(request).await
 }
 
-/// Sends a request as it is.
+/// Sends a prepared request.
 pub(crate) async fn answer(request: reqwest::RequestBuilder) -> Outcome {
     let Ok(response) = request.send().await else { return Outcome::Unknown };
     let status = response.status();
@@ -75,7 +75,7 @@ pub(crate) async fn answer(request: reqwest::RequestBuilder) -> Outcome {
     if status.is_success() {
         return Outcome::Done(body);
     }
-    // An answer that came too late says that what was sent may be stored.
+    // An answer that came too late says that the request may be stored.
     let detail = body["detail"].as_str().unwrap_or_default();
     if status.as_u16() == 503 && detail.contains("may be stored") {
         return Outcome::Unknown;

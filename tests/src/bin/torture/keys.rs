@@ -1,6 +1,7 @@
-//! API keys under fire: made and revoked while the server is killed, and tried afterwards. A key
-//! that was given is let in, one that was revoked is not, and nobody has one that nobody asked
-//! for.
+//! API keys under fire: created and revoked while the server is killed, and tried afterwards.
+//!
+//! A created key must be accepted, a revoked one refused, and no key may exist that was not
+//! requested.
 
 use anyhow::{Context, bail};
 use reqwest::{Client, Method};
@@ -11,12 +12,12 @@ use crate::http::{Outcome, client_with, send};
 use crate::ledger::{Fate, Key, Ledger};
 use crate::robot::Robot;
 
-/// How many keys were made before the first kill: the admin's, the trainer's, and the robots'.
+/// Number of keys made before the first kill: the admin's, the trainer's, and the robots'.
 pub(crate) fn n_given(n_robots: usize) -> usize {
     2 + n_robots
 }
 
-/// Gives every robot a key of its own, a trainer who teaches for it, and a keeper of keys.
+/// Creates a key for every robot, and trainer and admin clients for all of them.
 pub(crate) async fn give(robots: &mut [Robot], url: &str, admin_key: &str) -> anyhow::Result<()> {
     let keeper = client_with(admin_key)?;
     let teacher = client_with(&made(&keeper, url, "teacher", "trainer").await?)?;
@@ -38,7 +39,7 @@ async fn made(keeper: &Client, url: &str, name: &str, role: &str) -> anyhow::Res
     }
 }
 
-/// Revokes the oldest key that stands, when there are two or more, else makes one more.
+/// Revokes the oldest valid key when there are two or more, otherwise creates one.
 pub(crate) async fn change(
     keeper: &Client,
     url: &str,
@@ -93,13 +94,13 @@ pub(crate) async fn check(
     ledger.keys = kept;
 }
 
-/// Whether a key is stored; what was not known of it is known from now on.
+/// Whether a key is stored; settles the fate of unanswered requests.
 async fn is_there(keeper: &Client, url: &str, key: &mut Key, found: &mut Found) -> bool {
     let path = format!("{url}/v1/keys/{}", key.name);
     let listed = send(keeper, Method::GET, path, None).await;
     match (&listed, key.created) {
         (Outcome::Done(_), _) => key.created = Fate::Acknowledged,
-        // A revoked key has given its name away: it is found by its secret alone.
+        // The name of a revoked key may have been reused: it is found by its secret alone.
         (Outcome::Refused(404, _), Fate::Acknowledged) if key.revoked.is_some() => {}
         (Outcome::Refused(404, _), Fate::Unknown) => return false,
         (other, _) => found.lost(format!("the key {}: {other:?}", key.name)),

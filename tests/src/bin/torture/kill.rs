@@ -1,5 +1,7 @@
-//! `kill -9` at random moments under concurrent writers: nothing acknowledged is lost, nothing
-//! is invented, and beliefs are those of a server that was never interrupted.
+//! `kill -9` at random moments under concurrent writers.
+//!
+//! Nothing acknowledged may be lost and nothing invented, and beliefs must equal those of a
+//! server that was never interrupted.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -18,14 +20,14 @@ use crate::robot::Robot;
 use crate::serving::Serving;
 use crate::{Access, Args, Counts};
 
-/// How many beliefs of each round are compared with those of the server that runs on.
+/// Number of beliefs compared with the uninterrupted server in each round.
 const BELIEFS_PER_ROUND: usize = 6;
-/// Every so many rounds last long enough for a training.
+/// Every round of this many lasts long enough for a training.
 const LONG_ROUND_EVERY: u32 = 10;
-/// How long jobs may take to end when nobody kills the server any more.
+/// Maximum time for jobs to end when the server is no longer killed.
 const JOBS_PATIENCE: Duration = Duration::from_secs(300);
-/// Makes the server that is killed compact as often as it can: kills hit every step of it, the
-/// first one of a folder that was never compacted included.
+/// Makes the killed server compact as often as it can, so that kills hit every step,
+/// including the first compaction of a folder.
 const COMPACTING: [&str; 2] = ["--store-slack-mb", "0"];
 
 /// Runs the rounds.
@@ -105,8 +107,8 @@ fn restart(
     Ok(serving)
 }
 
-/// Gives robots their keys if they need some, adds the objects, trains them, and gives every
-/// robot its sensor.
+/// Gives robots their keys if the server requires them, adds the objects, trains them, and
+/// gives every robot its sensor.
 pub(crate) async fn set_up(
     command: &Path,
     data: &Path,
@@ -146,7 +148,7 @@ pub(crate) async fn set_up(
     serving.kill()
 }
 
-/// Waits for a job's end and gives its state.
+/// Waits for the end of a job and returns its state.
 pub(crate) async fn ended(http: &Client, url: &str, job: &str) -> String {
     let begun = Instant::now();
     loop {
@@ -175,7 +177,7 @@ async fn check_all(
     check_strangers(robots, url, TRAINED.len()).await.add_to(counts, say);
 }
 
-/// Folds the readings of some sessions anew where nothing was ever interrupted.
+/// Folds the readings of some sessions again on the uninterrupted server.
 async fn compare_beliefs(
     robots: &[Robot],
     serving: &Serving,
@@ -205,7 +207,7 @@ async fn compare_beliefs(
     }
 }
 
-/// What the belief says, without whose it is: text, in which every bit of a number shows.
+/// The belief without its identity, as text, which shows every bit of a number.
 fn answered(mut belief: Value) -> String {
     if let Some(fields) = belief.as_object_mut() {
         fields.remove("session");
@@ -228,7 +230,7 @@ async fn uninterrupted(http: &Client, url: &str, session: &Session) -> Option<Va
     send(http, Method::GET, format!("{path}/belief?poses=20"), None).await.done()
 }
 
-/// Every job comes to an end, and what succeeded can be recognised with.
+/// Checks that every job ends, and that versions of successful ones can be used.
 async fn check_models(robots: &[Robot], url: &str, counts: &mut Counts, say: &dyn Fn(String)) {
     for robot in robots {
         let mut n_succeeded = 0;

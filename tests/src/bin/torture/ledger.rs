@@ -1,15 +1,15 @@
-//! What a client sent and what it was told: the truth that the server is held to.
+//! Requests of a client and their answers: the ground truth for the checks.
 
 use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-/// What a client knows of something it asked for.
+/// The client's knowledge of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Fate {
-    /// It was told that it is done.
+    /// The server acknowledged it.
     Acknowledged,
-    /// It was told nothing: done or not, both are right.
+    /// No answer: done or not, both are correct.
     Unknown,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct Session {
     pub(crate) readings: Vec<Sent>,
     pub(crate) closed: Option<Fate>,
     pub(crate) deleted: Option<Fate>,
-    /// Whether anything was sent since it was last checked.
+    /// Whether it changed since the last check.
     pub(crate) is_fresh: bool,
 }
 
@@ -38,34 +38,34 @@ impl Session {
     }
 }
 
-/// An object that was asked for.
+/// A requested object.
 #[derive(Clone, Debug)]
 pub(crate) struct Object {
     pub(crate) created: Fate,
     pub(crate) deleted: Option<Fate>,
-    /// Lengths of the mesh files that it may have, and the fate of the newest.
+    /// Possible lengths of its mesh file, and the fate of the newest.
     pub(crate) meshes: Vec<(usize, Fate)>,
     pub(crate) n_readings: u64,
     pub(crate) n_readings_unknown: u64,
 }
 
-/// A key that was asked for.
+/// A requested key.
 #[derive(Clone, Debug)]
 pub(crate) struct Key {
     pub(crate) name: String,
-    /// What its holder sends; not known when nobody was told.
+    /// The key's secret; unknown if the creation was not answered.
     pub(crate) secret: Option<String>,
     pub(crate) created: Fate,
     pub(crate) revoked: Option<Fate>,
-    /// Whether anything was sent since it was last checked.
+    /// Whether it changed since the last check.
     pub(crate) is_fresh: bool,
 }
 
-/// All that one client did.
+/// All requests of one client.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ledger {
     pub(crate) sessions: Vec<Session>,
-    /// How many beginnings of sessions were not answered.
+    /// Number of unanswered session starts.
     pub(crate) sessions_unknown: u64,
     pub(crate) objects: BTreeMap<String, Object>,
     pub(crate) calibrations: u64,
@@ -75,10 +75,10 @@ pub(crate) struct Ledger {
     pub(crate) keys: Vec<Key>,
     pub(crate) keys_created: u64,
     pub(crate) keys_revoked: u64,
-    /// How often a key was tried after a restart.
+    /// Number of keys tried after a restart.
     pub(crate) keys_tried: u64,
     pub(crate) acknowledged: u64,
     pub(crate) unanswered: u64,
-    /// Answers that no client should get, in words.
+    /// Descriptions of answers that no client should get.
     pub(crate) unexpected: Vec<String>,
 }

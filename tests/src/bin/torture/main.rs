@@ -1,10 +1,10 @@
-//! `torture`: kills and damages a real server again and again, and counts what it got wrong.
+//! `torture`: kills and damages a real server repeatedly, and counts its faults.
 //!
 //! `kill`: `kill -9` under concurrent writers; `corrupt`: bytes of the stored files change;
-//! `order`: one set of readings is sent in many ways; `hostile`: callers who mean harm; `soak`: a
-//! long mix of records that are kept and records that are not, and how much of the disk it takes.
-//! The last line of the standard output is one JSON object; every count of faults in it must
-//! be 0, and the exit code is 1 if one is not. Progress goes to the standard error.
+//! `order`: one set of readings is sent in many ways; `hostile`: attackers beside honest
+//! robots; `soak`: a long mix of kept and removed records, and its disk usage. The last line
+//! of the standard output is one JSON object; every count of faults in it must be 0, and the
+//! exit code is 1 otherwise. Progress goes to the standard error.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
 
 mod check;
@@ -27,49 +27,49 @@ use std::time::Instant;
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
 
-/// Kills and damages a real server again and again, and counts what it got wrong.
+/// Kills and damages a real server repeatedly, and counts its faults.
 #[derive(Debug, Parser)]
 struct Args {
-    /// What to do to it.
+    /// The kind of test.
     mode: Mode,
-    /// How often.
+    /// Number of rounds.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     rounds: u32,
-    /// How many clients write at the same time.
+    /// Number of concurrent clients.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
     writers: u32,
-    /// The seed of what is sent and of when and where it hits.
+    /// Seed of the requests, the times of the kills and the damage.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// With `kill`: whether the server asks for keys. Then robots have theirs, what is taught
-    /// is taught with a trainer's, and keys are made and revoked under fire too.
+    /// With `kill`: whether the server requires keys. If so, robots have their own, training
+    /// uses a trainer's, and keys are also created and revoked under fire.
     #[arg(long, value_enum, default_value = "open")]
     access: Access,
-    /// With `hostile`: how long each attack lasts, seconds.
+    /// With `hostile`: seconds of each attack.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=600))]
     seconds: u32,
-    /// The command to torture; built by cargo when not given.
+    /// The command under test; built by cargo if not given.
     #[arg(long, value_name = "FILE")]
     palpate: Option<PathBuf>,
-    /// With `soak`: for how long.
+    /// With `soak`: duration in minutes.
     #[arg(long, default_value_t = 30.0)]
     minutes: f64,
-    /// With `soak`: it also ends after this many acknowledged readings.
+    /// With `soak`: end after this many acknowledged readings.
     #[arg(long, default_value_t = 10_000_000)]
     readings: u64,
-    /// With `soak`: this many readings are stored before it begins and kept to its end.
+    /// With `soak`: number of readings stored before the start and kept to the end.
     #[arg(long, default_value_t = 0)]
     kept: u64,
-    /// With `soak`: where the server keeps its data; a folder that is removed when not given.
+    /// With `soak`: the server's data folder; a temporary one if not given.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// With `soak`: `--store-slack-mb` of the server; a huge one turns compaction off.
+    /// With `soak`: `--store-slack-mb` of the server; a huge value turns compaction off.
     #[arg(long, value_name = "MB", default_value_t = 32)]
     slack_mb: u64,
-    /// With `soak`: write figures and all samples into this file, as JSON.
+    /// With `soak`: write figures and all samples to this JSON file.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// With `soak`: draw the bytes over time into this file, as SVG.
+    /// With `soak`: draw the bytes over time into this SVG file.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Print nothing but the JSON object.
@@ -77,7 +77,7 @@ struct Args {
     json: bool,
 }
 
-/// Whether the server asks for keys.
+/// Whether the server requires keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 enum Access {
@@ -88,7 +88,7 @@ enum Access {
 }
 
 impl Access {
-    /// As `palpate serve --access` has it.
+    /// The value of `palpate serve --access`.
     fn name(self) -> &'static str {
         match self {
             Self::Open => "open",
@@ -97,7 +97,7 @@ impl Access {
     }
 }
 
-/// What is done to the server.
+/// The kind of test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 enum Mode {
@@ -105,17 +105,17 @@ enum Mode {
     Kill,
     /// Changed and cut files.
     Corrupt,
-    /// Readings in other orders, in batches, twice, and withdrawn; eight ways a round.
+    /// Readings in other orders, in batches, repeated, and withdrawn; eight ways a round.
     Order,
     /// Attackers beside honest robots, one attack after the other.
     Hostile,
-    /// A long mix of records that are kept and records that are not.
+    /// A long mix of kept and removed records.
     Soak,
     /// Everything but `hostile` and `soak`.
     All,
 }
 
-/// What was found, in counts. The first ones are faults.
+/// Counts of the run; the first ones are faults.
 #[derive(Clone, Debug, Default, Serialize)]
 struct Counts {
     acknowledged_lost: u64,
@@ -158,7 +158,7 @@ impl Counts {
 #[tokio::main]
 async fn main() -> ExitCode {
     let args = Args::parse();
-    // Reqwest wants a provider although nothing here speaks TLS.
+    // Reqwest needs a provider although nothing here uses TLS.
     let _ = rustls::crypto::ring::default_provider().install_default();
     match run(&args).await {
         Ok((report, faults)) => {
@@ -172,7 +172,7 @@ async fn main() -> ExitCode {
     }
 }
 
-/// What was found, and how many faults there are in it.
+/// The results as JSON, and the number of faults in them.
 async fn run(args: &Args) -> anyhow::Result<(String, u64)> {
     let begun = Instant::now();
     let command = match &args.palpate {

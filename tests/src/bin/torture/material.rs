@@ -1,4 +1,4 @@
-//! What is sent: touches of simulated boxes, meshes, indentations.
+//! Contents of the requests: touches of simulated boxes, meshes, indentations.
 
 use std::ops::ControlFlow;
 
@@ -12,16 +12,16 @@ use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SamplerConfig, sample};
 use serde_json::{Value, json};
 
-/// How many touches of each object there are to choose from.
+/// Number of touches of each object to choose from.
 const TOUCHES: usize = 120;
 
 /// The objects that sessions recognise, with their edges in millimetres.
 pub(crate) const TRAINED: [(&str, [f64; 3]); 2] =
     [("cube", [40.0, 40.0, 40.0]), ("bar", [80.0, 20.0, 20.0])];
 
-/// All that clients send.
+/// Contents of all requests.
 pub(crate) struct Material {
-    /// Touches of each trained object, as the wire has them, without robot and seq.
+    /// Touches of each trained object in their wire form, without robot and seq.
     pub(crate) touches: Vec<Vec<Value>>,
     /// A calibration run of a sensor.
     pub(crate) indentations: Value,
@@ -44,7 +44,7 @@ impl Material {
     }
 }
 
-/// A box as an OFF file in millimetres. A larger `padding` makes a longer file of the same.
+/// A box as an OFF file in millimetres; `padding` makes the file longer without changing the box.
 pub(crate) fn off_box([x, y, z]: [f64; 3], padding: usize) -> String {
     let mut file = String::from("OFF\n");
     for line in 0..padding {

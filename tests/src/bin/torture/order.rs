@@ -1,6 +1,7 @@
-//! One set of readings, many ways to send it: permuted, in batches, twice, by eight robots at
-//! once, with readings that are withdrawn again. Beliefs must be equal bit for bit, also after
-//! a `kill -9`.
+//! One set of readings, sent in many ways, must give beliefs that are equal bit for bit.
+//!
+//! The readings are permuted, batched, repeated, sent by eight robots at once, and sent with
+//! others that are withdrawn again; the beliefs must also survive a `kill -9`.
 
 use std::path::Path;
 
@@ -14,27 +15,27 @@ use crate::material::{Material, TRAINED, off_box};
 use crate::serving::Serving;
 use crate::{Access, Args, Counts};
 
-/// How many robots share a session.
+/// Number of robots that share a session.
 const ROBOTS: usize = 8;
-/// The most readings of one robot in a session.
+/// Maximum readings of one robot in a session.
 const READINGS_MAX: usize = 4;
-/// In how many ways each round sends its readings.
+/// Number of ways in which each round sends its readings.
 const WAYS: u64 = 8;
-/// Every so many rounds the server is killed, and what it answered is asked again.
+/// The server is killed once every this many rounds, and its answers are checked again.
 const KILL_EVERY: u32 = 25;
-/// How recognisers of sessions are chosen.
+/// Recognition methods, drawn for each session.
 const METHODS: [&str; 4] = ["surface", "surface", "sva", "appearance"];
 
-/// What is sent in one round.
+/// Contents of one round.
 struct Case {
     method: &'static str,
     /// By robot, each with robot and seq.
     readings: Vec<Vec<Value>>,
-    /// Which of all readings, robot by robot, are withdrawn.
+    /// Indices of the withdrawn readings, robot by robot.
     withdrawn: Vec<(usize, usize)>,
 }
 
-/// A session and what it must answer.
+/// A session and its expected answer.
 struct Known {
     session: String,
     belief: Value,
@@ -92,7 +93,7 @@ impl Case {
     fn draw(material: &Material, stream: &mut Stream) -> Self {
         let touches = &material.touches[stream.index(material.touches.len())];
         let method = METHODS[stream.index(METHODS.len())];
-        // Some fleets have clocks, some have none, some robots of others have one.
+        // Some fleets have clocks, some have none; in others only some robots have one.
         let stamped = stream.index(3);
         let mut readings = Vec::new();
         for robot in 0..ROBOTS {
@@ -130,7 +131,7 @@ impl Case {
     }
 }
 
-/// The belief of the readings that count, sent once, together.
+/// The belief of the valid readings, sent once, together.
 async fn in_order(http: &Client, url: &str, case: &Case) -> anyhow::Result<Value> {
     let session = begin(http, url, case.method).await?;
     let mut readings = Vec::new();
@@ -142,7 +143,7 @@ async fn in_order(http: &Client, url: &str, case: &Case) -> anyhow::Result<Value
     belief(http, url, &session).await
 }
 
-/// Sends the readings in another way, drawn from the seed.
+/// Sends the readings in another way, determined by the seed.
 async fn in_any_order(
     http: &Client,
     url: &str,
@@ -153,7 +154,7 @@ async fn in_any_order(
 ) -> anyhow::Result<()> {
     let mut stream = Stream::new(seed, Purpose::Sampling, index);
     if stream.index(4) == 0 {
-        // All robots at once, each its own readings, last first: the network decides.
+        // All robots at once, each its own readings, last first: the network decides the order.
         let robots = case.readings.iter().map(|own| async move {
             for reading in own.iter().rev() {
                 post(http, url, session, std::slice::from_ref(reading), "top").await?;
@@ -169,7 +170,7 @@ async fn in_any_order(
             let mut batch: Vec<Value> =
                 (0..n).map(|_| left.swap_remove(stream.index(left.len()))).collect();
             if !sent.is_empty() && stream.index(2) == 0 {
-                // A reading that came already, among new ones.
+                // A repeated reading among new ones.
                 batch.push(sent[stream.index(sent.len())].clone());
             }
             let detail = ["none", "top", "full"][stream.index(3)];
@@ -185,7 +186,7 @@ async fn in_any_order(
         for _again in 0..=stream.index(2) {
             done(send(http, Method::DELETE, path.clone(), None).await)?;
         }
-        // What is sent again stays withdrawn.
+        // A repeated reading stays withdrawn.
         post(http, url, session, &case.readings[*robot][*seq..=*seq], "none").await?;
     }
     Ok(())
@@ -209,7 +210,7 @@ async fn post(
     Ok(())
 }
 
-/// The belief without what says how it came about.
+/// The belief without the fields that depend on the order of arrival.
 async fn belief(http: &Client, url: &str, session: &str) -> anyhow::Result<Value> {
     let path = format!("{url}/v1/sessions/{session}/belief?poses=20");
     let mut belief = done(send(http, Method::GET, path, None).await)?;
@@ -217,7 +218,7 @@ async fn belief(http: &Client, url: &str, session: &str) -> anyhow::Result<Value
     Ok(belief)
 }
 
-/// Trains the two objects for all methods that are used.
+/// Trains the two objects for all methods in use.
 async fn train(http: &Client, url: &str) -> anyhow::Result<()> {
     for (name, size) in TRAINED {
         let path = format!("{url}/v1/objects");

@@ -1,4 +1,4 @@
-//! One client that writes as fast as it is answered, until the server is gone.
+//! A client that writes as fast as it is answered, until the server is gone.
 
 use palpate_core::rng::Stream;
 use reqwest::{Client, Method};
@@ -9,25 +9,25 @@ use crate::keys;
 use crate::ledger::{Fate, Ledger, Object, Sent, Session};
 use crate::material::{Material, off_box};
 
-/// No session gets more readings.
+/// Maximum readings of a session.
 const READINGS_MAX: usize = 40;
-/// Open sessions of one client.
+/// Maximum open sessions of one client.
 const OPEN_MAX: usize = 4;
-/// Objects of one client that were not deleted.
+/// Maximum objects of one client that are not deleted.
 const OBJECTS_MAX: usize = 4;
-/// Where there are keys, one request of so many makes or revokes one.
+/// With keys: one request in this many creates or revokes one.
 const KEYS_EVERY: usize = 12;
-/// How recognisers of sessions are chosen.
+/// Recognition methods, drawn for each session.
 const METHODS: [&str; 3] = ["surface", "sva", "appearance"];
 
 /// One client.
 pub(crate) struct Robot {
     pub(crate) name: String,
     pub(crate) client: Client,
-    /// Whoever teaches for it: objects, calibrations, trainings. A client with another key where
-    /// keys are asked for.
+    /// The client for objects, calibrations and trainings; with another key where keys are
+    /// required.
     pub(crate) teacher: Client,
-    /// Whoever makes and revokes keys, where they are asked for.
+    /// The client that creates and revokes keys, where they are required.
     pub(crate) keeper: Option<Client>,
     pub(crate) ledger: Ledger,
     stream: Stream,
@@ -40,12 +40,12 @@ impl Robot {
         Self { name, client, teacher, keeper: None, ledger, stream, n_named: 0 }
     }
 
-    /// The name of its sensor, of which nobody else makes calibrations.
+    /// The name of its sensor, which no other client calibrates.
     pub(crate) fn sensor(&self) -> String {
         format!("sensor-{}", self.name)
     }
 
-    /// The name of the catalogue that it trains.
+    /// The name of its catalogue.
     pub(crate) fn catalogue(&self) -> String {
         format!("own-{}", self.name)
     }
@@ -77,11 +77,11 @@ impl Robot {
         }
     }
 
-    /// Notes an outcome; true when the server is gone.
+    /// Records an outcome; true when the server is gone.
     fn note(&mut self, outcome: Outcome) -> bool {
         match outcome {
             Outcome::Done(_) => self.ledger.acknowledged += 1,
-            // An overloaded server says so; everything else is no answer to expect.
+            // An overloaded server answers 503; any other refusal is unexpected.
             Outcome::Refused(503, _) => {}
             Outcome::Refused(status, ref body) => {
                 self.ledger.unexpected.push(format!("{}: {status} {body}", self.name));
@@ -96,7 +96,7 @@ impl Robot {
         format!("{what}-{}-{}", self.name, self.n_named)
     }
 
-    /// Sends one to three readings into one of its sessions, or begins one.
+    /// Sends one to three readings into one of its sessions, or starts one.
     async fn touch(&mut self, url: &str, material: &Material) -> Outcome {
         let open: Vec<usize> = (0..self.ledger.sessions.len())
             .filter(|place| {
@@ -255,7 +255,7 @@ impl Robot {
         outcome
     }
 
-    /// Asks for a small training of its own catalogue.
+    /// Starts a small training of its own catalogue.
     async fn train(&mut self, url: &str) -> Outcome {
         let training = json!({"objects": ["cube", "bar"], "readings_per_object": 40,
             "n_classes": 4, "seed": self.stream.index(1000)});
@@ -271,7 +271,7 @@ impl Robot {
         outcome
     }
 
-    /// The names of its objects that it has not deleted.
+    /// The names of its objects that are not deleted.
     fn living(&self) -> Vec<String> {
         let objects = self.ledger.objects.iter();
         let living = objects

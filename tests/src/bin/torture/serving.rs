@@ -12,24 +12,24 @@ use serde_json::Value;
 
 use crate::Access;
 
-/// How long a server may take to listen; one that takes longer counts as hung.
+/// Maximum time until a server listens; one that takes longer counts as hung.
 const START_PATIENCE: Duration = Duration::from_secs(60);
 
-/// A server in a process of its own. Dropped, it is killed.
+/// A server in its own process, killed on drop.
 pub(crate) struct Serving {
     child: Ending,
     said: JoinHandle<String>,
-    /// Where it listens, such as `http://127.0.0.1:40123`.
+    /// Base URL, such as `http://127.0.0.1:40123`.
     pub(crate) url: String,
-    /// The key of the first admin, if it made one at this start.
+    /// The first admin's key, if this start created it.
     pub(crate) admin_key: Option<String>,
 }
 
-/// Why a server did not start: what it said on its standard error.
+/// The standard error of a server that did not start.
 #[derive(Debug)]
 pub(crate) struct Refused(pub(crate) String);
 
-/// Builds the command with the profile that this binary was built with, and says where it is.
+/// Builds the command with the profile of this binary, and returns its path.
 pub(crate) fn build() -> anyhow::Result<PathBuf> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut build = Command::new(cargo);
@@ -39,7 +39,7 @@ pub(crate) fn build() -> anyhow::Result<PathBuf> {
     if is_release {
         build.arg("--release");
     }
-    // The standard output is for the answer alone.
+    // The standard output is reserved for the result.
     build.stdout(Stdio::null());
     let status = build.status().context("cannot run cargo")?;
     if !status.success() {
@@ -64,7 +64,7 @@ impl Serving {
         Self::start_with(command, data, access, &[])
     }
 
-    /// The same with more arguments.
+    /// Like `start`, with further arguments.
     pub(crate) fn start_with(
         command: &Path,
         data: &Path,
@@ -75,7 +75,7 @@ impl Serving {
         Self::start_as(Command::new(command), data, access, &more)
     }
 
-    /// The same for a process that gets no more memory than this, with further arguments.
+    /// Like `start`, with further arguments and limited memory.
     pub(crate) fn start_within(
         command: &Path,
         data: &Path,
@@ -112,7 +112,7 @@ impl Serving {
         let mut stderr = child.stderr.take().context("the child has no standard error")?;
         let said = std::thread::spawn(move || {
             let mut said = Vec::new();
-            // A log that nobody reads would fill the pipe and hold the server up.
+            // A log that is not read would fill the pipe and block the server.
             let _ = stderr.read_to_end(&mut said);
             String::from_utf8_lossy(&said).trim().to_owned()
         });
@@ -120,7 +120,7 @@ impl Serving {
         std::thread::spawn(move || {
             let mut line = String::new();
             let _ = BufReader::new(stdout).read_line(&mut line);
-            // Nobody waits any more for a server that took too long.
+            // The receiver is gone if the server took too long.
             let _ = sender.send(line);
         });
         let line = listening.recv_timeout(START_PATIENCE).unwrap_or_default();
@@ -136,17 +136,17 @@ impl Serving {
         Ok(Err(Refused(said.join().unwrap_or_default())))
     }
 
-    /// The number of its process.
+    /// The process id.
     pub(crate) fn process(&self) -> u32 {
         self.child.0.id()
     }
 
-    /// Ends it as a loss of power does, in the middle of whatever it does.
+    /// Kills the process at once, like a loss of power.
     pub(crate) fn kill(self) -> anyhow::Result<()> {
         self.end().map(|_| ())
     }
 
-    /// The same; what it said on its standard error.
+    /// Kills the process; its standard error.
     pub(crate) fn end(mut self) -> anyhow::Result<String> {
         self.child.0.kill().context("cannot kill the server")?;
         self.child.0.wait().context("cannot wait for the server")?;
@@ -154,7 +154,7 @@ impl Serving {
     }
 }
 
-/// A process that does not outlive what it is for.
+/// A child process that is killed on drop.
 struct Ending(Child);
 
 impl Drop for Ending {

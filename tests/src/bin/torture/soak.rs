@@ -1,10 +1,10 @@
-//! A long mix of records that are kept and records that are not: how much of the disk it takes.
+//! Soak: a long mix of kept and removed records, and its disk usage.
 //!
-//! Writers send readings as fast as they are answered, into sessions that live for a minute, and
-//! one in ten of which lives much longer; beside them objects are trained, meshes replaced, keys
-//! made and revoked, and all of it is audited. The stored and the live bytes are read from the
-//! server's metrics. At the end the server is killed under the load and started again, and every
-//! acknowledged reading is asked for.
+//! Writers send readings as fast as they are answered, into sessions that live for a minute,
+//! one in ten of which lives much longer. Beside them objects are trained, meshes replaced,
+//! keys created and revoked, and all of it is audited. The stored and the live bytes are read
+//! from the server's metrics. At the end the server is killed under the load and started
+//! again, and every acknowledged reading is looked up.
 
 mod figures;
 mod mix;
@@ -25,9 +25,9 @@ use crate::{Access, Args};
 use figures::{Figures, Sample};
 use mix::{Acknowledged, Mix, Writer};
 
-/// How often the bytes are read.
+/// Time between two samples.
 const SAMPLE_EVERY: Duration = Duration::from_millis(500);
-/// How long a session lives that is not kept; less in a short run.
+/// Lifetime of a session that is not kept; less in a short run.
 const LIFE: Duration = Duration::from_secs(60);
 
 /// Runs the mix.
@@ -103,7 +103,7 @@ fn start(command: &Path, data: &Path, args: &Args) -> anyhow::Result<Serving> {
     }
 }
 
-/// Stores the readings that are kept to the end; how many there are.
+/// Stores the readings that are kept to the end and returns their number.
 async fn filled(
     mix: &Mix,
     material: &Material,
@@ -116,8 +116,8 @@ async fn filled(
     filled.into_iter().try_fold(0, |sum, filled| Ok(sum + filled?))
 }
 
-/// Samples the bytes until the time is over or enough is written; then it kills the server, which
-/// ends the mix.
+/// Samples the bytes until the time is over or enough is written, then kills the server,
+/// which ends the mix.
 async fn watched(
     mix: &Mix,
     keeper: &Client,
@@ -128,7 +128,7 @@ async fn watched(
     let (begun, mut samples, mut said) = (Instant::now(), Vec::new(), 0);
     while Instant::now() < mix.ends && mix.acknowledged.readings() < readings_max {
         let at = begun.elapsed().as_secs_f64();
-        // One that does not come is missing in the figures' count.
+        // The figures count a sample that failed as missing.
         if let Ok(sample) = figures::sample(keeper, &mix.url, at, mix.acknowledged.readings()).await
         {
             let minute = (at / 60.0) as u64;
@@ -145,7 +145,7 @@ async fn watched(
     killed.map(|()| samples)
 }
 
-/// Everything that writes, until the mix ends.
+/// Runs all writers until the mix ends.
 async fn written(mix: &Mix, material: &Material, writers: &mut [Writer], robots: &[Robot]) {
     let writing = writers.iter_mut().map(|writer| writer.write(mix, material));
     let teaching = robots.first().map(|robot| mix::teach(mix, robot));

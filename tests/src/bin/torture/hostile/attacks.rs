@@ -1,4 +1,4 @@
-//! The attacks, each by what a review of the server once found to work.
+//! The attacks, each of which once worked in a review of the server.
 
 use std::sync::PoisonError;
 
@@ -8,43 +8,43 @@ use serde_json::{Value, json};
 use super::foe::Foe;
 use super::honest::Now;
 
-/// Connections that an attacker opens in one attack.
+/// Connections opened by an attacker in one attack.
 const CONNECTIONS: usize = 400;
-/// Connections that an attacker holds by long answers or long bodies.
+/// Connections held by an attacker with long answers or long bodies.
 const LONG: usize = 40;
-/// Sessions and streams that an attacker tries to take.
+/// Sessions and streams requested by an attacker.
 const SESSIONS: usize = 3000;
-/// Snapshots that an attacker begins to take.
+/// Snapshots started by an attacker.
 pub(super) const DOWNLOADS: usize = 4;
-/// Names that are not to reach a terminal as they are.
+/// Control characters that must not reach a terminal unescaped.
 const ESCAPE: &str = "\u{1b}[2J\u{1b}]0;owned\u{7}";
 
-/// An attack. The number is that of the finding.
+/// An attack, with the number of the review's finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Attack {
-    /// 1: computations that seem to have no end, and callers who hang up.
+    /// 1: endless computations whose callers hang up.
     Computation,
     /// 2: long answers that are never read.
     UnreadAnswers,
     /// 3: headers that never end.
     HalfOpen,
-    /// 6: changes that fail, to wash the audit log.
+    /// 6: failing changes that push entries out of the audit log.
     WashedAudit,
-    /// 7: bodies that are promised and never sent.
+    /// 7: bodies that are announced and never sent.
     PromisedBodies,
     /// 8: answers that take long to make, and listings.
     LongAnswers,
     /// 9: readings in another robot's name.
     Posing,
-    /// 10: strangers without a key.
+    /// 10: requests without a key.
     Strangers,
-    /// 11: text that speaks to the operator's terminal.
+    /// 11: control characters for the operator's terminal.
     Escapes,
     /// 13: downloads that stall.
     Downloads,
-    /// 14: every session and every stream there is.
+    /// 14: every available session and stream.
     SessionsAndStreams,
-    /// 17: a key where a path should be.
+    /// 17: a key in place of a path.
     KeyInPath,
 }
 
@@ -64,7 +64,7 @@ impl Attack {
         Self::KeyInPath,
     ];
 
-    /// Its name in the report, and the number of the finding.
+    /// The name in the report, and the number of the finding.
     pub(super) fn name(self) -> (&'static str, u8) {
         match self {
             Self::Computation => ("endless_computation", 1),
@@ -83,17 +83,17 @@ impl Attack {
     }
 }
 
-/// What attackers know of the honest side.
+/// Attackers' knowledge of the honest robots.
 pub(super) struct Prey {
-    /// Robots with the session each is at, and the number of its next reading.
+    /// Robots with the current session of each and the number of its next reading.
     pub(super) robots: Vec<(String, Now)>,
     /// A session with many readings.
     pub(super) long_session: String,
-    /// A touch that sessions take.
+    /// A touch that sessions accept.
     pub(super) touch: Value,
 }
 
-/// Attacks until the time is over. Gives what should have been refused and was not.
+/// Attacks until the time is over. Returns requests that should have been refused and were not.
 pub(super) async fn attack(what: Attack, foe: &Foe, prey: &Prey) -> Vec<String> {
     match what {
         Attack::Computation => computation(foe, prey).await,
@@ -136,7 +136,7 @@ pub(super) async fn attack(what: Attack, foe: &Foe, prey: &Prey) -> Vec<String> 
     }
 }
 
-/// Asks the same again and again.
+/// Repeats a request.
 async fn again<'a, F>(foe: &'a Foe, ask: impl Fn(&'a Foe) -> F) -> Vec<String>
 where
     F: Future<Output = Option<(u16, Value)>>,
@@ -152,7 +152,7 @@ where
     worked
 }
 
-/// Opens connections that say the same.
+/// Opens `n` connections that send the same bytes.
 async fn many(foe: &Foe, n: usize, said: &str) -> Vec<String> {
     for _ in 0..n {
         if !foe.goes_on() {
@@ -163,7 +163,7 @@ async fn many(foe: &Foe, n: usize, said: &str) -> Vec<String> {
     rest(foe).await
 }
 
-/// Waits for the end of the attack.
+/// Waits until the attack ends.
 async fn rest(foe: &Foe) -> Vec<String> {
     tokio::time::sleep_until(foe.until.into()).await;
     Vec::new()

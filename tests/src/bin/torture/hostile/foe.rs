@@ -1,5 +1,4 @@
-//! An attacker: an address of its own, the keys that it got hold of, and connections that it
-//! never closes.
+//! An attacker with its own address, stolen keys, and connections that it never closes.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::{Mutex, PoisonError};
@@ -12,9 +11,9 @@ use serde_json::Value;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpSocket, TcpStream};
 
-/// How long an attacker waits for an answer before it goes away.
+/// Time that an attacker waits for an answer before it hangs up.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// An attacker asks no more often: the machine that attacks also measures.
+/// Pause between requests; the machine that attacks also measures.
 const PACE: Duration = Duration::from_millis(5);
 
 /// One attacker.
@@ -28,22 +27,22 @@ pub(super) struct Foe {
     pub(super) robot: Client,
     pub(super) viewer: Client,
     pub(super) stranger: Client,
-    /// When the attack of now is over.
+    /// End of the current attack.
     pub(super) until: Instant,
-    /// Connections that stay open for as long as the server lets them.
+    /// Connections that stay open until the server closes them.
     pub(super) held: Mutex<Vec<TcpStream>>,
-    /// How many requests were sent, or connections opened.
+    /// Number of requests sent or connections opened.
     pub(super) attempts: std::sync::atomic::AtomicU64,
 }
 
-/// Keys that an attacker has.
+/// Keys held by an attacker.
 pub(super) struct Stolen {
     pub(super) robot: String,
     pub(super) viewer: String,
     pub(super) admin: String,
 }
 
-/// The address of an attacker: none that an honest robot has.
+/// The address of an attacker, used by no honest robot.
 fn address(number: u8) -> IpAddr {
     Ipv4Addr::new(127, 0, 0, 10 + number).into()
 }
@@ -84,7 +83,7 @@ impl Foe {
         self.attempts.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     }
 
-    /// Sends a request and gives its status and body; nothing when there was no answer.
+    /// Sends a request and returns its status and body; `None` without an answer.
     pub(super) async fn ask(
         &self,
         client: &Client,
@@ -104,7 +103,7 @@ impl Foe {
         Some((status, serde_json::from_slice(&bytes).unwrap_or_default()))
     }
 
-    /// Opens a connection and says something, without reading a word.
+    /// Opens a connection and sends bytes without reading the answer.
     pub(super) async fn open(&self, said: &str) -> bool {
         self.count();
         let Ok(socket) = TcpSocket::new_v4() else { return false };

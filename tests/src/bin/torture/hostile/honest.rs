@@ -1,5 +1,4 @@
-//! Honest robots: each touches an object at the pace of an arm, and notes how long every answer
-//! took and what was refused.
+//! Honest robots: each touches an object at the pace of an arm and records latencies and refusals.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,31 +10,31 @@ use serde_json::{Value, json};
 use crate::http::{Outcome, send};
 use crate::material::Material;
 
-/// An arm needs a moment from touch to touch; sixteen of them keep a small server busy.
+/// Time between two touches of an arm; sixteen arms keep a small server busy.
 const PACE: Duration = Duration::from_millis(250);
-/// Touches of a session.
+/// Number of touches of a session.
 const TOUCHES: usize = 12;
 
-/// What all robots saw, by window of time.
+/// Observations of all robots, by time window.
 #[derive(Debug, Default)]
 pub(super) struct Log {
     window: AtomicUsize,
     has_ended: AtomicBool,
     seen: Mutex<Vec<Seen>>,
-    /// What was refused, in words.
+    /// Descriptions of refusals.
     pub(super) refusals: Mutex<Vec<String>>,
 }
 
-/// What was seen in one window.
+/// Observations in one time window.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
     seconds: Vec<f64>,
-    /// Requests that were refused or not answered.
+    /// Number of requests refused or not answered.
     pub(super) refused: u64,
 }
 
 impl Log {
-    /// Begins a new window of time; its number.
+    /// Starts a new time window and returns its number.
     pub(super) fn next_window(&self) -> usize {
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         seen.push(Seen::default());
@@ -48,7 +47,7 @@ impl Log {
         self.has_ended.store(true, Ordering::Relaxed);
     }
 
-    /// What was seen in a window.
+    /// Observations in a time window.
     pub(super) fn window(&self, number: usize) -> Seen {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner)[number].clone()
     }
@@ -68,13 +67,13 @@ impl Log {
 }
 
 impl Seen {
-    /// Puts what was seen in other windows to this.
+    /// Adds the observations of other windows.
     pub(super) fn add(&mut self, other: &Self) {
         self.seconds.extend(&other.seconds);
         self.refused += other.refused;
     }
 
-    /// How long one answer in a hundred takes at least, seconds.
+    /// The 99th percentile of the latency, seconds.
     pub(super) fn p99(&self) -> f64 {
         let mut sorted = self.seconds.clone();
         sorted.sort_by(f64::total_cmp);
@@ -82,25 +81,25 @@ impl Seen {
         sorted.get(place).copied().unwrap_or(f64::NAN)
     }
 
-    /// How many requests there were.
+    /// Number of requests.
     pub(super) fn requests(&self) -> usize {
         self.seconds.len()
     }
 }
 
-/// The session that a robot touches in now, and the number of its next reading.
+/// The current session of a robot, and the number of its next reading.
 pub(super) type Now = Arc<Mutex<(String, u64)>>;
 
 /// One honest robot.
 pub(super) struct Honest {
     pub(super) name: String,
     pub(super) client: Client,
-    /// What an attacker who looks on may know.
+    /// The session and number that an eavesdropper may know.
     pub(super) now: Now,
 }
 
 impl Honest {
-    /// Touches until the log ends.
+    /// Touches objects until the log ends.
     pub(super) async fn work(self, url: String, material: Arc<Material>, log: Arc<Log>) {
         let mut object = self.name.len();
         while !log.has_ended.load(Ordering::Relaxed) {
@@ -135,7 +134,7 @@ impl Honest {
         body: Option<&Value>,
     ) -> Option<Value> {
         let what = format!("{method} {}", url.split_once("/v1").map_or("", |(_, path)| path));
-        // An answer belongs to the time when it was asked for.
+        // An answer belongs to the window in which its request was sent.
         let (window, begun) = (log.window.load(Ordering::Relaxed), Instant::now());
         let outcome = send(&self.client, method, url, body).await;
         log.note(window, begun, &outcome, &what);

@@ -1,5 +1,5 @@
-//! What must hold after the attacks: the audit log still knows, no secret was written down, and a
-//! download ends with its key.
+//! Conditions after the attacks: a complete audit log, no logged secret, downloads end with
+//! their key.
 
 use std::time::Duration;
 
@@ -11,14 +11,14 @@ use super::attacks::DOWNLOADS;
 use super::foe::Foe;
 use crate::http::{Outcome, send};
 
-/// How long a download may go on after its key was revoked.
+/// Maximum duration of a download after its key was revoked.
 const DOWNLOAD_PATIENCE: Duration = Duration::from_secs(15);
 
-/// What somebody did before the attacks.
+/// Name by which the changes made before the attacks are found.
 pub(super) const EVIDENCE: &str = "evidence";
 
-/// Whether the audit log still has what was changed before, and the refusal of a named key, and
-/// nowhere a secret.
+/// Checks that the audit log still has the earlier changes and the refusal of a named key,
+/// and no secret.
 pub(super) async fn audit(admin: &Client, url: &str, foes: &[Foe]) -> Vec<String> {
     let mut faults = Vec::new();
     let made = entries(admin, url, "operation=create_object&limit=1000").await;
@@ -50,8 +50,8 @@ async fn entries(admin: &Client, url: &str, query: &str) -> Vec<Value> {
     found
 }
 
-/// Whether a snapshot can be had beside downloads that stall, and whether those end with the key
-/// that began them.
+/// Checks that a snapshot can be taken beside stalled downloads, and that these end with
+/// their key.
 pub(super) async fn downloads(admin: &Client, url: &str, foes: &mut [Foe]) -> Vec<String> {
     let mut faults = Vec::new();
     let taken = admin.post(format!("{url}/v1/snapshots")).send().await;
@@ -68,7 +68,7 @@ pub(super) async fn downloads(admin: &Client, url: &str, foes: &mut [Foe]) -> Ve
     }
     for foe in foes {
         let held = foe.held.get_mut().unwrap_or_else(|held| held.into_inner());
-        // Those of earlier attacks stay as they are.
+        // Downloads of earlier attacks stay as they are.
         let earlier = held.len().saturating_sub(DOWNLOADS);
         for mut stream in held.split_off(earlier) {
             let mut rest = Vec::new();

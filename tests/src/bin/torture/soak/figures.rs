@@ -1,4 +1,4 @@
-//! What a soak shows: the bytes over time, and what they come to.
+//! Figures of a soak: the bytes over time, and their summary.
 
 use std::fmt;
 use std::time::Duration;
@@ -13,16 +13,16 @@ use super::mix::Acknowledged;
 use crate::Args;
 use crate::http::send;
 
-/// The share of a run that is its warm-up: until the first sessions are removed.
+/// Share of the run that is warm-up: until the first sessions are removed.
 const WARM_UP: f64 = 1.0 / 6.0;
 const MB: f64 = 1e6;
-/// A curve is drawn with at most this many points.
+/// Maximum points of a drawn curve.
 const POINTS_MAX: usize = 600;
 
 /// The bytes at one time.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Sample {
-    /// Seconds since the mix began.
+    /// Seconds since the start of the mix.
     at_s: f64,
     readings: u64,
     stored: f64,
@@ -36,7 +36,7 @@ impl Sample {
         self.stored / self.live
     }
 
-    /// For people.
+    /// The sample in words.
     pub(super) fn words(&self) -> String {
         format!(
             "{} readings, {:.0} MB stored, {:.0} MB live, ratio {:.2}, {} compactions",
@@ -49,7 +49,7 @@ impl Sample {
     }
 }
 
-/// Reads the metrics.
+/// Reads a sample from the metrics.
 pub(super) async fn sample(
     keeper: &Client,
     url: &str,
@@ -74,7 +74,7 @@ pub(super) async fn sample(
     })
 }
 
-/// What a soak comes to.
+/// Summary of a soak.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Figures {
     acknowledged_lost: u64,
@@ -149,19 +149,19 @@ impl Figures {
         }
     }
 
-    /// Faults: what must be 0 in every run, however short.
+    /// Total of the faults; must be 0 in every run, however short.
     pub(crate) fn faults(&self) -> u64 {
         self.acknowledged_lost
     }
 
-    /// With all samples, as JSON.
+    /// The figures and all samples as JSON.
     pub(super) fn with_samples(&self, samples: &[Sample]) -> String {
         json!({ "figures": self, "samples": samples }).to_string()
     }
 }
 
-/// Growth of the last half, in MB an hour: from the least of its first to the least of its
-/// second quarter. What a compaction gives back again is no growth.
+/// Growth in the last half, MB an hour: from the minimum of its first quarter to that of its
+/// second. Space that a compaction frees again is not growth.
 fn growth(samples: &[Sample], end: f64, value: fn(&Sample) -> f64) -> f64 {
     let least = |from: f64, to: f64| {
         let within = samples.iter().filter(|s| s.at_s >= end * from && s.at_s <= end * to);
@@ -195,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn growth_is_that_of_the_floor_not_of_the_teeth() {
+    fn growth_is_measured_between_minima() {
         let tooth = |at: u32| 100.0 * MB + f64::from(at % 60) * MB + f64::from(at) * 1e3;
         let sample = |at: u32| Sample {
             at_s: f64::from(at),

@@ -1,4 +1,5 @@
-//! What is written: readings into sessions that come and go, and what a trainer and an admin do.
+//! Writers of a soak: readings into sessions that come and go, and the work of a trainer and
+//! an admin.
 
 use std::collections::BTreeSet;
 use std::sync::Mutex;
@@ -14,31 +15,31 @@ use crate::http::{Outcome, answer, send};
 use crate::material::{Material, off_box};
 use crate::robot::Robot;
 
-/// Readings of one request.
+/// Number of readings of one request.
 const BATCH: usize = 25;
-/// Readings of one session.
+/// Number of readings of one session.
 const SESSION_READINGS: u64 = 400;
-/// One session of this many is kept longer.
+/// One session in this many is kept longer.
 const KEPT_EVERY: u64 = 10;
-/// How often something is taught or a key is changed.
+/// Time between two changes of objects or keys.
 const TEACH_EVERY: Duration = Duration::from_secs(2);
-/// One of this many times it is a training.
+/// One change in this many is a training.
 const TRAIN_EVERY: u64 = 15;
-/// A writer that is told to come back waits for this long.
+/// Pause of a writer after the server refused it as overloaded.
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
 
-/// What all writers share.
+/// State shared by all writers.
 pub(super) struct Mix {
     pub(super) url: String,
-    /// How long a session lives that is not kept.
+    /// Lifetime of a session that is not kept.
     pub(super) life: Duration,
-    /// How long one lives that is.
+    /// Lifetime of a kept session.
     pub(super) kept_for: Duration,
     pub(super) ends: Instant,
     pub(super) acknowledged: Acknowledged,
 }
 
-/// What was acknowledged, and the longest time in which nothing was although writes waited.
+/// Acknowledged readings, and the longest time without any while writes waited.
 #[derive(Debug, Default)]
 pub(super) struct Acknowledged(Mutex<Counts>);
 
@@ -51,19 +52,19 @@ pub(super) struct Counts {
     /// The longest time without an acknowledgement while a request waited for one.
     pub(super) longest_pause: Duration,
     pub(super) longest_pause_at: Duration,
-    /// The longest that one request waited.
+    /// Longest time of one request.
     pub(super) longest_request: Duration,
-    /// Pauses longer than 250 ms.
+    /// Number of pauses longer than 250 ms.
     pub(super) long_pauses: u64,
     begun: Option<Instant>,
     last: Option<Instant>,
-    /// When the requests that wait were sent.
+    /// Send times of the waiting requests.
     waiting: BTreeSet<(Instant, u64)>,
     n_sent: u64,
     has_ended: bool,
 }
 
-/// A pause of acknowledged writes that counts as long.
+/// Minimum length of a long pause of acknowledged writes.
 const LONG_PAUSE: Duration = Duration::from_millis(250);
 
 impl Acknowledged {
@@ -75,13 +76,13 @@ impl Acknowledged {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// From now on it counts.
+    /// Starts counting.
     pub(super) fn begin(&self) {
         let begun = Some(Instant::now());
         self.change(|counts| *counts = Counts { begun, last: begun, ..Counts::default() });
     }
 
-    /// Writers are to end.
+    /// Ends all writers.
     pub(super) fn end(&self) {
         self.change(|counts| counts.has_ended = true);
     }
@@ -94,7 +95,7 @@ impl Acknowledged {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).has_ended
     }
 
-    /// A request is sent.
+    /// Records a request that is sent.
     fn sent(&self) -> (Instant, u64) {
         let mut sent = (Instant::now(), 0);
         self.change(|counts| {
@@ -105,7 +106,7 @@ impl Acknowledged {
         sent
     }
 
-    /// It was answered: so many readings are acknowledged.
+    /// Records an answer that acknowledges `n_readings`.
     fn note(&self, sent: (Instant, u64), n_readings: u64) {
         self.change(|counts| {
             let now = Instant::now();
@@ -130,12 +131,12 @@ impl Acknowledged {
     }
 }
 
-/// A session, and how many readings of it were acknowledged.
+/// A session and its number of acknowledged readings.
 struct Session {
     id: String,
     acknowledged: u64,
     sent: u64,
-    /// When it is removed; never, where there is none.
+    /// Time of its removal, if any.
     removed: Option<Instant>,
 }
 
@@ -157,7 +158,7 @@ impl Writer {
         Self { name, client, stream, sessions: Vec::new(), n_begun: 0 }
     }
 
-    /// Stores readings that stay; how many.
+    /// Stores readings that are kept; returns their number.
     pub(super) async fn fill(
         &mut self,
         mix: &Mix,
@@ -213,7 +214,7 @@ impl Writer {
         Some(Session { id, acknowledged: 0, sent: 0, removed })
     }
 
-    /// Sends the next readings of a session; those that were not answered are sent again.
+    /// Sends the next readings of a session; unanswered ones are sent again.
     async fn touch(&mut self, mix: &Mix, material: &Material, session: &mut Session) -> Outcome {
         let touches = &material.touches[0];
         let readings: Vec<Value> = (session.sent..session.sent + BATCH as u64)
@@ -230,7 +231,7 @@ impl Writer {
             session.sent += BATCH as u64;
             session.acknowledged = session.sent;
         } else if matches!(outcome, Outcome::Unknown) {
-            // They may be stored: others follow them.
+            // They may be stored: the next batch follows them.
             session.sent += BATCH as u64;
         }
         outcome
@@ -252,7 +253,7 @@ impl Writer {
     }
 }
 
-/// Trains, replaces a mesh, makes a key and revokes the one before, until the mix ends.
+/// Trains, replaces a mesh, creates a key and revokes the one before, until the mix ends.
 pub(super) async fn teach(mix: &Mix, robot: &Robot) {
     let url = &mix.url;
     let (teacher, Some(keeper)) = (&robot.teacher, &robot.keeper) else { return };
@@ -279,7 +280,7 @@ pub(super) async fn teach(mix: &Mix, robot: &Robot) {
     }
 }
 
-/// How many acknowledged readings of a writer's sessions are not there.
+/// Number of acknowledged readings of a writer's sessions that are missing.
 pub(super) async fn lost(writer: &Writer, url: &str, say: &dyn Fn(String)) -> u64 {
     let mut lost = 0;
     for session in &writer.sessions {
