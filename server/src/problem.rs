@@ -96,9 +96,11 @@ fn bound(refusal: &Refusal) -> Option<Bound> {
         Refusal::AnswersFull { max, .. } => Bound::used_up("answers", "content-bytes", *max),
         Refusal::ConnectionsFull { open } => Bound::used_up("connections", "connections", *open),
         Refusal::ShareFull { name, unit, total, .. } => Bound::used_up(name, unit, *total),
-        Refusal::Store(StoreError::Engine(EngineError::OverQuota { quota, .. })) => {
-            Bound::used_up("storage", "content-bytes", usize::try_from(*quota).unwrap_or(usize::MAX))
-        }
+        Refusal::Store(StoreError::Engine(EngineError::OverQuota { quota, .. })) => Bound::used_up(
+            "storage",
+            "content-bytes",
+            usize::try_from(*quota).unwrap_or(usize::MAX),
+        ),
         Refusal::Compute(ComputeError::Full { places }) => {
             Bound::used_up("compute", "places", *places)
         }

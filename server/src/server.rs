@@ -33,8 +33,8 @@ use crate::rate::Rates;
 use crate::refusal::Refusal;
 use crate::sensors::Sensors;
 use crate::sessions::Sessions;
-use crate::tls::TlsError;
 use crate::storage::{self, Storage};
+use crate::tls::TlsError;
 use crate::{telemetry, tls};
 
 /// How long requests under way may go on after a stop was asked for.

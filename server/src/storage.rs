@@ -169,18 +169,17 @@ impl Storage {
     ) -> Result<Option<StoredThing>, Refusal> {
         let store = &self.store;
         let (kind, name) = match kind {
-            ThingKind::Session => {
-                (StoredKind::Session, store.sessions().find(id)?.map(|session| session.id.to_string()))
-            }
+            ThingKind::Session => (
+                StoredKind::Session,
+                store.sessions().find(id)?.map(|session| session.id.to_string()),
+            ),
             ThingKind::Object => {
                 (StoredKind::Object, store.objects().find(id)?.map(|object| object.name))
             }
             ThingKind::Sensor => {
                 (StoredKind::Sensor, store.sensors().find(id)?.map(|sensor| sensor.name))
             }
-            ThingKind::Catalogue => {
-                (StoredKind::Catalogue, Some(store.catalogues().get(id)?.name))
-            }
+            ThingKind::Catalogue => (StoredKind::Catalogue, Some(store.catalogues().get(id)?.name)),
             ThingKind::Job | ThingKind::Robot => return Ok(None),
         };
         Ok(name.map(|name| StoredThing { kind, name, id: Some(id), bytes }))
@@ -244,7 +243,9 @@ impl Ranking {
         self.shorten();
         let sessions = self.sessions.into_iter();
         let sessions = sessions.map(|(id, bytes)| (ThingKind::Session, id, bytes));
-        sessions.chain(self.others.into_iter().map(|((kind, id), bytes)| (kind, id, bytes))).collect()
+        sessions
+            .chain(self.others.into_iter().map(|((kind, id), bytes)| (kind, id, bytes)))
+            .collect()
     }
 }
 

@@ -165,9 +165,9 @@ impl<'a> Bench<'a> {
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::sensor::{SensorParameters, TaxelGrid, TaxelState};
     use palpate_core::sensor::response::fit_response;
     use palpate_core::sensor::spread_fit::{SpreadPress, fit_spread};
+    use palpate_core::sensor::{SensorParameters, TaxelGrid, TaxelState};
 
     use super::*;
 

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
+use palpate_core::stop::Stop;
 use palpate_core::symmetry::Symmetry;
 use uuid::Uuid;
 
@@ -327,18 +328,17 @@ impl Catalogues {
         manifest.blocks.iter().map(content).collect()
     }
 
-    /// The trained model of a version.
+    /// The trained model of a version. Heeds `stop` between blocks.
     ///
     /// # Errors
     /// [`StoreError::TrainedModel`] when its blocks do not fit together; else as
     /// [`Catalogues::block`].
-    pub fn model(&self, manifest: &Manifest) -> Result<TrainedModel, StoreError> {
-        let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
-        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects).map_err(unfit(manifest))
+    pub fn model(&self, manifest: &Manifest, stop: &Stop) -> Result<TrainedModel, StoreError> {
+        self.model_of(manifest, |_| true, stop)
     }
 
     /// One part of the trained model of a version; the others are missing as if they had not
-    /// been trained. Reads the blocks of that part alone.
+    /// been trained. Reads the blocks of that part alone, and heeds `stop` between them.
     ///
     /// # Errors
     /// As [`Catalogues::model`].
@@ -346,11 +346,25 @@ impl Catalogues {
         &self,
         manifest: &Manifest,
         part: ModelPart,
+        stop: &Stop,
+    ) -> Result<TrainedModel, StoreError> {
+        self.model_of(manifest, |name| part.needs(name), stop)
+    }
+
+    /// The model that some blocks of a version make.
+    fn model_of(
+        &self,
+        manifest: &Manifest,
+        is_needed: impl Fn(&str) -> bool,
+        stop: &Stop,
     ) -> Result<TrainedModel, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
-        let needed = manifest.blocks.iter().filter(|block| part.needs(&block.name));
-        let blocks: Result<Vec<(String, Vec<u8>)>, StoreError> =
-            needed.map(|entry| Ok((entry.name.clone(), self.block(entry)?))).collect();
+        let needed = manifest.blocks.iter().filter(|block| is_needed(&block.name));
+        let read = |entry: &BlockEntry| {
+            stop.check();
+            Ok((entry.name.clone(), self.block(entry)?))
+        };
+        let blocks: Result<Vec<(String, Vec<u8>)>, StoreError> = needed.map(read).collect();
         model_codec::model_from_blocks(&blocks?, &objects).map_err(unfit(manifest))
     }
 

@@ -141,7 +141,8 @@ pub(crate) fn each(engine: &dyn Engine, mut look: impl FnMut(Holding)) -> Result
 
 /// The bytes that a holding's record says.
 pub(crate) fn bytes(record: &[u8]) -> Result<u64, EngineError> {
-    let opened = envelope::open(Kind::Holding, record).map_err(|error| failed(error.to_string()))?;
+    let opened =
+        envelope::open(Kind::Holding, record).map_err(|error| failed(error.to_string()))?;
     let number = opened.payload.try_into().ok().filter(|_| opened.schema == SCHEMA);
     let unknown = || failed("a record has a schema that this version does not know".to_owned());
     number.map(u64::from_le_bytes).ok_or_else(unknown)

@@ -177,7 +177,9 @@ impl<T: Entity> Table<T> {
             let Some((last, _)) = page.last() else { break };
             after = Some(last.clone());
             let heads = page.into_iter().filter(|(key, _)| key.len() == ID_KEY_BYTES);
-            found.extend(heads.filter_map(|(key, first)| Some((Uuid::from_slice(&key[1..]).ok()?, first))));
+            found.extend(
+                heads.filter_map(|(key, first)| Some((Uuid::from_slice(&key[1..]).ok()?, first))),
+            );
         }
         found.truncate(limit);
         Ok(found)

@@ -243,12 +243,7 @@ impl Sessions {
     }
 
     /// Takes a place for a new session, that of an expired one if need be.
-    fn enter(
-        &self,
-        id: Uuid,
-        expires: Option<u64>,
-        client: Option<Client>,
-    ) -> Result<(), Refusal> {
+    fn enter(&self, id: Uuid, expires: Option<u64>, client: Option<Client>) -> Result<(), Refusal> {
         if self.open.enter(id, expires, client).is_ok() {
             return Ok(());
         }

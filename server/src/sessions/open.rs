@@ -48,9 +48,8 @@ impl Open {
         expires: Option<u64>,
         client: Option<Client>,
     ) -> Result<(), Full> {
-        let is_own = |client: &Client| {
-            matches!(client, Client::Address(address) if address.is_loopback())
-        };
+        let is_own =
+            |client: &Client| matches!(client, Client::Address(address) if address.is_loopback());
         let client = client.filter(|client| !is_own(client));
         let mut sessions = self.lock();
         let max = self.places.total();

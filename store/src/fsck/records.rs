@@ -11,8 +11,8 @@ use crate::catalogue::{Catalogue, Manifest};
 use crate::engine::VALUE_BYTES_MAX;
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::envelope::{self, HEADER_BYTES, Kind};
-use crate::journal::Entry;
 use crate::holding;
+use crate::journal::Entry;
 use crate::key;
 use crate::mesh::MeshInfo;
 use crate::record::{
@@ -245,7 +245,9 @@ impl Assembly {
             b'y' => decoded(bytes, |_: ClockV1| Whole::Alone),
             b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),
             b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),
-            b'z' => holding::bytes(bytes).map(|_| Whole::Holding).map_err(|error| error.to_string()),
+            b'z' => {
+                holding::bytes(bytes).map(|_| Whole::Holding).map_err(|error| error.to_string())
+            }
             b'f' => self.raw(Kind::MeshFile),
             b'b' => self.raw(Kind::Block),
             _ => envelope::open_any(bytes).map(|_| Whole::Other).map_err(|error| error.to_string()),

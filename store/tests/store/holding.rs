@@ -126,7 +126,8 @@ fn a_quota_refuses_what_does_not_fit_and_nothing_else() {
         let id = Uuid::from_u128(50);
         wait(desk.database.sessions().create(&session(50))).unwrap();
         let journal = desk.database.journal();
-        let refused = (1..20).find_map(|seq| wait(journal.append_next(id, &[entry("a", seq)])).err());
+        let refused =
+            (1..20).find_map(|seq| wait(journal.append_next(id, &[entry("a", seq)])).err());
         let Some(AppendError::Store(StoreError::Engine(error))) = refused else { panic!() };
         let EngineError::OverQuota { held, more, quota: 3_000 } = error else { panic!("{error}") };
         assert!(held <= 3_000 && held + more > 3_000 && held == desk.held(ARM));

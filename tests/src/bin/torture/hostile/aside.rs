@@ -104,7 +104,8 @@ pub(super) async fn attack(
     std::fs::write(place.path("server.pem"), &place.certificate)?;
     std::fs::write(place.path("server.key"), pair.serialize_pem())?;
     let file = |name: &str| place.path(name).display().to_string();
-    let tls = ["--tls-cert".to_owned(), file("server.pem"), "--tls-key".to_owned(), file("server.key")];
+    let tls =
+        ["--tls-cert".to_owned(), file("server.pem"), "--tls-key".to_owned(), file("server.key")];
 
     let serving = place.serve(&place.data(), Access::Keys, &tls)?;
     let admin_key = serving.admin_key.clone().context("no key was made")?;
