@@ -1,17 +1,18 @@
-//! The tally: how many commits there were, and a sum over all pairs, written with each commit.
+//! The tally: the number of commits and a sum over all pairs, written with each commit.
 //!
-//! A page that sled drops takes its keys with it, and their absence cannot be seen from what is
-//! left. The sum shows it: of every pair the first 16 bytes of blake3 over the key's length
-//! (u32), the key and the value, added up modulo 2¹²⁸. A commit changes it by what it writes.
+//! A page that sled drops takes its keys with it, and their absence cannot be seen in the
+//! rest. The sum reveals it: for every pair the first 16 bytes of BLAKE3 over the key's
+//! length (u32), the key and the value, added up modulo 2¹²⁸. A commit updates it by its own
+//! writes.
 
 use crate::envelope::{self, Kind};
 
-/// The tally's key. No commit may write a key that begins like it.
+/// The tally's key. No commit may write a key that begins with it.
 pub(super) const TALLY_KEY: [u8; 1] = [0];
-/// The schema of its record.
+/// Schema of its record.
 const SCHEMA: u16 = 1;
 
-/// How many commits there were, and the sum of all pairs.
+/// The number of commits, and the sum of all pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Tally {
     pub(super) commits: u64,
@@ -25,7 +26,7 @@ impl Tally {
         envelope::seal(Kind::Tally, SCHEMA, &payload)
     }
 
-    /// The tally of a record, if it is whole.
+    /// The tally of a record; `None` if it is damaged.
     pub(super) fn from_record(bytes: &[u8]) -> Option<Self> {
         let opened = envelope::open(Kind::Tally, bytes).ok()?;
         let (commits, sum) = opened.payload.split_first_chunk::<8>()?;
@@ -44,7 +45,7 @@ impl Tally {
     }
 }
 
-/// What levels hold, or what one level changes of those below it.
+/// Totals of the levels, or the difference that upper levels make.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Contents {
     pub(super) sum: u128,
@@ -60,14 +61,14 @@ impl Contents {
         self.live_bytes = self.live_bytes.wrapping_add((key.len() + value.len()) as u64);
     }
 
-    /// Takes a pair out that is in it.
+    /// Removes a pair from the totals.
     pub(super) fn remove(&mut self, key: &[u8], value: &[u8]) {
         self.sum = self.sum.wrapping_sub(summand(key, value));
         self.n_pairs = self.n_pairs.wrapping_sub(1);
         self.live_bytes = self.live_bytes.wrapping_sub((key.len() + value.len()) as u64);
     }
 
-    /// Both together. One may be a difference, below nothing: numbers wrap around.
+    /// The sum of both. A difference may be negative: numbers wrap around.
     pub(super) fn plus(self, other: Self) -> Self {
         Self {
             sum: self.sum.wrapping_add(other.sum),
@@ -93,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sum_does_not_depend_on_the_order_and_a_removed_pair_leaves_it() {
+    fn the_sum_ignores_order_and_removed_pairs() {
         let (mut first, mut second) = (Tally::default(), Tally::default());
         first.add(b"a", b"1");
         first.add(b"b", b"2");
@@ -110,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_gives_the_tally_back_and_a_flipped_bit_gives_none() {
+    fn a_tally_reads_back_and_a_flipped_bit_is_detected() {
         let tally = Tally { commits: 7, sum: 0x0123_4567_89ab_cdef_0011 };
         let bytes = tally.to_record();
         assert_eq!(Tally::from_record(&bytes), Some(tally));
