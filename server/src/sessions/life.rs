@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use palpate_schemas as wire;
 use palpate_schemas::{SessionEvent, SessionState};
+use rayon::prelude::*;
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -34,8 +35,10 @@ impl Sessions {
         let (mut after, now) = (None, now_ms());
         loop {
             let page = self.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
-            for session in page.items.iter().filter(|session| session.closed_at_ms.is_none()) {
-                let status = status(&self.store, session, now)?;
+            // Of those that were not closed the last reading says whether they have expired.
+            let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
+            let ends = ends.map(|session| Ok((session, status(&self.store, session, now)?)));
+            for (session, status) in ends.collect::<Result<Vec<_>, Refusal>>()? {
                 if status.end.is_none() {
                     self.open.note(session.id, status.expires_at_ms, opened_by(session));
                 }

@@ -105,9 +105,14 @@ pub(super) fn open_levels(
         }
         None => None,
     };
-    let frozen = current.frozen.map(|number| open_layer(folder, number, options)).transpose()?;
-    let top = open_layer(folder, current.top, options)?;
-    Ok(Levels { top, frozen, base })
+    // Both read their logs; side by side a restart in the middle of a merge waits for one.
+    let (top, frozen) = std::thread::scope(|scope| {
+        let open = |number| open_layer(folder, number, options);
+        let frozen = scope.spawn(move || current.frozen.map(open).transpose());
+        (open(current.top), frozen.join())
+    });
+    let frozen = frozen.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+    Ok(Levels { top: top?, frozen, base })
 }
 
 /// Opens the sled with the given number, created durably if it is missing.
