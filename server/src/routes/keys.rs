@@ -95,6 +95,6 @@ pub(crate) async fn whoami(
         keys_required: app.keys().required(),
         role: caller.role(),
         key: caller.key.as_ref().map(|key| app.keys().shown(key)),
-        quota_bytes: app.storage().quota(),
+        quota_bytes: app.storage().quota().filter(|_| caller.key.is_some()),
     })
 }
