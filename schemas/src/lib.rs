@@ -23,6 +23,7 @@ pub mod warning;
 pub mod object;
 pub mod sensor;
 pub mod session;
+pub mod storage;
 pub mod fleet;
 pub mod training;
 
@@ -73,6 +74,7 @@ pub use session::{
     PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent,
     SessionPage, SessionState, SessionsQuery, Truth,
 };
+pub use storage::{Storage, StorageHolder, StoredKind, StoredThing};
 pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion,

@@ -4,9 +4,9 @@
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] define the
 //! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`mesh`],
 //! [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
-//! [`fsck`] checks a whole database, [`snapshot`] copies one. `docs/formats.md` draws every
-//! byte. Times are arguments, in milliseconds since 1970. Not here: HTTP, clocks, and
-//! upgrades of old formats (`migrations`).
+//! [`holding`] counts the bytes that each API key wrote; [`fsck`] checks a whole database,
+//! [`snapshot`] copies one. `docs/formats.md` draws every byte. Times are arguments, in
+//! milliseconds since 1970. Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
 pub mod engine;
 pub mod memory;
@@ -23,6 +23,7 @@ pub mod record;
 pub mod entity;
 pub mod robot;
 mod pieces;
+pub mod holding;
 pub mod table;
 pub mod access;
 pub mod journal;
