@@ -63,7 +63,7 @@ pub struct Workspace {
 /// What is considered, and what the robot can do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NextTouchOptions {
-    /// About how many objects in poses are told apart.
+    /// Samples that are told apart, about.
     pub n_hypotheses: usize,
     /// How many approaches of our own are considered when none are given.
     pub n_approaches: usize,
@@ -148,7 +148,7 @@ const KNOWN_MIN: f64 = 1e-9;
 
 /// Ranks `given` approaches, or our own when there are none, by what is expected of them.
 ///
-/// `should_stop` is asked before every approach but the first; what was evaluated until then
+/// `should_stop` is called before every approach but the first; what was evaluated until then
 /// is ranked. Equal arguments that evaluate equally many give equal answers.
 ///
 /// # Errors

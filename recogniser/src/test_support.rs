@@ -25,7 +25,7 @@ use crate::verify::evidence::Evidence;
 /// Half axes of the ellipsoid, metres.
 const HALF_AXES: DVec3 = DVec3::new(0.040, 0.030, 0.020);
 
-/// A place of the ellipsoid in the object frame that looks like everywhere else.
+/// A place of the ellipsoid in the object frame, of the same appearance as all others.
 pub(crate) fn on_ellipsoid(stream: &mut Stream) -> Touch {
     let on_sphere = stream.direction();
     let normal = (on_sphere / HALF_AXES).normalize();

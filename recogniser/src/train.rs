@@ -176,7 +176,7 @@ pub fn map_surface(
     Ok(SurfaceMap::new(origin, patches, config.layout))
 }
 
-/// Which turns leave an object as it is, as its touches show it: in the object frame whose
+/// The symmetry of an object as its touches show it, in the object frame whose
 /// origin lies at `origin_in_training` (metres).
 #[must_use]
 pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Finding {

@@ -69,7 +69,7 @@ fn one_of_many(index: usize, n: usize, seed: u64) -> Vec<Reading> {
     (0..n).map(|_| touch_of(half, &six_by_six(), &mut stream)).collect()
 }
 
-/// So many ellipsoids that candidates are retrieved from the joint pair table.
+/// Enough ellipsoids that candidates are retrieved from the joint pair table.
 fn many() -> Arc<SurfaceModel> {
     let sensor = six_by_six();
     let map = |index| {

@@ -90,7 +90,7 @@ fn an_object_in_announced_drift_is_known_and_placed() {
     let ((told, p_told, error_told), (_, p_rests, error_rests)) =
         (sessions(Some(MOTION)), sessions(Some(RESTS)));
     assert!(told >= 21, "{told} of 24");
-    // Taken to rest it is none of these; told, it is what it is.
+    // If it is taken to rest it is none of these.
     assert!(p_told > 0.8 && p_rests < 0.1, "{p_told} {p_rests}");
     assert!(error_told < 0.7 * error_rests, "{error_told} {error_rests} m");
 }

@@ -88,7 +88,7 @@ fn check_moved_if_posed(answer: &Answer, moved: &Answer, motion: &Pose, n: usize
     }
 }
 
-/// So many objects that they are shared out and the table of all pairs lists some; `n` and
+/// Enough objects that threads share them and candidates are retrieved; `n` and
 /// `n + N_OBJECTS` are alike.
 fn many() -> Arc<SurfaceModel> {
     let maps = (0..40).map(|n| MODEL.maps()[n % N_OBJECTS].clone()).collect();

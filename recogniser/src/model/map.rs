@@ -68,8 +68,8 @@ pub struct SurfaceMap {
     self_match: Memo,
 }
 
-/// A number that follows from the map and the space it was learnt in, found when it is first
-/// asked for: maps are equal with and without it.
+/// A number that follows from the map and the space it was learnt in, found when it is first needed:
+/// maps are equal with and without it.
 #[derive(Clone, Debug, Default)]
 struct Memo(OnceLock<f32>);
 

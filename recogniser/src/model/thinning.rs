@@ -1,4 +1,4 @@
-//! Thinning: which touches of a training set are worth keeping, best first.
+//! Thinning: the order in which training touches are kept, best first.
 //!
 //! Source: section 5.6.3 asks for it. Touches are put into an order in which each next one
 //! lies farthest from those before it, so that the first n of them cover the surface as evenly
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
     use palpate_core::rng::{Purpose, Stream};
 
-    /// A place so many 1024ths of a metre along x, so that distances are exact.
+    /// A place `n`/1024 m along x, so that distances are exact.
     fn along_x(n: u8) -> (Vec3, Vec3) {
         (Vec3::new(f32::from(n) / 1024.0, 0.0, 0.0), Vec3::Z)
     }

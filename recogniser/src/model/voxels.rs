@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_huge_object_has_larger_cubes_and_loses_no_touch() {
-        // 100 m across: cubes of about 0.85 m, far beyond the reach that was asked for.
+        // 100 m across: cubes of about 0.85 m, far beyond the given reach.
         let far = |(position, normal): (Vec3, Vec3)| (position * (50.0 / 0.03), normal);
         let places: Vec<(Vec3, Vec3)> = on_a_sphere(50).into_iter().map(far).collect();
         let voxels = Voxels::build(&places, EDGE, REACH, WIDTHS);

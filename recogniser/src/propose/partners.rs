@@ -116,7 +116,7 @@ mod tests {
         assert_eq!(mixed, [(3, 400), (1, 400), (5, 200), (4, 100)]);
         // A fourth pair of 1,200 is more than 3,600 in all.
         assert_eq!(asked(Some(&[0.12; 4]), 6), [(5, 100), (3, 100), (4, 100)]);
-        // The first pair of a session is asked whatever it costs, and so is all of few objects.
+        // The first pair of a session is looked up whatever it costs, and so are all of few objects.
         assert_eq!(asked(Some(&[0.5]), 2), [(5, usize::MAX)]);
         assert_eq!(asked(None, 6).len(), 4);
     }

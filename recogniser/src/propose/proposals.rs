@@ -273,7 +273,7 @@ mod tests {
         };
         assert!(is_exact(&asked([10, 60], 100)), "both among the first hundred");
         assert!(!is_exact(&asked([10, 160], 100)), "one is not");
-        // What is not asked is not missed: shares are of the pairs asked.
+        // Shares are of the pairs that are looked up.
         let (few, all) = (asked([10, 60], 100), asked([10, 60], 300));
         assert!((0.3..3.0).contains(&(few.pair.geometry / all.pair.geometry)), "{few:?} {all:?}");
     }

@@ -178,7 +178,7 @@ fn turn_normal(system: &mut System, outward: Vec3, bent: Vec3, deviation: f32, w
     hessian += (Matrix3::identity() - n * n.transpose()) * weight;
 }
 
-/// The weight that is left to a residual of so many squared deviations.
+/// ω: the weight that is left to a residual; `square` is in squared deviations.
 fn trust(square: f32) -> f32 {
     (1.0 + square / (OUTLIER * OUTLIER)).powi(-2)
 }

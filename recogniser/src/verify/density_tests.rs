@@ -13,7 +13,7 @@ use crate::observe::touch::Touch;
 use crate::options::SurfaceOptions;
 use crate::test_support::{map_of, places, seen};
 
-/// Places at random on the two faces of a plate of so many millimetres, the second face
+/// Places at random on the two faces of a plate of `side` millimetres, the second face
 /// `thick` mm below the first.
 fn plate(n: usize, side: f64, thick: f64, index: u64) -> Vec<Touch> {
     let mut stream = Stream::new(8, Purpose::Shape, index);
@@ -63,7 +63,7 @@ fn density_does_not_depend_on_the_number_of_training_touches() {
     }
 }
 
-/// What touches of the ellipsoid score in the mean on a map of so many others, thinned to a
+/// The mean score of touches of the ellipsoid on a map of `n` others, thinned to a
 /// thousand as in training: at the true pose, each off by about a third of a millimetre and a
 /// tenth of a radian.
 fn score_of_training(n: usize) -> f32 {

@@ -114,7 +114,7 @@ mod tests {
         let usual = |object: usize| [14.0, 10.0, f64::NAN][object];
         let scale = SurfaceOptions::default().score;
         let excess = |logs: [f64; 3]| excess(logs.into_iter().enumerate(), 2.0, &scale, usual);
-        // Alone, 2 above most: 0.8 · 2; the third is too unlikely to be asked.
+        // Alone, 2 above most: 0.8 · 2; the third is too unlikely to have a say.
         assert!((excess([50.0, 0.0, 0.0]) - 1.6).abs() < 1e-9);
         // As likely as the other, 2 below most: nothing.
         assert!(excess([50.0, 50.0, 0.0]).abs() < 1e-9);
