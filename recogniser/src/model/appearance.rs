@@ -62,7 +62,8 @@ impl AppearanceSpace {
         project(&self.projection, &raw)
     }
 
-    /// Density of touches anywhere at a feature, on the scale of [`kernel`](super::agreement::kernel).
+    /// Density of touches anywhere at a feature, on the scale of
+    /// [`kernel`](super::agreement::kernel).
     #[must_use]
     pub fn density_anywhere(&self, feature: &Feature, softness: f32) -> f32 {
         let sum = self.anywhere_by_axis.agreement(feature, softness);
