@@ -37,3 +37,5 @@ pub mod letters;
 pub mod rig;
 
 pub mod render;
+
+pub mod plot;

@@ -9,7 +9,7 @@ const STOREYS: [&[&str]; 8] = [
     &["palpate-core", "palpate-schemas"],
     &["palpate-dissertation", "palpate-recogniser"],
     &["palpate-sim", "palpate-store", "palpate-client"],
-    &["palpate-migrations"],
+    &["palpate-migrations", "palpate-load"],
     &["palpate-server"],
     &["palpate-experiments"],
     &["palpate"],
@@ -36,6 +36,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "palpate-migrations",
         ],
     ),
+    ("palpate-load", &["palpate-core", "palpate-schemas", "palpate-sim", "palpate-client"]),
     (
         "palpate-experiments",
         &[
@@ -45,6 +46,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "palpate-schemas",
             "palpate-sim",
             "palpate-client",
+            "palpate-load",
+            "palpate-server",
         ],
     ),
 ];

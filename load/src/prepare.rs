@@ -1,16 +1,12 @@
 //! Makes a server ready for load: the built-in objects, added as meshes and trained.
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use palpate_client::Client;
-use palpate_core::units::MM;
 use palpate_schemas::{CreateObject, JobState, MeshFormat, MeshUnit, ProblemType, StartTraining};
+use palpate_sim::shapes;
 
 use super::touches::SENSOR;
-use crate::objects;
-use crate::report::Progress;
-
-/// The largest dimension of every object.
-const SIZE: f64 = 80.0 * MM;
+use crate::Progress;
 
 /// Adds the built-in objects as `load-…` and trains `catalogue` of them, unless its current
 /// version knows them all.
@@ -24,19 +20,19 @@ pub async fn prepare(
     seed: u64,
     progress: Progress<'_>,
 ) -> anyhow::Result<()> {
-    let objects = objects::load(None, SIZE)?;
-    let names: Vec<String> = objects.iter().map(|object| format!("load-{}", object.name)).collect();
+    let names: Vec<String> = shapes::NAMES.iter().map(|shape| format!("load-{shape}")).collect();
     if knows_all(client, catalogue, &names).await? {
         return Ok(());
     }
-    for (place, (object, name)) in objects.iter().zip(&names).enumerate() {
-        progress("adding objects", place, objects.len());
+    for (place, (shape, name)) in shapes::NAMES.iter().zip(&names).enumerate() {
+        progress("adding objects", place, names.len());
         let create = CreateObject { name: name.clone(), description: String::new() };
         match client.create_object(&create).await {
             Err(error) if error.kind() == Some(ProblemType::Conflict) => {}
             other => drop(other?),
         }
-        let file = object.mesh.to_stl_bytes().into();
+        let mesh = shapes::example(shape).context("every name has its shape")?;
+        let file = mesh.to_stl_bytes().into();
         client.put_mesh(name, MeshFormat::Stl, MeshUnit::M, file).await?;
     }
     let training = StartTraining {

@@ -1,17 +1,20 @@
-//! What robots send: touches of the catalogue's objects, simulated before anything is measured.
+//! Touches of the catalogue's objects, simulated before anything is measured.
+
+use std::ops::ControlFlow;
 
 use anyhow::{Context as _, ensure};
 use palpate_client::Client;
 use palpate_core::pose::Pose;
-use palpate_core::reading::Reading;
+use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::Stream;
 use palpate_core::sensor::SensorDescription;
 use palpate_schemas as wire;
 use palpate_schemas::SensorPreset;
 use palpate_sim::mesh::{Mesh, MeshFormat};
+use palpate_sim::press::PressSimulator;
+use palpate_sim::sampler::{SampleError, SamplerConfig, sample};
 
-use crate::objects::{TestObject, touch};
-use crate::report::Progress;
+use crate::Progress;
 use crate::wire::on_the_wire;
 
 /// The sensor that all robots have; every server knows it.
@@ -51,12 +54,10 @@ impl Touches {
         for (place, object) in known.iter().take(OBJECTS_MAX).enumerate() {
             progress("simulating touches", place, known.len().min(OBJECTS_MAX));
             let Some(mesh) = mesh(client, &object.id.to_string()).await? else { continue };
-            let touched = TestObject { name: object.name.clone(), mesh };
-            let sensor = SensorDescription::digitacts_6x6();
-            let touching = tokio::task::spawn_blocking(move || {
-                touch(&touched, &sensor, n, seed.wrapping_add(1_000 + place as u64))
-            });
-            objects.push(touching.await.context("the simulation broke off")??);
+            let seed = seed.wrapping_add(1_000 + place as u64);
+            let touching = tokio::task::spawn_blocking(move || touch(mesh, n, seed));
+            let touched = touching.await.context("the simulation broke off")?;
+            objects.push(touched.with_context(|| format!("cannot touch {}", object.name))?);
         }
         ensure!(
             !objects.is_empty(),
@@ -101,4 +102,11 @@ async fn mesh(client: &Client, id: &str) -> anyhow::Result<Option<Mesh>> {
     };
     let file = client.mesh(id).await?;
     Ok(Some(Mesh::from_bytes(format, &file, info.unit.metres())?))
+}
+
+/// `n` touches of a mesh by the training sampler.
+fn touch(mesh: Mesh, n: usize, seed: u64) -> Result<Vec<Reading>, SampleError> {
+    let simulator = PressSimulator::new(mesh, SensorDescription::digitacts_6x6());
+    let config = SamplerConfig::for_simulator(&simulator);
+    sample(&simulator, SensorId(0), n, seed, &config, &mut |_, _| ControlFlow::Continue(()))
 }

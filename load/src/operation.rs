@@ -1,4 +1,4 @@
-//! What robots ask for, and how often each of it.
+//! Kinds of requests of robots, and their shares.
 
 use std::fmt;
 use std::str::FromStr;
@@ -62,7 +62,7 @@ pub enum MixError {
          N of at least 0"
     )]
     Part {
-        /// What was given.
+        /// The text given.
         found: String,
     },
     /// Nothing would be sent into sessions, which then never end.

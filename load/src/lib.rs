@@ -16,6 +16,7 @@ mod sessions;
 mod step;
 mod tally;
 mod touches;
+pub mod wire;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -38,7 +39,10 @@ use memory::watch;
 use sessions::Sessions;
 use step::{Plan, World};
 
-/// What is sent, and how often.
+/// Hears how far a preparation is: what it does, steps done, steps in all.
+pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
+
+/// Requests to send, and their rate.
 #[derive(Clone, Debug)]
 pub struct LoadConfig {
     /// The seed of everything random.
@@ -53,17 +57,17 @@ pub struct LoadConfig {
     pub rates: Vec<f64>,
     /// How requests follow each other.
     pub arrivals: Arrivals,
-    /// What is measured of each step.
+    /// Measured part of each step.
     pub duration: Duration,
-    /// What goes before it in each step and is not measured.
+    /// Part of each step before that, which is not measured.
     pub warmup: Duration,
-    /// After the steps, so long at overload.
+    /// Long step at overload after the others.
     pub soak: Option<Soak>,
     /// How many robots there are, each with one session at a time.
     pub sessions: usize,
-    /// After so many readings a session is closed and its robot begins another one.
+    /// Readings after which a robot closes its session and begins another one.
     pub readings_per_session: u32,
-    /// What robots ask for.
+    /// Mix of requests.
     pub mix: Mix,
     /// How many requests may be under way; what is due beyond is counted as not sent.
     pub in_flight_max: usize,
@@ -74,7 +78,7 @@ pub struct LoadConfig {
 /// A long step at overload, to see whether memory grows.
 #[derive(Clone, Copy, Debug)]
 pub struct Soak {
-    /// How long.
+    /// Its duration.
     pub duration: Duration,
     /// At which multiple of the largest rate of accepted requests that a step has shown.
     pub factor: f64,

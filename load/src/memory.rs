@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use palpate_client::Client;
 use serde::Serialize;
 
-/// How often it is read.
+/// Interval between samples.
 const EVERY: Duration = Duration::from_secs(1);
 /// The figure in `/metrics`, in bytes.
 const METRIC: &str = "process_resident_memory_bytes";
@@ -37,7 +37,7 @@ pub struct Sample {
 /// How memory went over a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Growth {
-    /// How often it was read.
+    /// Number of samples.
     pub samples: usize,
     /// At the begin: the median of the first tenth of the samples.
     pub begin_bytes: f64,
@@ -52,7 +52,7 @@ pub struct Growth {
 }
 
 impl Growth {
-    /// Of samples in the order of time; `None` of fewer than two.
+    /// Growth over samples in the order of time; `None` for fewer than two.
     #[must_use]
     pub fn of(samples: &[Sample]) -> Option<Self> {
         if samples.len() < 2 {
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_grows_steadily_is_seen_at_both_ends_and_in_the_slope() {
+    fn steady_growth_shows_at_both_ends_and_in_the_slope() {
         let at = |n: u32| Sample { at_s: f64::from(n), bytes: 1e6 + 500.0 * f64::from(n) };
         let samples: Vec<Sample> = (0..100).map(at).collect();
         let growth = Growth::of(&samples).unwrap();

@@ -1,4 +1,4 @@
-//! What became of requests, in counts and times.
+//! Outcomes of requests, in counts and times.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -15,7 +15,7 @@ const DIGITS: u8 = 3;
 /// So many different messages of failures are kept.
 const MESSAGES_MAX: usize = 5;
 
-/// What became of a request.
+/// Outcome of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
     /// It was done.
@@ -29,7 +29,7 @@ pub(super) enum Answer {
 }
 
 impl Answer {
-    /// What an error of the client is.
+    /// The outcome that a client's error stands for.
     pub(super) fn of(error: &Error) -> Self {
         match error.status() {
             Some(status @ (429 | 503)) => {
@@ -79,7 +79,7 @@ pub struct Latency {
     pub max_ms: f64,
 }
 
-/// What became of the requests of one kind.
+/// Outcomes of the requests of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OperationReport {
     /// The kind.

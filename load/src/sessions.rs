@@ -38,7 +38,7 @@ pub(super) struct Errand {
     pub(super) request: Request,
 }
 
-/// What is sent.
+/// A request to send.
 pub(super) enum Request {
     Create(Box<CreateSession>),
     Reading(Uuid, AddReadings),
@@ -179,7 +179,7 @@ impl Robot {
         }
     }
 
-    /// What it sends when `wanted` is to be sent, if anything.
+    /// The operation that the robot sends when `wanted` is due, if any.
     fn operation(&self, wanted: Operation, readings_max: u32, now: Instant) -> Option<Operation> {
         if self.is_turning || self.waits_until.is_some_and(|until| until > now) {
             return None;

@@ -10,11 +10,11 @@ use super::step::StepReport;
 /// Bounds that a run must keep; those that are not given bind nobody.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bounds {
-    /// Of the 99th percentile of accepted requests in every step, milliseconds.
+    /// Bound on the 99th percentile of accepted requests in every step, milliseconds.
     pub p99_max_ms: Option<f64>,
-    /// Of the throughput beyond saturation, as a share of the peak.
+    /// Bound on the throughput beyond saturation, as a share of the peak.
     pub share_min: Option<f64>,
-    /// Of the growth of memory over the soak, or the last step without one, bytes.
+    /// Bound on the growth of memory over the soak, or the last step without one, bytes.
     pub growth_max_bytes: Option<f64>,
 }
 
@@ -23,7 +23,7 @@ pub struct Bounds {
 pub struct LoadReport {
     /// The seed of everything random.
     pub seed: u64,
-    /// What was asked for.
+    /// The configuration.
     pub mix: String,
     /// How many robots there were.
     pub sessions: usize,
@@ -35,11 +35,11 @@ pub struct LoadReport {
     pub steps: Vec<StepReport>,
     /// The long step at overload, if there was one.
     pub soak: Option<StepReport>,
-    /// What they say together.
+    /// Verdict over all steps.
     pub verdict: Verdict,
 }
 
-/// What the steps say together.
+/// Verdict over all steps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verdict {
     /// The most readings a second that a step had accepted.

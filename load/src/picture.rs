@@ -1,8 +1,9 @@
 //! A run as a picture: throughput and latency against what was offered.
 
+use palpate_sim::plot::{Line, Panel, svg};
+
 use super::report::LoadReport;
 use super::step::StepReport;
-use crate::plot::{Line, Panel, svg};
 
 /// Throughput and latency of the steps against the rate, as SVG. The soak is another
 /// measurement, longer and on a server that is full, and is not among the points.

@@ -19,10 +19,10 @@ use super::tally::{Answer, Counts, Latency, OperationReport, Tally};
 
 /// Sessions that are closed at the same time when all is done.
 const CLOSED_AT_ONCE: usize = 32;
-/// How long that may take.
+/// Time limit of closing all sessions.
 const CLOSING_PATIENCE: Duration = Duration::from_secs(20);
 
-/// What all steps share.
+/// State shared by all steps.
 pub(super) struct World {
     pub(super) client: Client,
     pub(super) sessions: Mutex<Sessions>,
@@ -32,7 +32,7 @@ pub(super) struct World {
     pub(super) polite: bool,
 }
 
-/// What one step does.
+/// Plan of one step.
 pub(super) struct Plan {
     pub(super) seed: u64,
     pub(super) number: u64,
@@ -43,7 +43,7 @@ pub(super) struct Plan {
     pub(super) duration: Duration,
 }
 
-/// What a step showed.
+/// Figures of a step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StepReport {
     /// Requests that were due a second.
