@@ -10,8 +10,9 @@ use anyhow::Context as _;
 use clap::Args;
 use palpate_client::schemas::{BeliefDetail, Method};
 use palpate_client::{Client, Error as ClientError, RetryPolicy};
-use palpate_experiments::load::{
-    self, Arrivals, Bounds, LoadConfig, LoadReport, MemorySource, Mix, Soak, StepReport, Touches,
+use palpate_load::{
+    self as load, Arrivals, Bounds, LoadConfig, LoadReport, MemorySource, Mix, Soak, StepReport,
+    Touches,
 };
 use serde::Serialize;
 
