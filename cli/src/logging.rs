@@ -38,7 +38,7 @@ pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
         let tracer = provider.tracer("palpate");
         let layer = tracing_opentelemetry::layer().with_tracer(tracer);
         let _ = SPANS.set(provider);
-        // Spans are told whatever the log leaves out.
+        // Spans are sent regardless of the log level.
         layer.with_filter(EnvFilter::new("off,palpate_server=info"))
     });
     tracing_subscriber::registry().with(log.with_filter(filter)).with(spans).init();
@@ -57,7 +57,7 @@ pub(crate) fn flush() {
 /// Exporter of spans by OTLP over HTTP.
 fn provider(address: &str) -> anyhow::Result<SdkTracerProvider> {
     let endpoint = format!("{}/v1/traces", address.trim_end_matches('/'));
-    // The exporter's client speaks TLS by it, and asks for it even when the collector does not.
+    // The exporter's client uses it for TLS and needs it even if the collector has no TLS.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let exporter = SpanExporter::builder()
         .with_http()
