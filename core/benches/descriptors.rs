@@ -10,7 +10,7 @@ use palpate_core::rng::{Purpose, Stream};
 /// Images described at a time.
 const BATCH: usize = 256;
 
-/// Blobs of random place and width under a little noise.
+/// Blobs of random position and width with a little noise.
 fn images(side: usize) -> Vec<TactileImage> {
     let image = |index: u64| {
         let mut stream = Stream::new(1, Purpose::Sampling, index);
@@ -45,7 +45,7 @@ fn descriptors_per_second(criterion: &mut Criterion) {
     }
 }
 
-/// What one reading of a session costs, where nothing is planned before.
+/// Cost of one reading of a session without a prepared plan.
 fn plan_and_describe_one(criterion: &mut Criterion) {
     for side in [6, 26] {
         let image = &images(side)[0];

@@ -14,7 +14,7 @@
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::vocabulary::gmm::{MixtureConfig, fit_mixture};
 
-/// Features as training sees them: unequal, overlapping clouds of falling variance.
+/// Features like those in training: unequal, overlapping clouds of falling variance.
 fn features(n: usize, dimension: usize, n_clouds: usize) -> Vec<Vec<f64>> {
     let mut stream = Stream::new(101, Purpose::Shape, 0);
     let falling = |axis: usize| 0.9_f64.powi(axis as i32);

@@ -1,9 +1,9 @@
-//! Where a press touches: contact points, their centroid, and how well they fix the normal.
+//! Contact of a press: its points, their centroid, and the constraint on the normal.
 //!
 //! Source: section 5.4.2, Algorithm 2; thresholds as settled in `docs/equations.md`: under
 //! blur every taxel exceeds a fixed threshold, so a taxel counts as touching when it reads at
-//! least half of the maximum, and depth has the unit of x and y (metres).
-//! Frame: the sensor's. Not here: the classifier of chapter 3.
+//! least half of the maximum, and depth has the unit of x and y (metres). Frame: the
+//! sensor's. Not here: the classifier of chapter 3.
 
 use glam::DVec3;
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -11,14 +11,14 @@ use nalgebra::{Matrix3, SymmetricEigen};
 use crate::reading::{Reading, TactileImage};
 use crate::sensor::SensorDescription;
 
-/// The share of the maximum at which a taxel counts as touching.
+/// The fraction of the maximum above which a taxel counts as touching.
 pub const CONTACT_SHARE: f64 = 0.5;
 
-/// Below this ratio of singular values a contact is an edge or a point: no constraint.
+/// Ratio of singular values below which a contact is an edge or a point: no constraint.
 const MIN_CONSTRAINT: f64 = 0.1;
 
-/// The touching taxels of a press as points in the sensor frame, metres; z is the depth to
-/// which the surface was indented there (negative: into the sensor).
+/// The touching taxels of a press as points in the sensor frame, metres; z is the indentation
+/// of the surface there (negative: into the sensor).
 #[must_use]
 pub fn contact_points(image: &TactileImage, sensor: &SensorDescription) -> Vec<DVec3> {
     let max = image.max();
@@ -60,10 +60,10 @@ pub fn center_of_pressure(image: &TactileImage, sensor: &SensorDescription) -> D
     if weight > 0.0 { sum / weight } else { DVec3::ZERO }
 }
 
-/// How well the contact constrains the surface normal, from 0 (edge, point) to 1 (planar).
+/// The constraint of the contact on the surface normal, from 0 (edge, point) to 1 (planar).
 ///
-/// Algorithm 2: the ratio σ₂/σ₁ of the singular values of the centred contact points; below
-/// 0.1, or with fewer than three points, 0.
+/// Algorithm 2: the ratio σ₂/σ₁ of the singular values of the centred contact points; 0 if it
+/// is below 0.1 or there are fewer than three points.
 #[must_use]
 pub fn normal_constraint(points: &[DVec3]) -> f64 {
     if points.len() < 3 {
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rectangle_is_as_constrained_as_its_sides_differ() {
+    fn a_rectangles_constraint_is_the_ratio_of_its_deviations() {
         // 2 × 4 taxels: variances (n² − 1)/12 are 0.25 and 1.25, so the ratio is √0.2.
         let sensor = SensorDescription::digitacts_6x6();
         let contact = image(&["......", "......", ".####.", ".####.", "......", "......"]);
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn the_center_of_pressure_is_where_the_contact_is() {
+    fn center_of_pressure_follows_the_contact() {
         let sensor = SensorDescription::digitacts_6x6();
         let corner = image(&["....##", "....##", "......", "......", "......", "......"]);
         let center = center_of_pressure(&corner, &sensor);

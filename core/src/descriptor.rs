@@ -1,10 +1,10 @@
-//! Descriptors: what a tactile image looks like, as vectors of unit length.
+//! Descriptors: features of tactile images, as vectors of unit length.
 //!
-//! Source: section 4.3.2; what it leaves open is settled in `docs/equations.md`. A descriptor
-//! is planned once for a shape of images ([`DescriptorKind::plan`]) and then turns batches of
+//! Source: section 4.3.2; open points are settled in `docs/equations.md`. A descriptor is
+//! planned once for a shape of images ([`DescriptorKind::plan`]) and then turns batches of
 //! images into a [`FeatureMatrix`]. Angles turn from the columns' direction (+x) to the rows'
-//! (+y); a side of the inscribed circle is the shorter side of the image.
-//! Not here: classes of appearance (`vocabulary`).
+//! (+y); the diameter of the inscribed circle is the shorter side of the image. Not here:
+//! classes of appearance (`vocabulary`).
 
 pub mod exhaustive;
 pub mod feature_matrix;
@@ -34,35 +34,35 @@ use rustfft::num_complex::Complex;
 
 use crate::reading::TactileImage;
 
-/// Images of one parallel piece of work.
+/// Number of images per parallel task.
 const CHUNK: usize = 64;
 
-/// A way to describe tactile images of one shape, planned: tables and transforms are ready.
+/// A planned descriptor for tactile images of one shape, with its tables and transforms.
 ///
-/// Laws: an image's features depend on that image alone; an image times any positive factor
-/// has the same features; each feature has norm 1, or is all zeros where nothing was touched
-/// (SIFT, whose subject is the gradient: where the image is even).
+/// Laws: an image's features depend on that image alone; scaling an image by a positive
+/// factor keeps its features; each feature has norm 1, or is all zeros without contact (for
+/// SIFT, which uses the gradient: where the image is constant).
 pub trait Descriptor: Send + Sync {
-    /// Rows and columns of the images that can be described.
+    /// Rows and columns of the images.
     fn shape(&self) -> (usize, usize);
 
-    /// How many values a feature has.
+    /// Length of a feature.
     fn dimension(&self) -> usize;
 
-    /// How many features an image has.
+    /// Number of features of an image.
     fn features_per_image(&self) -> usize {
         1
     }
 
-    /// Writes the features of an image of the planned shape, not normalised, one after the
-    /// other; allocates nothing once the workspace has grown.
+    /// Writes the unnormalised features of an image of the planned shape, one after the
+    /// other. Allocates nothing once the workspace has grown.
     fn write(&self, image: &TactileImage, workspace: &mut Workspace, features: &mut [f64]);
 
-    /// Describes a batch: the rows are the features in the order of the images, the owner
-    /// of a row is its image's index. The number of threads does not change a bit.
+    /// Describes a batch. Rows are the features in the order of the images; the owner of a
+    /// row is its image's index. The result does not depend on the number of threads.
     ///
     /// # Panics
-    /// When an image has not the planned shape.
+    /// When an image does not have the planned shape.
     fn describe(&self, images: &[&TactileImage]) -> FeatureMatrix {
         let shape = self.shape();
         let fits = images.iter().all(|image| (image.rows, image.cols) == shape);
@@ -97,7 +97,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Room for so many numbers, with whatever the last user left in it.
+    /// Buffers of the given lengths, with arbitrary content.
     fn lend(&mut self, n_reals: usize, n_complexes: usize) -> (&mut [f64], &mut [Complex<f64>]) {
         if self.reals.len() < n_reals {
             self.reals.resize(n_reals, 0.0);
@@ -109,14 +109,14 @@ impl Workspace {
     }
 }
 
-/// Scales a vector to norm 1; a vector of (nearly) nothing becomes zeros.
+/// Scales a vector to norm 1; a vector of (nearly) zero length becomes zeros.
 pub fn normalize(vector: &mut [f64]) {
     let norm = vector.iter().map(|value| value * value).sum::<f64>().sqrt();
     let scale = if norm > 1e-12 { norm.recip() } else { 0.0 };
     vector.iter_mut().for_each(|value| *value *= scale);
 }
 
-/// The inner product of two features: their affinity, clamped to −1 ..= 1 (section 5.3.2).
+/// The affinity of two features: their inner product, clamped to −1 ..= 1 (section 5.3.2).
 #[must_use]
 pub fn affinity(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>().clamp(-1.0, 1.0)

@@ -1,8 +1,8 @@
-//! The exponential function in single precision, compiled into the loops that need it millions of
-//! times a second.
+//! The exponential function in single precision, inlined into loops that call it millions of
+//! times.
 //!
-//! A call of the system's own costs more, and its last bit depends on the processor; this one is
-//! made of additions and multiplications, whose results are the same everywhere.
+//! A call of the system's function costs more, and its last bit depends on the processor;
+//! this one consists of additions and multiplications, whose results are the same everywhere.
 
 use std::f32::consts::LOG2_E;
 
@@ -12,10 +12,10 @@ const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
 /// Adding it rounds to the nearest integer, which is then in the low bits.
 const ROUNDING: f32 = 12_582_912.0;
 
-/// Beyond it results would leave the range of normal numbers.
+/// Range of arguments with normal results.
 const RANGE: [f32; 2] = [-87.0, 88.0];
 
-/// eˣ to 2 parts in 10⁷; x beyond −87 and 88 is taken to be that.
+/// eˣ to 2 parts in 10⁷; x is clamped to −87 ..= 88.
 #[inline]
 #[must_use]
 pub fn exp(x: f32) -> f32 {
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_exponential_function() {
+    fn exp_matches_the_library_function() {
         let mut worst = 0.0f64;
         for step in -86_999..=87_999 {
             let x = step as f32 * 0.001;
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_its_range_it_stays_what_it_is_at_the_ends() {
+    fn arguments_are_clamped_to_the_range() {
         assert_eq!(exp(-1e6).to_bits(), exp(-87.0).to_bits());
         assert_eq!(exp(f32::NEG_INFINITY).to_bits(), exp(-87.0).to_bits());
         assert_eq!(exp(1e6).to_bits(), exp(88.0).to_bits());

@@ -1,8 +1,8 @@
-//! Probabilities in the log domain: the only places where a total is exponentiated.
+//! Probabilities in the log domain: the only functions that exponentiate a total.
 //!
-//! Everything here takes and gives natural logarithms unless its name says otherwise.
+//! Arguments and results are natural logarithms unless the name says otherwise.
 
-/// ln Σ exp(x), stable for any finite inputs; −∞ for nothing.
+/// ln Σ exp(x), stable for any finite inputs; −∞ for an empty sum.
 #[must_use]
 pub fn log_sum_exp(logs: impl Iterator<Item = f64> + Clone) -> f64 {
     let max = logs.clone().fold(f64::NEG_INFINITY, f64::max);
@@ -12,7 +12,7 @@ pub fn log_sum_exp(logs: impl Iterator<Item = f64> + Clone) -> f64 {
     max + logs.map(|log| (log - max).exp()).sum::<f64>().ln()
 }
 
-/// Turns unnormalised logs into probabilities that sum to 1; evenly when all are −∞.
+/// Turns unnormalised logs into probabilities that sum to 1; uniform when all are −∞.
 #[must_use]
 pub fn normalize(logs: &[f64]) -> Vec<f64> {
     let total = log_sum_exp(logs.iter().copied());
@@ -26,7 +26,7 @@ pub fn normalize(logs: &[f64]) -> Vec<f64> {
 #[must_use]
 pub fn entropy_bits(probabilities: &[f64]) -> f64 {
     let terms = probabilities.iter().filter(|p| **p > 0.0).map(|p| p * p.log2());
-    // No uncertainty is +0, also in print.
+    // Zero entropy is +0, also in print.
     (-terms.sum::<f64>()).max(0.0)
 }
 
@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn all_impossible_is_even() {
+    fn all_impossible_is_uniform() {
         assert_eq!(normalize(&[f64::NEG_INFINITY; 2]), [0.5, 0.5]);
     }
 }

@@ -1,8 +1,8 @@
-//! How far apart two poses of a body are: inertial distance, wrapped angles, symmetries.
+//! Distances between two poses of a body: inertial distance, wrapped angles, symmetries.
 //!
-//! Source: section 3.4.2, equations 3.18–3.21, and Chirikjian and Zhou (1998), equation 4, with
-//! the formulas settled in `docs/equations.md`. Bodies have uniform density; their frame is
-//! the object's. Not here: distances that know nothing of the body (`pose`).
+//! Source: section 3.4.2, equations 3.18–3.21, and Chirikjian and Zhou (1998), equation 4,
+//! with the formulas settled in `docs/equations.md`. Bodies have uniform density; their frame
+//! is the object's. Not here: distances that are independent of the body (`pose`).
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,7 +10,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::pose::Pose;
 
-/// How mass is spread in a body: what the inertial distance needs.
+/// Distribution of a body's mass, for the inertial distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertia {
     /// The centre of mass, object frame, metres.
@@ -19,21 +19,21 @@ pub struct Inertia {
     pub second_moment: DMat3,
 }
 
-/// How often a body meets itself in a full turn about an axis.
+/// Order of a body's rotational symmetry about an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SymmetryOrder {
-    /// After every 1/n of a turn; 1 is a body without symmetry.
+    /// The body coincides with itself after every 1/n of a turn; 1 is a body without symmetry.
     Finite(u32),
-    /// At every angle.
+    /// The body coincides with itself at every angle.
     Continuous,
 }
 
-/// The rotations that leave a body as it is.
+/// The rotations that leave a body unchanged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Symmetry {
-    /// How many there are.
+    /// Order of the symmetry.
     pub order: SymmetryOrder,
-    /// Their axis, object frame, norm 1.
+    /// Axis of the rotations, object frame, norm 1.
     pub axis: DVec3,
     /// A point of the axis, object frame, metres.
     pub through: DVec3,
@@ -67,8 +67,8 @@ impl Inertia {
         Some(Self { center, second_moment: sum * mass.recip() })
     }
 
-    /// d² = ‖Δt‖² at the centre of mass + tr((R₁ − R₂) J (R₁ − R₂)ᵀ)/m; the distance in metres.
-    /// A body moved without turning is as far away as it was moved.
+    /// d² = ‖Δt‖² at the centre of mass + tr((R₁ − R₂) J (R₁ − R₂)ᵀ)/m; the distance in
+    /// metres. Under pure translation it is the length of the translation.
     #[must_use]
     pub fn distance(&self, a: &Pose, b: &Pose) -> f64 {
         self.squared(a, b).sqrt()
@@ -116,7 +116,7 @@ pub fn wrapped(angle: f64) -> f64 {
     if turned > PI { turned - TAU } else { turned }
 }
 
-/// The short way round between two angles of a body in the plane that meets itself so often:
+/// The smallest angle between two orientations of a body in the plane, modulo its symmetry:
 /// equations 3.18–3.21 as corrected, radians within 0 ..= π.
 #[must_use]
 pub fn planar_angle_error(found: f64, truth: f64, order: SymmetryOrder) -> f64 {
@@ -157,7 +157,7 @@ mod tests {
         let rod = Inertia::of_points([(DVec3::X, 2.0), (DVec3::NEG_X, 2.0)].into_iter()).unwrap();
         let turned = Pose { rotation: DQuat::from_rotation_z(FRAC_PI_2), ..Pose::IDENTITY };
         assert!((rod.distance(&Pose::IDENTITY, &turned) - 2.0_f64.sqrt()).abs() < 1e-12);
-        // About its own axis a rod does not move.
+        // Rotation about its own axis does not move a rod.
         let spun = Pose { rotation: DQuat::from_rotation_x(1.0), ..Pose::IDENTITY };
         assert!(rod.distance(&Pose::IDENTITY, &spun) < 1e-12);
     }
@@ -166,13 +166,13 @@ mod tests {
     fn translation_is_measured_at_the_center_of_mass() {
         let off = Inertia { center: DVec3::X, ..BALL };
         let turned = Pose { rotation: DQuat::from_rotation_z(PI), ..Pose::IDENTITY };
-        // The centre goes from 1 to −1: 4, and the ball turns in place: (8/5)·0.0016.
+        // The centre moves from 1 to −1: 4, and the ball turns in place: (8/5)·0.0016.
         let expected = (4.0_f64 + 1.6 * 0.0016).sqrt();
         assert!((off.distance(&Pose::IDENTITY, &turned) - expected).abs() < 1e-12);
     }
 
     #[test]
-    fn a_disc_does_not_turn_and_a_half_turn_symmetry_forgives_one() {
+    fn distance_modulo_ignores_turns_of_the_symmetry() {
         let symmetry = |order| Symmetry { order, axis: DVec3::Z, through: DVec3::X };
         let half = symmetry(SymmetryOrder::Finite(2));
         let any = symmetry(SymmetryOrder::Continuous);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn planar_angles_take_the_short_way_round() {
+    fn planar_angle_errors_are_at_most_half_a_period() {
         let error = |found, order| planar_angle_error(found, 0.1, order);
         assert!((error(TAU - 0.1, SymmetryOrder::Finite(1)) - 0.2).abs() < 1e-12);
         assert!((error(PI + 0.2, SymmetryOrder::Finite(2)) - 0.1).abs() < 1e-12);
@@ -193,7 +193,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_balls_distance_is_the_closed_form(a in 0u64..200, b in 0u64..200) {
+        fn a_balls_distance_matches_the_closed_form(a in 0u64..200, b in 0u64..200) {
             let (a, b) = (random_pose(a), random_pose(b));
             let expected = a.inertial_distance_to(&b, 0.04);
             prop_assert!((BALL.distance(&a, &b) - expected).abs() < 1e-8);

@@ -1,8 +1,8 @@
-//! Objects of a catalogue, and the touched points of their surfaces that training keeps.
+//! Objects of a catalogue, and their surface patches from training.
 
 use thiserror::Error;
 
-/// An object of a catalogue, by its position.
+/// An object of a catalogue, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ObjectIdx(pub u32);
 
@@ -13,30 +13,30 @@ pub struct MapPatch {
     pub position: [f32; 3],
     /// Outward normal, norm 1.
     pub normal: [f32; 3],
-    /// How well the contact fixed the normal, 0 to 1.
+    /// Constraint of the contact on the normal, 0 to 1.
     pub normal_confidence: f32,
 }
 
-/// The fewest patches that make a map.
+/// Minimum number of patches of a map.
 pub const MIN_PATCHES: usize = 10;
 
-/// Why patches do not make a map.
+/// Error of patches that do not make a map.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum MapError {
     /// Too few readings touched the object.
     #[error("{found} training readings touched the object, expected at least {expected}")]
     TooFew {
-        /// How many did.
+        /// Number of such readings.
         found: usize,
-        /// How many are needed.
+        /// Minimum number.
         expected: usize,
     },
-    /// More patches than a posting can name.
+    /// More patches than a posting can index.
     #[error("{found} training readings touched the object, expected at most {expected}")]
     TooMany {
-        /// How many did.
+        /// Number of patches.
         found: usize,
-        /// How many are possible.
+        /// Maximum number.
         expected: usize,
     },
 }

@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use crate::units::Shown;
 
-/// How far from 1 the norm of a given quaternion may be; it is then normalised.
+/// Tolerance of a given quaternion's norm about 1; it is then normalised.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-2;
 
 /// A rigid transformation: rotate, then translate (metres).
@@ -23,7 +23,7 @@ pub struct Pose {
     pub translation: DVec3,
 }
 
-/// Why seven numbers are not a pose.
+/// Error of seven numbers that are not a pose.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum PoseError {
     /// A component of the position is infinite or not a number.
@@ -31,7 +31,7 @@ pub enum PoseError {
     Position {
         /// The component: 0 is x, 1 is y, 2 is z.
         axis: usize,
-        /// What was given.
+        /// The given value.
         found: f64,
     },
     /// A component of the quaternion is infinite or not a number.
@@ -39,22 +39,22 @@ pub enum PoseError {
     Component {
         /// The component in the order x, y, z, w.
         component: usize,
-        /// What was given.
+        /// The given value.
         found: f64,
     },
-    /// The quaternion is not of norm 1.
+    /// The norm of the quaternion is not 1.
     #[error(
         "quaternion has norm {}, expected 1 (order x, y, z, w; no rotation is 0, 0, 0, 1)",
         Shown(*norm)
     )]
     Norm {
-        /// The norm that was found.
+        /// The given norm.
         norm: f64,
     },
 }
 
 impl Pose {
-    /// The pose that changes nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
     /// A pose from a position (metres) and a quaternion in the order x, y, z, w.
@@ -83,14 +83,14 @@ impl Pose {
         Self { rotation: rotation.normalize(), translation }
     }
 
-    /// The pose that undoes this one: `b_from_a` of `a_from_b`.
+    /// The inverse: `b_from_a` of `a_from_b`.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// Turns a direction; directions do not move.
+    /// Rotates a direction, without the translation.
     #[must_use]
     pub fn turn(&self, direction: DVec3) -> DVec3 {
         self.rotation * direction
@@ -154,14 +154,14 @@ mod tests {
     use crate::rng::{Purpose, Stream};
 
     #[test]
-    fn the_default_constructed_quaternion_is_refused_with_its_norm() {
+    fn a_zero_quaternion_is_refused_with_its_norm() {
         let error = Pose::new([0.0; 3], [0.0; 4]).unwrap_err();
         assert_eq!(error, PoseError::Norm { norm: 0.0 });
         assert_eq!(Pose::new([0.0; 3], [0.0, 0.0, 0.0, 2.0]), Err(PoseError::Norm { norm: 2.0 }));
     }
 
     #[test]
-    fn a_position_that_is_not_a_number_is_named() {
+    fn a_position_that_is_not_finite_is_refused_by_axis() {
         let error = Pose::new([0.0, f64::NAN, 0.0], [0.0, 0.0, 0.0, 1.0]).unwrap_err();
         assert!(matches!(error, PoseError::Position { axis: 1, .. }));
     }

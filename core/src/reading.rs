@@ -1,8 +1,8 @@
-//! A reading: one press of a tactile sensor, checked when it is made.
+//! A reading: one press of a tactile sensor, checked at construction.
 //!
-//! Pressures are in pascal, row-major in the sensor frame's order; a missing value marks a
-//! taxel that is not valid. The pose is `session_from_sensor` (in training, the session
-//! frame is the object's). Everything behind a [`Reading`] can rely on finite numbers.
+//! Pressures are in pascal, row-major in the sensor frame's order; a missing value marks an
+//! invalid taxel. The pose is `session_from_sensor` (in training, the session frame is the
+//! object's). The numbers of a [`Reading`] are finite.
 
 use thiserror::Error;
 
@@ -10,7 +10,7 @@ use crate::pose::Pose;
 use crate::sensor::{Calibration, SensorDescription};
 use crate::units::Shown;
 
-/// Which sensor of a session took a reading.
+/// The sensor that took a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SensorId(pub u128);
 
@@ -39,7 +39,7 @@ impl TactileImage {
     }
 }
 
-/// How far things may be from where they are said to be: standard deviations.
+/// Uncertainty of a stated pose: standard deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Looseness {
     /// In each direction, metres.
@@ -48,17 +48,17 @@ pub struct Looseness {
     pub angle: f64,
 }
 
-/// The base of a robot whose place is known to a stated looseness: it shifts all readings of
-/// that robot alike.
+/// The base of a robot with an uncertain position, which shifts all readings of that robot
+/// equally.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Base {
-    /// Which robot of the session.
+    /// The robot's number in the session.
     pub robot: u32,
-    /// How loosely its readings are placed, where the object is.
+    /// Uncertainty of the placement of its readings, where the object is.
     pub looseness: Looseness,
 }
 
-/// One press: the image, where the sensor was, and which sensor it was.
+/// One press: the image, the sensor's pose, and the sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     sensor: SensorId,
@@ -69,7 +69,7 @@ pub struct Reading {
     base: Option<Base>,
 }
 
-/// Why numbers are not a reading.
+/// Error of numbers that are not a reading.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ReadingError {
     /// The image does not have the sensor's shape.
@@ -77,29 +77,29 @@ pub enum ReadingError {
     TaxelCount {
         /// Taxels of the sensor.
         expected: usize,
-        /// Taxels that came.
+        /// Taxels of the image.
         found: usize,
         /// Rows of the sensor.
         rows: usize,
         /// Columns of the sensor.
         cols: usize,
     },
-    /// A pressure is not a number of pascals.
+    /// A pressure is not a finite number of pascals within the range.
     #[error(
         "pressure of taxel {taxel} is {}, expected a finite number within ±1e8 Pa", Shown(*found)
     )]
     Pressure {
-        /// Index in the order that came.
+        /// Index in the given order.
         taxel: usize,
-        /// What was given.
+        /// The given value.
         found: f64,
     },
-    /// Too many taxels are missing to know anything.
+    /// Too many taxels are missing.
     #[error("{missing} of {expected} taxels are missing, expected at most half")]
     Missing {
-        /// How many are missing.
+        /// Number of missing taxels.
         missing: usize,
-        /// How many the sensor has.
+        /// Number of taxels of the sensor.
         expected: usize,
     },
 }
@@ -123,8 +123,8 @@ impl Reading {
         Self::calibrated(sensor, description, None, pressures, session_from_sensor)
     }
 
-    /// As [`Reading::new`], with the pressures corrected by a calibration of the sensor
-    /// (equation 2.1); taxels that it leaves out count as missing.
+    /// Like [`Reading::new`], with the pressures corrected by a calibration of the sensor
+    /// (equation 2.1); taxels that it excludes count as missing.
     ///
     /// # Errors
     /// As [`Reading::new`].
@@ -150,13 +150,13 @@ impl Reading {
         Ok(Self { sensor, session_from_sensor, image, missing, approach: 0.0, base: None })
     }
 
-    /// Which sensor took the reading.
+    /// The sensor that took the reading.
     #[must_use]
     pub fn sensor(&self) -> SensorId {
         self.sensor
     }
 
-    /// Where the sensor was.
+    /// The pose of the sensor.
     #[must_use]
     pub fn session_from_sensor(&self) -> Pose {
         self.session_from_sensor
@@ -168,34 +168,34 @@ impl Reading {
         &self.image
     }
 
-    /// Which taxels had no value, in the order of the image.
+    /// Whether each taxel was missing, in the order of the image.
     #[must_use]
     pub fn missing(&self) -> &[bool] {
         &self.missing
     }
 
-    /// How far the sensor came along its own +z with nothing in touch, metres; 0 when nobody
-    /// said.
+    /// Length of the sensor's free path along its own +z before the press, metres; 0 when not
+    /// stated.
     #[must_use]
     pub fn approach(&self) -> f64 {
         self.approach
     }
 
-    /// The same press after a way of so many metres along the sensor's +z on which nothing
-    /// touched; what is not a positive number counts as 0.
+    /// The same press after a free path of `metres` along the sensor's +z; a value that is
+    /// not positive counts as 0.
     #[must_use]
     pub fn after_approach(mut self, metres: f64) -> Self {
         self.approach = if metres.is_finite() { metres.max(0.0) } else { 0.0 };
         self
     }
 
-    /// The robot's base, where its place is not exact.
+    /// The robot's base, if its position is uncertain.
     #[must_use]
     pub fn base(&self) -> Option<Base> {
         self.base
     }
 
-    /// The same press by a robot whose base is known so well.
+    /// The same press by a robot with an uncertain base.
     #[must_use]
     pub fn with_base(mut self, base: Base) -> Self {
         self.base = Some(base);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pressure_that_is_not_finite_is_named() {
+    fn a_pressure_that_is_not_finite_is_refused_by_taxel() {
         let mut pressures = vec![Some(1.0); 36];
         pressures[7] = Some(f64::INFINITY);
         let error = read(&SensorDescription::digitacts_6x6(), &pressures).unwrap_err();
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_taxel_takes_the_mean_of_its_neighbours() {
+    fn a_missing_taxel_is_the_mean_of_its_neighbours() {
         let description = sensor(3, 3, ImageOrder::default());
         let mut pressures: Vec<Option<f64>> = (0..9).map(|n| Some(f64::from(n))).collect();
         pressures[4] = None;
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn image_orders_are_undone() {
+    fn images_are_brought_into_the_sensor_frames_order() {
         // Ours, 2 rows × 3 columns: 0 1 2 / 3 4 5.
         let cases = [
             (ImageOrder { transposed: true, ..Default::default() }, [0, 3, 1, 4, 2, 5]),

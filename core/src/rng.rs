@@ -1,19 +1,20 @@
-//! Randomness as an argument: one reproducible stream for each purpose.
+//! Reproducible streams of random numbers, one for each purpose, passed as arguments.
 //!
-//! A stream is named by a seed, a [`Purpose`] and an index; equal names give equal
-//! numbers on every machine and for any number of threads, and streams of different
-//! names are independent. Nothing in `core` or `sim` draws from anywhere else.
+//! A stream is named by a seed, a [`Purpose`] and an index; equal names give equal numbers on
+//! every machine and for any number of threads, and streams of different names are
+//! independent. The crates of the mathematics and the simulator have no other source of
+//! randomness.
 
 use glam::{DQuat, DVec3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// What a stream of random numbers is used for.
+/// Purpose of a stream of random numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Purpose {
-    /// Choosing where the training sampler touches.
+    /// Places of the training sampler's touches.
     Sampling = 1,
     /// Noise of a simulated sensor.
     SensorNoise = 2,
@@ -21,31 +22,31 @@ pub enum Purpose {
     Clustering = 3,
     /// Poses of unknown objects in trials.
     ObjectPose = 4,
-    /// Which held-back readings a trial draws.
+    /// Held-out readings of a trial.
     ReadingChoice = 5,
     /// Shapes of generated objects.
     Shape = 6,
     /// Noise and placement of the letter rig's presses.
     RigNoise = 7,
-    /// Particles: where they start, how they move and which are drawn again.
+    /// Particles: initial states, motion and resampling.
     Particles = 8,
     /// Gains of the letter rig's taxels.
     RigGains = 10,
-    /// How the letter rig's place wanders over a session.
+    /// Wander of the letter rig's position over a session.
     RigWander = 13,
-    /// Where a blind arm goes next, and what it feels there.
+    /// Targets of a blind arm, and the noise of its readings.
     Exploration = 11,
-    /// How an object moves when it is touched.
+    /// Motion of an object under touch.
     Perturbation = 12,
     /// Gains of a simulated sensor's taxels.
     TaxelGains = 20,
-    /// Where to touch next: poses that are drawn, and approaches.
+    /// Choice of the next touch: sampled poses and approaches.
     NextTouch = 30,
-    /// Which trials a bootstrap draws again.
+    /// Resampling of trials by a bootstrap.
     Bootstrap = 31,
-    /// Objects put together at random.
+    /// Randomly assembled objects.
     Assembly = 32,
-    /// When a load's requests are due, and what each of them is.
+    /// Times and kinds of a load's requests.
     Arrivals = 40,
 }
 
@@ -77,7 +78,7 @@ impl Stream {
     /// An index drawn uniformly from `0..n`.
     ///
     /// # Panics
-    /// When `n` is 0: there is nothing to choose from.
+    /// When `n` is 0.
     pub fn index(&mut self, n: usize) -> usize {
         assert!(n > 0, "an index is drawn from at least one element");
         self.0.random_range(0..n)
@@ -102,9 +103,9 @@ impl Stream {
         DQuat::from_xyzw(a * v.sin(), a * v.cos(), b * w.sin(), b * w.cos()).normalize()
     }
 
-    /// A rotation drawn uniformly from those that turn by at most `angle_max` (rad): equally
-    /// likely axes, and an angle by the inverse of its distribution function
-    /// (θ − sin θ) / (angle_max − sin angle_max). It costs the same however small the bound is.
+    /// A rotation drawn uniformly from those by at most `angle_max` (rad): a uniform axis,
+    /// and an angle by the inverse of its distribution function (θ − sin θ) / (angle_max −
+    /// sin angle_max). The cost does not depend on the bound.
     pub fn rotation_within(&mut self, angle_max: f64) -> DQuat {
         if angle_max >= std::f64::consts::PI {
             return self.rotation();
@@ -128,8 +129,8 @@ fn angle_of_share(share: f64, angle_max: f64) -> f64 {
         angle => angle - angle.sin(),
     };
     let wanted = share * volume(angle_max);
-    // Small balls of rotations are like balls: the cube root lies above the root, and Newton's
-    // steps on a convex function come down to it.
+    // Small balls of rotations are like balls: the cube root lies above the solution, and
+    // Newton's steps on a convex function decrease to it.
     let mut angle = angle_max * share.cbrt();
     for _ in 0..NEWTON_STEPS {
         let slope = 2.0 * (0.5 * angle).sin().powi(2);
@@ -149,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_names_give_equal_numbers_and_other_names_do_not() {
+    fn streams_depend_on_their_name_alone() {
         let draw = |seed, purpose, index| Stream::new(seed, purpose, index).bits();
         let first = draw(7, Purpose::Sampling, 3);
         assert_eq!(first, draw(7, Purpose::Sampling, 3));
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn bounded_rotations_are_those_that_rejection_leaves() {
+    fn bounded_rotations_match_rejection_sampling() {
         let bound = 1.2;
         let mut direct = Stream::new(1, Purpose::Particles, 0);
         let mut rejecting = Stream::new(2, Purpose::Particles, 0);
@@ -208,7 +209,7 @@ mod tests {
             for share in [0.0, 1e-12, 1e-3, 0.2, 0.5, 0.9, 1.0] {
                 let angle = angle_of_share(share, bound);
                 assert!((0.0..=bound).contains(&angle), "{angle} of {bound}");
-                // Of a small bound the ratio of volumes is that of cubes.
+                // For a small bound the ratio of volumes is that of cubes.
                 let ratio = match bound < 0.01 {
                     true => (angle / bound).powi(3),
                     false => (angle - angle.sin()) / (bound - bound.sin()),

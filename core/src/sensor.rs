@@ -1,4 +1,4 @@
-//! What the service must know of a tactile array sensor to understand its readings.
+//! Tactile array sensors: their description, calibration and point spread.
 
 pub mod calibration;
 pub mod covering;

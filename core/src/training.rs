@@ -1,4 +1,4 @@
-//! Training readings of one object, and what every training checks of them.
+//! Training readings of one object, and the checks that every training shares.
 
 use thiserror::Error;
 
@@ -12,17 +12,17 @@ use crate::sensor::SensorDescription;
 pub struct TrainingSet<'a> {
     /// The readings; poses are `object_from_sensor` in the training frame.
     pub readings: &'a [Reading],
-    /// The sensor that took them.
+    /// The sensor of the readings.
     pub sensor: &'a SensorDescription,
 }
 
-/// Why readings do not train anything.
+/// Error of readings that cannot be used for training.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum TrainingError {
-    /// No reading of any object touched anything.
+    /// No reading touched an object.
     #[error("no training reading touched anything, expected at least one")]
     NothingTouched,
-    /// Images of different shapes in one catalogue.
+    /// The images of one catalogue have different shapes.
     #[error(
         "image of {found_rows}×{found_cols} taxels, expected {rows}×{cols} as the catalogue's other sensors"
     )]

@@ -1,7 +1,7 @@
-//! Units: everything inside is SI; these constants make literals read as printed.
+//! Units: all values are SI; these constants make literals read as printed.
 //!
-//! `3.0 * MM` is a length in metres, `2.0 * KPA` a pressure in pascal.
-//! Not here: conversions at the edge of the system (plots, command line).
+//! `3.0 * MM` is a length in metres, `2.0 * KPA` a pressure in pascal. Not here: conversions
+//! at the edge of the system (plots, command line).
 
 /// One millimetre, in metres.
 pub const MM: f64 = 1e-3;
@@ -23,7 +23,7 @@ impl std::fmt::Display for Shown {
         if size == 0.0 || !size.is_finite() {
             return write!(f, "{}", self.0);
         }
-        // Five digits behind the first; what is left of it after rounding is the shortest form.
+        // Five digits after the first; the shortest form of the rounded number.
         let scientific = format!("{:.5e}", self.0);
         let rounded: f64 = scientific.parse().unwrap_or(self.0);
         if (1e-4..1e7).contains(&size) { write!(f, "{rounded}") } else { write!(f, "{rounded:e}") }

@@ -1,9 +1,9 @@
-//! The vocabulary of touch: appearance classes, and which of them a feature may belong to.
+//! The vocabulary of touch: appearance classes and their features.
 //!
 //! Source: section 5.3.2, equations 5.15–5.19. A vocabulary is learnt once and shared by
-//! every object of a catalogue. Features are taken relative to the training mean and
-//! normalised again, so that affinities use the whole range of −1 ..= 1 (see
-//! `docs/equations.md`, rows of 4.3.2 and 5.3.2).
+//! every object of a catalogue. Features are relative to the training mean and normalised
+//! again, so that affinities use the whole range of −1 ..= 1 (see `docs/equations.md`, rows
+//! of 4.3.2 and 5.3.2).
 
 pub mod association;
 pub mod bag;
@@ -20,24 +20,24 @@ pub use association::{Association, AssociationRule};
 use crate::descriptor::{DescriptorKind, affinity, normalize};
 use crate::reading::TactileImage;
 
-/// The smallest variance a class may have (equation 5.15 gives 0 for singletons).
+/// Smallest variance of a class (equation 5.15 gives 0 for singletons).
 pub const MIN_SPREAD: f64 = 1e-4;
 
-/// An appearance class of a vocabulary, by its position.
+/// An appearance class of a vocabulary, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassIdx(pub u8);
 
-/// The most classes a vocabulary can have: a [`ClassIdx`] is one byte.
+/// Maximum number of classes of a vocabulary: a [`ClassIdx`] is one byte.
 pub const MAX_CLASSES: usize = 255;
 
 /// Appearance classes by their medoids, for images of one shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vocabulary {
-    /// How images are described; one that gives each reading one feature.
+    /// Descriptor of the images; it gives each reading one feature.
     pub descriptor: DescriptorKind,
-    /// Rows of the images that this vocabulary can describe.
+    /// Rows of the images.
     pub rows: usize,
-    /// Columns of the images that this vocabulary can describe.
+    /// Columns of the images.
     pub cols: usize,
     /// The mean descriptor of the training set, subtracted before comparing.
     pub mean: Vec<f64>,
@@ -54,7 +54,7 @@ impl Vocabulary {
         self.medoids.len()
     }
 
-    /// True when images of this shape can be described.
+    /// Whether an image has the vocabulary's shape.
     #[must_use]
     pub fn fits(&self, image: &TactileImage) -> bool {
         (image.rows, image.cols) == (self.rows, self.cols)

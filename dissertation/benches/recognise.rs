@@ -1,4 +1,4 @@
-//! Time of one more reading in a session, on ten analytic objects of 1,000 patches each.
+//! Time of one reading in a session, on ten analytic objects of 1,000 patches each.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use palpate_dissertation::sva::model::SvaModel;
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 
-/// A touch of an ellipsoid; a blob's width varies over it.
+/// A touch of an ellipsoid; the width of the blob varies over it.
 fn touch(half: DVec3, stream: &mut Stream) -> Reading {
     let on_sphere = stream.direction();
     let facing = DQuat::from_rotation_arc(DVec3::Z, -(on_sphere / half).normalize());

@@ -1,9 +1,9 @@
-//! Recognition by appearance alone: readings in, belief over identity, no poses.
+//! Recognition by appearance alone: belief over identity from readings without poses.
 //!
-//! Source: sections 4.3.1.2 and 4.4.2.1, equations 4.1–4.4, 4.17 and 4.18–4.22; what we do
-//! otherwise is in `docs/equations.md`. Each reading's evidence is independent of the others
-//! and of where the object was, so an object may move between touches. The evidence is kept
-//! sorted and summed in that order: no order of readings changes a bit.
+//! Source: sections 4.3.1.2 and 4.4.2.1, equations 4.1–4.4, 4.17 and 4.18–4.22; deviations
+//! are in `docs/equations.md`. The evidence of each reading is independent of the others and
+//! of the object's pose, so an object may move between touches. The evidence is kept sorted
+//! and summed in that order: no order of readings changes a bit.
 
 pub mod model;
 pub mod train;
@@ -22,26 +22,26 @@ use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::vocabulary::bag::{joint_shares, log_likelihood};
 
-/// How strongly readings count.
+/// Exponent of the likelihood.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exponent {
-    /// The model's, fitted on held-back readings: touches are correlated.
+    /// The model's, fitted on held-out readings: touches are correlated.
     Calibrated,
-    /// This power of the likelihood; 1 as printed.
+    /// A fixed exponent; 1 as printed.
     Fixed(f64),
 }
 
-/// How readings are compared with objects.
+/// Comparison of readings with objects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AppearanceOptions {
-    /// How histograms are compared.
+    /// Rule for comparing histograms.
     pub rule: AppearanceRule,
-    /// How strongly readings count.
+    /// Exponent of the likelihood.
     pub exponent: Exponent,
 }
 
 impl Default for AppearanceOptions {
-    /// The service's own resolutions.
+    /// The service's defaults.
     fn default() -> Self {
         Self { rule: AppearanceRule::Divergence, exponent: Exponent::Calibrated }
     }
@@ -54,7 +54,7 @@ impl AppearanceOptions {
         Self { rule: AppearanceRule::Divergence, exponent: Exponent::Fixed(1.0) }
     }
 
-    /// The same on summed joint densities, as equation 4.17 is printed.
+    /// Like `literal`, on summed joint densities, as equation 4.17 is printed.
     #[must_use]
     pub fn literal_joint() -> Self {
         Self { rule: AppearanceRule::LiteralJoint, exponent: Exponent::Fixed(1.0) }
@@ -67,13 +67,13 @@ pub enum AppearanceError {
     /// The reading's image or the prior does not fit the catalogue.
     #[error(transparent)]
     Recognise(#[from] MismatchError),
-    /// The model knows clients' own features, and an image came.
+    /// The model was trained on clients' features, and the reading has an image.
     #[error("reading without a feature, expected {dimension} values as the model was trained with")]
     FeatureExpected {
-        /// The length of the model's features.
+        /// Length of the model's features.
         dimension: usize,
     },
-    /// The model knows images, and a feature came.
+    /// The model was trained on images, and the reading has a feature.
     #[error("reading with a feature, expected an image of {rows}×{cols} taxels alone")]
     ImageExpected {
         /// Rows of the model's images.
@@ -81,12 +81,12 @@ pub enum AppearanceError {
         /// Columns of the model's images.
         cols: usize,
     },
-    /// A feature that is not one of the model's.
+    /// A feature of the wrong length.
     #[error("feature of {found} values, expected {expected} finite numbers")]
     Feature {
-        /// How many values the model's features have.
+        /// Length of the model's features.
         expected: usize,
-        /// How many came.
+        /// Length of the given feature.
         found: usize,
     },
 }
@@ -98,14 +98,14 @@ pub struct AppearanceBelief {
     shares: ObjectShares,
     options: AppearanceOptions,
     log_prior: Vec<f64>,
-    /// Ascending. ln likelihood by object of each reading; for the literal joint rule
-    /// ln joint density by class of each feature.
+    /// Ascending. One row per reading, its ln likelihood by object; for the literal joint
+    /// rule one row per feature, its ln joint density by class.
     evidence: Vec<Vec<f64>>,
     n_readings: usize,
 }
 
 impl AppearanceBelief {
-    /// Bytes of memory that this belief has for itself, without the model that it shares.
+    /// Bytes of memory of this belief, without the shared model.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let numbers: usize = self.evidence.iter().map(Vec::capacity).sum();
@@ -132,8 +132,7 @@ impl AppearanceBelief {
         Ok(Self { model, shares, options, log_prior, evidence: Vec::new(), n_readings: 0 })
     }
 
-    /// Takes a reading into account. A press that touched nothing counts as a reading and
-    /// says nothing.
+    /// Adds a reading. A press without contact counts as a reading and adds no evidence.
     ///
     /// # Errors
     /// [`AppearanceError`] when the image does not fit the model.
@@ -160,7 +159,7 @@ impl AppearanceBelief {
         Ok(())
     }
 
-    /// Takes a reading into account that a client has turned into a feature of its own.
+    /// Adds a reading with the client's own feature instead of an image.
     ///
     /// # Errors
     /// [`AppearanceError`] when the model was not trained with such features.
@@ -204,7 +203,7 @@ impl AppearanceBelief {
         self.evidence.insert(place, evidence);
     }
 
-    /// The belief as an answer; it has no poses.
+    /// The belief as an answer, without poses.
     #[must_use]
     pub fn answer(&self) -> Answer {
         let exponent = match self.options.exponent {
@@ -250,7 +249,7 @@ impl AppearanceBelief {
         }
     }
 
-    /// How many readings were added.
+    /// Number of readings.
     #[must_use]
     pub fn n_readings(&self) -> usize {
         self.n_readings

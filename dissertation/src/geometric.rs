@@ -1,10 +1,10 @@
-//! Recognition by geometry: readings in, belief over identity and a bounded pose.
+//! Recognition by geometry: belief over identity and a bounded pose.
 //!
-//! Chapter 3's question with what lies beyond its filters: force is kept, presses are
-//! explained with their own depth, tilt and slip, and the histogram refines itself. Planar
-//! poses are x, y and θ in a stated plane, solid ones six-dimensional about a nominal pose.
-//! Readings are folded in the order given; the order matters only through what the filter
-//! chose to look at. The answer does not depend on the number of threads.
+//! Chapter 3 with extensions to its filters: force is used, presses are explained with their
+//! own depth, tilt and slip, and the histogram refines itself. Planar poses are x, y and θ in
+//! a stated plane, solid ones six-dimensional about a nominal pose. Readings are folded in
+//! the given order, which affects only the bins that the filter evaluates. The answer does
+//! not depend on the number of threads.
 
 mod blur;
 mod error;
@@ -45,14 +45,14 @@ pub struct GeometricBelief {
     state: State,
 }
 
-/// The memory that a belief takes at its beginning, bytes.
+/// Initial memory of a belief, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BeliefMemory {
-    /// Its own.
+    /// Its own memory.
     pub own: usize,
-    /// Tables that it shares with other beliefs of the same kind.
+    /// Tables shared with other beliefs of the same kind.
     pub tables: usize,
-    /// What of the tables no belief has yet.
+    /// Tables that no belief has created yet.
     pub missing: usize,
 }
 
@@ -62,7 +62,7 @@ impl BeliefMemory {
     }
 }
 
-/// The filters that carry a belief.
+/// The filter of a belief.
 #[derive(Clone, Debug)]
 enum State {
     Planar(Box<PlanarBelief>),
@@ -71,7 +71,7 @@ enum State {
 }
 
 impl GeometricBelief {
-    /// Bytes of memory that this belief has for itself, about, without the maps that it shares.
+    /// Approximate bytes of memory of this belief, without the shared maps.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let state = match &self.state {
@@ -82,7 +82,7 @@ impl GeometricBelief {
         size_of::<Self>() + state
     }
 
-    /// Whether a belief can be had, and the memory that it takes; nothing is made.
+    /// Checks whether a belief can be created, and its memory; creates nothing.
     ///
     /// # Errors
     /// Those of [`GeometricBelief::new`].
@@ -108,11 +108,11 @@ impl GeometricBelief {
     }
 
     /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
-    /// is even.
+    /// is uniform.
     ///
     /// # Errors
-    /// [`GeometricError`] when the geometry is not of the kind that the pose prior and the
-    /// filter need, or when priors or options are out of range.
+    /// [`GeometricError`] when the geometry is not of the kind that the pose prior and the filter
+    /// need, or when priors or options are out of range.
     pub fn new(
         geometry: &PreparedGeometry,
         options: GeometricOptions,
@@ -136,7 +136,7 @@ impl GeometricBelief {
         Ok(Self { pose: options.pose, n_readings: 0, state })
     }
 
-    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         match &mut self.state {
             State::Planar(belief) => belief.heed(stop),
@@ -145,7 +145,7 @@ impl GeometricBelief {
         }
     }
 
-    /// Takes a reading into account.
+    /// Adds a reading.
     ///
     /// # Errors
     /// [`GeometricError::Shape`] when the image is not the sensor's,
@@ -186,8 +186,8 @@ impl GeometricBelief {
         }
     }
 
-    /// The distribution of an object's pose along every axis, given that it is this object;
-    /// `None` when the catalogue has no such object or it is impossible.
+    /// The distribution of an object's pose along every axis, given the object; `None` when
+    /// the catalogue has no such object or it is impossible.
     #[must_use]
     pub fn marginals(&self, object: ObjectIdx) -> Option<Marginals> {
         match &self.state {
@@ -197,7 +197,7 @@ impl GeometricBelief {
         }
     }
 
-    /// How many readings the belief rests on.
+    /// Number of readings.
     #[must_use]
     pub fn n_readings(&self) -> usize {
         self.n_readings

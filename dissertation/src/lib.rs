@@ -1,7 +1,7 @@
 //! The dissertation's methods: chapters 3 to 5 of Pezzementi (2011), as printed and as corrected.
 //!
 //! Chapter 3 is `occupancy`, `mosaic`, `filter` and `geometric`; chapter 4 is `appearance`;
-//! chapter 5 is `patch`, `patch_pair` and `sva`. Chapter 2 is the ground that all methods share
+//! chapter 5 is `patch`, `patch_pair` and `sva`. Chapter 2 is shared by all methods
 //! (`palpate_core::sensor`). The modules stand in the order in which they may use each other.
 //! Corrections are in `docs/equations.md`. Not here: the service's own recogniser.
 

@@ -1,8 +1,8 @@
-//! The force mosaic: the pressure that a planar press would read at each place of an object.
+//! The force mosaic: the expected pressure of a planar press at each position of an object.
 //!
-//! Section 3.2.1 speaks of a tactile mosaic in the force domain before it binarises it; this
-//! keeps the force. A cell holds the mean pressure at unit press amplitude and how far single
-//! readings stray from it. Frame: the object's, in the grid's plane.
+//! Section 3.2.1 mentions a tactile mosaic in the force domain before it binarises it; this
+//! keeps the force. A cell holds the mean pressure at unit press amplitude and the deviation
+//! of single readings. Frame: the object's, in the grid's plane.
 
 pub mod face;
 mod kernel;
@@ -47,7 +47,7 @@ impl ForceMosaic {
         Ok(Self { shape, pressure, deviation })
     }
 
-    /// Where the cells lie.
+    /// Position of the cells.
     #[must_use]
     pub fn shape(&self) -> &GridShape {
         &self.shape
@@ -59,7 +59,7 @@ impl ForceMosaic {
         &self.pressure
     }
 
-    /// Standard deviations of a single reading, Pa; infinite where nothing is known.
+    /// Standard deviations of a single reading, Pa; infinite for unmapped cells.
     #[must_use]
     pub fn deviation(&self) -> &[f32] {
         &self.deviation

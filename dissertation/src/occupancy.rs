@@ -1,4 +1,4 @@
-//! Occupancy grids: which cells around an object generate contact (chapter 3).
+//! Occupancy grids: the cells around an object that generate contact (chapter 3).
 
 pub mod classify;
 pub mod grid;

@@ -1,7 +1,7 @@
-//! A surface patch: what one reading says about the surface where it touched.
+//! A surface patch: the piece of surface that one reading touched.
 //!
 //! Source: sections 5.3.1 and 5.4.2. The frame is that of the reading's pose: the object's in
-//! training, the session's in recognition. A press that touched nothing has no patch.
+//! training, the session's in recognition. A press without contact has no patch.
 
 use glam::DVec3;
 
@@ -13,17 +13,17 @@ use palpate_core::vocabulary::{Association, AssociationRule, Vocabulary};
 /// Position, outward normal and appearance of a touched piece of surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
-    /// Where it was touched, metres: the centre of pressure on the covering's surface.
+    /// Position, metres: the centre of pressure on the covering's surface.
     pub position: DVec3,
     /// The outward surface normal, norm 1.
     pub normal: DVec3,
-    /// How well the contact fixed the normal, 0 to 1 (Algorithm 2).
+    /// Constraint of the contact on the normal, 0 to 1 (Algorithm 2).
     pub normal_confidence: f64,
-    /// The appearance classes it may belong to; weights sum to 1.
+    /// The possible appearance classes; weights sum to 1.
     pub classes: Vec<Association>,
 }
 
-/// The patch of a reading, or `None` when the press touched nothing.
+/// The patch of a reading, or `None` for a press without contact.
 #[must_use]
 pub fn observe_patch(
     reading: &Reading,
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn the_normal_points_out_of_the_surface_towards_the_sensor() {
-        // The sensor looks along its +z; here it is turned to look along −x from x = 10 mm.
+        // The sensor faces along its +z; here it is turned to face along −x from x = 10 mm.
         let sensor = SensorDescription::digitacts_6x6();
         let turn = glam::DQuat::from_rotation_arc(DVec3::Z, DVec3::NEG_X);
         let pose = Pose::from_parts(turn, DVec3::new(10.0 * MM, 0.0, 0.0));

@@ -1,4 +1,4 @@
-//! Pairs of surface patches: the geometry and appearance that no pose of the object changes.
+//! Pairs of surface patches: their geometry and appearance, invariant to the object's pose.
 //!
 //! Source: sections 5.3 and 5.4.
 

@@ -1,9 +1,10 @@
-//! Grids over all rotations: which bin a quaternion falls into, and the bin's centre.
+//! Grids over all rotations: the bin of a quaternion, and the centre of a bin.
 //!
 //! The dissertation bins Rodrigues vectors in 9³ cubes (section 5.5.1.2): 565 of 729 bins are
 //! reachable, ±π is not adjacent to itself and the mean error is 16.6°. That grid stays for
 //! reproduction. The default is a cubed hypersphere: the largest component of a quaternion
-//! chooses one of four faces, the other three in equal angles a cell; no seam, near-uniform.
+//! chooses one of four faces, the other three a cell at equal angles; seamless and nearly
+//! uniform.
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
@@ -12,20 +13,20 @@ use glam::{DQuat, DVec3};
 /// A division of the rotations into numbered bins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RotationGrid {
-    /// Cubes of the Rodrigues vector (axis · angle within ±π), `n` a dimension.
+    /// Cubes of the Rodrigues vector (axis · angle within ±π), `n` per dimension.
     Rodrigues {
-        /// Bins a dimension.
+        /// Bins per dimension.
         n: u16,
     },
-    /// Equal-angle cells on the four faces of the cubed hypersphere, `n` a dimension.
+    /// Equal-angle cells on the four faces of the cubed hypersphere, `n` per dimension.
     CubedHypersphere {
-        /// Cells a dimension of one face.
+        /// Cells per dimension of one face.
         n: u16,
     },
 }
 
 impl RotationGrid {
-    /// How many bins there are, reachable or not.
+    /// Number of bins, reachable or not.
     #[must_use]
     pub fn n_bins(self) -> usize {
         match self {

@@ -1,9 +1,9 @@
-//! Recognition by spatially varying appearance: readings in, belief over identity and pose.
+//! Recognition by spatially varying appearance: belief over identity and pose.
 //!
-//! Source: sections 5.2–5.4. Each new reading is paired with earlier ones; every pair asks
-//! the objects' indexes for matching pairs, each match names a set of poses, and the sparse
-//! histograms multiply what the pairs say. Objects are worked on in parallel; the answer
-//! does not depend on the number of threads.
+//! Source: sections 5.2–5.4. Each new reading is paired with earlier ones; the objects'
+//! indexes return the stored pairs that match, each match gives a set of poses, and the
+//! sparse histograms multiply the pairs' distributions. Objects are processed in parallel;
+//! the answer does not depend on the number of threads.
 
 mod matching;
 pub mod model;
@@ -44,7 +44,7 @@ pub struct SvaBelief {
 }
 
 impl SvaBelief {
-    /// Bytes of memory that this belief has for itself, without the catalogue that it shares.
+    /// Bytes of memory of this belief, without the shared catalogue.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let seen = |patch: &Patch| {
@@ -57,7 +57,7 @@ impl SvaBelief {
     }
 
     /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
-    /// is even.
+    /// is uniform.
     ///
     /// # Errors
     /// [`MismatchError::Prior`] when the weights do not fit the catalogue.
@@ -73,13 +73,12 @@ impl SvaBelief {
         Ok(Self { catalogue, options, log_prior, seen, histograms, n_readings: 0, stop })
     }
 
-    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         self.stop = stop.clone();
     }
 
-    /// Takes a reading into account. A press that touched nothing counts as a reading and
-    /// says nothing about the pose.
+    /// Adds a reading. A press without contact counts as a reading and adds no evidence.
     ///
     /// # Errors
     /// [`MismatchError::Shape`] when the image does not fit the catalogue's vocabulary.
@@ -105,8 +104,7 @@ impl SvaBelief {
         Ok(())
     }
 
-    /// Takes a reading into account whose patch was made elsewhere: in the session frame, of
-    /// classes of the catalogue.
+    /// Adds a reading by its patch: in the session frame, with classes of the catalogue.
     pub fn add_patch(&mut self, patch: Patch) {
         self.n_readings += 1;
         for partner in partners(self.seen.len(), self.options.partners_max) {
@@ -117,7 +115,7 @@ impl SvaBelief {
         self.seen.push(patch);
     }
 
-    /// Equation 5.12: multiplies in what one pair of readings says.
+    /// Equation 5.12: multiplies in the distribution of one pair of readings.
     fn multiply_pair(&mut self, a: &Patch, b: &Patch) {
         let Some(query) = PairQuery::new(a, b) else {
             return;
@@ -207,14 +205,14 @@ impl SvaBelief {
         answer
     }
 
-    /// How many readings were added.
+    /// Number of readings.
     #[must_use]
     pub fn n_readings(&self) -> usize {
         self.n_readings
     }
 }
 
-/// How many of an object's bins compete to be modes.
+/// Number of an object's bins from which modes are formed.
 const BINS_FOR_MODES: usize = 64;
 
 /// The edge of a rotation bin, as an angle of rotation.
@@ -230,7 +228,7 @@ fn per_training_pair(object: &ObjectMap) -> f64 {
     2.0 / (n * (n - 1.0))
 }
 
-/// Which of `n` earlier readings a new one is paired with: all, or `max` spread evenly.
+/// The earlier readings, out of `n`, with which a new one is paired: all, or `max` spread evenly.
 fn partners(n: usize, max: usize) -> Vec<usize> {
     if n <= max { (0..n).collect() } else { (0..max).map(|k| k * n / max).collect() }
 }

@@ -1,4 +1,4 @@
-//! Recognition by appearance on analytic touches: no simulator, no poses.
+//! Recognition by appearance on analytic touches, without a simulator or poses.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -23,7 +23,7 @@ use palpate_dissertation::appearance::{
     AppearanceBelief, AppearanceError, AppearanceOptions, Exponent,
 };
 
-/// How often touches of the three objects meet a point, an edge and a plane.
+/// Probabilities of a point, an edge and a plane in touches of the three objects.
 const KINDS: [[f64; 3]; 3] = [[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]];
 
 /// A touch: a blob whose two widths (taxels) are those of its kind, within a few per cent.
@@ -46,7 +46,7 @@ fn touch(kinds: [f64; 3], stream: &mut Stream) -> Reading {
             Some(12_000.0 * (-0.5 * (u * u + v * v) / spread).exp() + 40.0 * stream.normal())
         })
         .collect();
-    // Poses play no role: each touch has another one, as if the object moved.
+    // Poses are not used: each touch has another one, as if the object moved.
     let pose = Pose::from_parts(stream.rotation(), stream.direction());
     Reading::new(SensorId(0), &SensorDescription::digitacts_6x6(), &pressures, pose).unwrap()
 }
@@ -116,7 +116,7 @@ fn unseen_touches_without_poses_name_the_object() {
 }
 
 #[test]
-fn no_order_of_readings_changes_a_bit() {
+fn the_order_of_readings_does_not_change_a_bit() {
     let model = Arc::new(learn(&config(), &KINDS));
     let readings = touches(KINDS[1], 25, 5);
     for rule in [AppearanceRule::Mixture, AppearanceRule::Divergence, AppearanceRule::LiteralJoint]
@@ -144,7 +144,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 }
 
 #[test]
-fn a_press_without_contact_counts_and_says_nothing() {
+fn a_press_without_contact_counts_without_evidence() {
     let model = Arc::new(learn(&config(), &KINDS));
     let readings = touches(KINDS[2], 5, 6);
     let mut belief = believe(&model, AppearanceOptions::default(), &readings);
@@ -172,7 +172,7 @@ fn before_any_reading_the_prior_is_the_answer() {
 }
 
 #[test]
-fn the_calibrated_exponent_is_never_surer_than_print() {
+fn calibration_is_never_more_certain_than_print() {
     let model = learn(&config(), &KINDS);
     assert!((0.01..=1.0).contains(&model.exponent));
     let model = Arc::new(model);
@@ -184,7 +184,7 @@ fn the_calibrated_exponent_is_never_surer_than_print() {
 
 #[test]
 fn the_validation_readings_choose_the_number_of_classes() {
-    // One class says nothing; six tell the kinds apart.
+    // One class carries no information; six separate the kinds.
     let model = learn(&AppearanceConfig { n_classes: vec![1, 6], ..config() }, &KINDS);
     assert_eq!(model.vocabulary.n_classes(), 6);
     let [one, six] = model.vocabulary.choices[..] else { panic!("two candidates") };
@@ -194,7 +194,7 @@ fn the_validation_readings_choose_the_number_of_classes() {
 }
 
 #[test]
-fn learning_stops_when_it_is_told_to() {
+fn learning_stops_on_request() {
     let sensor = SensorDescription::digitacts_6x6();
     let readings = touches(KINDS[0], 120, 1);
     let sets = [AppearanceSet::Readings(TrainingSet { readings: &readings, sensor: &sensor })];
@@ -214,7 +214,7 @@ fn learning_stops_when_it_is_told_to() {
 }
 
 #[test]
-fn an_object_joins_without_a_change_to_the_others_and_twins_are_reported() {
+fn an_object_joins_without_changes_and_twins_are_reported() {
     let sensor = SensorDescription::digitacts_6x6();
     let model = learn(&config(), &KINDS);
     assert_eq!(model.report.near_duplicates, []);
@@ -266,7 +266,7 @@ fn clients_features_use_the_same_machinery() {
 }
 
 #[test]
-fn centers_of_classes_are_images_where_the_descriptor_can_be_undone() {
+fn centers_are_images_for_invertible_descriptors() {
     let plain = AppearanceConfig { descriptor: DescriptorKind::Vectorize, ..config() };
     let model = learn(&plain, &KINDS);
     let images = model.vocabulary.class_images().unwrap();
@@ -282,7 +282,7 @@ fn centers_of_classes_are_images_where_the_descriptor_can_be_undone() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_by_name() {
+fn mismatched_inputs_are_refused_by_name() {
     let sensor = SensorDescription::digitacts_6x6();
     let readings = touches(KINDS[0], 30, 1);
     let sets = [AppearanceSet::Readings(TrainingSet { readings: &readings, sensor: &sensor })];

@@ -1,4 +1,4 @@
-//! Planar recognition by force on analytic bodies: round bumps on a plane, no simulator.
+//! Planar recognition by force on analytic bodies: round bumps on a plane, without a simulator.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -77,7 +77,7 @@ fn prepared(model: GeometricModel) -> PreparedGeometry {
     PreparedGeometry::new(Arc::new(model))
 }
 
-/// A plane that is neither at the session's origin nor level.
+/// A tilted plane away from the session's origin.
 fn plane() -> Pose {
     let tipped = DQuat::from_rotation_y(70.0 * DEG) * DQuat::from_rotation_x(0.3);
     Pose::from_parts(tipped, DVec3::new(0.4, -0.2, 0.7))
@@ -99,7 +99,7 @@ fn options() -> GeometricOptions {
 }
 
 fn truth() -> Pose {
-    // The bodies are pressed as deep as the map says: their faces lie in the plane then.
+    // The bodies are pressed as deep as the map says: their faces then lie in the plane.
     static HEIGHT: OnceLock<f64> = OnceLock::new();
     let height = HEIGHT.get_or_init(|| model().maps[1].occupancy.shape().min().z);
     let place = DVec3::new(0.105, -0.004, -height);
@@ -129,7 +129,7 @@ fn gains_are_learnt_without_a_calibration_run() {
 }
 
 #[test]
-fn the_body_and_its_place_in_a_tipped_plane_are_found() {
+fn the_body_and_its_pose_in_a_tilted_plane_are_found() {
     let belief = belief(6);
     let answer = belief.answer(2);
     assert_eq!(answer.best_object(), Some(ObjectIdx(1)), "{:?}", answer.probabilities);
@@ -138,7 +138,7 @@ fn the_body_and_its_place_in_a_tipped_plane_are_found() {
     let off = mode.session_from_object.distance_to(&truth());
     let turned = mode.session_from_object.angle_to(&truth());
     assert!(off < 0.6 * MM && turned < 4.0 * DEG, "{} mm, {} degrees", off / MM, turned / DEG);
-    // The error is what the covariance says it is.
+    // The error agrees with the covariance.
     let deviation = mode.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
     assert!((0.05 * MM..1.2 * MM).contains(&deviation), "{deviation}");
     assert!(off < 4.0 * deviation);
@@ -172,7 +172,7 @@ fn an_untouched_belief_is_the_prior() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_by_name() {
+fn mismatched_inputs_are_refused_by_name() {
     let new = |model, options, prior| GeometricBelief::new(&prepared(model), options, prior).err();
     let mut unforced = model();
     for map in &mut unforced.maps {
@@ -193,7 +193,7 @@ fn what_does_not_fit_is_refused_by_name() {
 }
 
 #[test]
-fn a_press_from_aside_is_refused_with_its_angle() {
+fn a_tilted_press_is_refused_with_its_angle() {
     let mut belief = belief(0);
     let aside = Pose::from_parts(DQuat::from_rotation_x(40.0 * DEG), DVec3::ZERO);
     let reading = presses(0, 1, 3)[0].moved_by(plane() * aside);

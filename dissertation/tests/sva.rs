@@ -1,4 +1,4 @@
-//! Training and recognition on analytic objects: bumps on an ellipsoid, no simulator.
+//! Training and recognition on analytic objects: bumps on an ellipsoid, without a simulator.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -83,7 +83,7 @@ fn recognise(
 }
 
 #[test]
-fn unseen_touches_name_the_object_and_its_place() {
+fn unseen_touches_give_the_object_and_its_pose() {
     let catalogue = train();
     for object in 0..N_OBJECTS {
         let mut stream = Stream::new(3, Purpose::ObjectPose, object as u64);
@@ -136,7 +136,7 @@ fn a_prior_of_the_wrong_length_is_refused() {
 }
 
 #[test]
-fn a_press_that_touched_nothing_changes_no_probability() {
+fn a_press_without_contact_changes_no_probability() {
     let catalogue = train();
     let mut belief = recognise(&catalogue, 2, Pose::IDENTITY, 5);
     let before = belief.answer(3);
@@ -169,7 +169,7 @@ fn the_literal_filter_recognises_too() {
 }
 
 #[test]
-fn training_without_contact_says_so() {
+fn training_without_contact_is_refused() {
     let sensor = SensorDescription::digitacts_6x6();
     let nothing = Reading::new(SensorId(0), &sensor, &[Some(0.0); 36], Pose::IDENTITY).unwrap();
     let set = TrainingSet { readings: &[nothing], sensor: &sensor };
@@ -178,7 +178,7 @@ fn training_without_contact_says_so() {
 }
 
 #[test]
-fn too_few_touches_make_no_map() {
+fn too_few_touches_are_refused() {
     let sensor = SensorDescription::digitacts_6x6();
     let readings = touches(0, 9, 1);
     let set = TrainingSet { readings: &readings, sensor: &sensor };
@@ -189,7 +189,7 @@ fn too_few_touches_make_no_map() {
 }
 
 #[test]
-fn every_descriptor_of_one_feature_a_reading_trains_and_mr8_is_refused() {
+fn every_descriptor_trains_except_mr8() {
     let sensor = SensorDescription::digitacts_6x6();
     let readings = touches(0, 40, 1);
     let set = TrainingSet { readings: &readings, sensor: &sensor };

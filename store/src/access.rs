@@ -1,56 +1,56 @@
-//! API keys as they are kept: who holds one, what it is for, and hashes of its secret.
+//! API keys as stored: holder, role and hashes of the secret.
 //!
-//! A secret itself is never stored. Secrets are 256 random bits, so a fast hash of one tells
-//! nothing that could be searched for; a slow one (argon2) is for what people think up.
-//! Names are not unique here: a revoked key keeps its name for the audit log.
+//! A secret itself is never stored. Secrets are 256 random bits, so a fast hash is safe; a
+//! slow one (argon2) is for passwords that people choose. Names are not unique here: a
+//! revoked key keeps its name for the audit log.
 
 use uuid::Uuid;
 
 use crate::key::Space;
 use crate::table::Entity;
 
-/// What the holder of a key is.
+/// Role of a key's holder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
-    /// Touches things in sessions.
+    /// Sends readings to sessions.
     Robot,
-    /// Teaches: objects, sensors, trainings.
+    /// Manages objects and sensors, and trains.
     Trainer,
-    /// Looks on.
+    /// Reads only.
     Viewer,
-    /// May do everything.
+    /// Full access.
     Admin,
 }
 
 /// A key, without its secret.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AccessKey {
-    /// Its id, which the key as it is sent begins with.
+    /// Id, the first part of a key as it is sent.
     pub id: Uuid,
-    /// What people call its holder.
+    /// Name of the holder.
     pub name: String,
-    /// What its holder is.
+    /// Role of the holder.
     pub role: Role,
-    /// The BLAKE3 hash of its secret.
+    /// BLAKE3 hash of the secret.
     pub hash: [u8; 32],
-    /// The secret before the last rotation, while it is still let in.
+    /// The secret before the last rotation, while it is still accepted.
     pub previous: Option<PreviousSecret>,
-    /// When it was made.
+    /// Time of creation.
     pub created_at_ms: u64,
-    /// From when on it is refused.
+    /// Time of expiry.
     pub expires_at_ms: Option<u64>,
-    /// When it was last used, to within an hour.
+    /// Time of the last use, to within an hour.
     pub last_used_at_ms: Option<u64>,
-    /// When it was revoked.
+    /// Time of revocation.
     pub revoked_at_ms: Option<u64>,
 }
 
-/// A secret that another has replaced.
+/// A secret that a rotation replaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PreviousSecret {
-    /// Its BLAKE3 hash.
+    /// BLAKE3 hash of it.
     pub hash: [u8; 32],
-    /// From when on it is refused.
+    /// Time from which it is refused.
     pub until_ms: u64,
 }
 

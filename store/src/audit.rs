@@ -1,11 +1,11 @@
-//! The audit log: who changed what, in the order in which it was asked for, in three rings.
+//! The audit log: requests in the order of their arrival, in three rings.
 //!
-//! Changes, what was refused to holders of keys, and what strangers tried have rings with sizes
-//! of their own, so that none pushes out what is in another. An entry of a change is durable
-//! before the change is made, without a status; it is settled afterwards, and leaves the ring of
-//! changes when nothing was changed. An entry without a status says that the change may or may
-//! not have been made: the server stopped, or the caller went away. Sequence numbers count over
-//! all rings, go up and are never used again; times never go down.
+//! Changes, refusals of requests with a key, and refusals of requests without one have rings
+//! with sizes of their own, so none displaces entries of another. The entry of a change is
+//! durable, without a status, before the change is made. It is settled afterwards, and leaves
+//! the ring of changes when nothing was changed. An entry without a status may or may not
+//! have taken effect: the server stopped, or the caller went away. Sequence numbers count
+//! over all rings, increase and are never reused; times never decrease.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -20,66 +20,67 @@ use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
 
-/// How many old entries one commit removes at most, when the log was opened for fewer.
+/// Maximum number of old entries removed by one commit after the log was opened with smaller
+/// rings.
 const TRIM_MAX: u64 = 1000;
-/// How many keys are read at once.
+/// Number of keys per read.
 const KEYS_PER_SCAN: usize = 1024;
-/// An entry's key: the space's letter and its number.
+/// Length of an entry's key: the space's letter and the number.
 const KEY_BYTES: usize = 9;
 
-/// A part of the log with a size of its own.
+/// A part of the log with its own size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ring {
-    /// What changed something, or may have.
+    /// Requests that changed something, or may have.
     Changes,
-    /// What was refused to the holder of a key, or failed.
+    /// Requests with a key that were refused or failed.
     Refused,
-    /// What was refused to others, or failed.
+    /// Requests without a key that were refused or failed.
     Strangers,
 }
 
-/// How many entries each ring keeps.
+/// Number of entries that each ring keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RingSizes {
-    /// Of [`Ring::Changes`].
+    /// Size of [`Ring::Changes`].
     pub changes: u64,
-    /// Of [`Ring::Refused`].
+    /// Size of [`Ring::Refused`].
     pub refused: u64,
-    /// Of [`Ring::Strangers`].
+    /// Size of [`Ring::Strangers`].
     pub strangers: u64,
 }
 
-/// Something that was asked for, once or several times.
+/// A request, made once or several times.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditEntry {
-    /// Its place in the log, from 1; set by the log.
+    /// Sequence number in the log, from 1; set by the log.
     pub seq: u64,
-    /// When, the first time; not before the entry before it. Set by the log.
+    /// Time of the first request, not before that of the previous entry. Set by the log.
     pub at_ms: u64,
-    /// The key that asked, by id and name; `None` when there was none, or none that is known.
+    /// Id and name of the key; `None` without a known key.
     pub key: Option<(Uuid, String)>,
-    /// What the asker was taken for.
+    /// Role of the caller.
     pub role: Option<Role>,
-    /// The address it came from.
+    /// Address of the caller.
     pub address: String,
-    /// The operation, by its id in the API's description.
+    /// Operation, by its id in the API's description.
     pub operation: String,
-    /// What it was about: a path of the API; the first one, when it was asked several times.
+    /// Path of the API; that of the first request when there were several.
     pub resource: String,
-    /// The HTTP status of the answer; `None` as long as it is not known.
+    /// HTTP status of the answer; `None` while unknown.
     pub status: Option<u16>,
-    /// The request's id, as in the server's log.
+    /// Id of the request, as in the server's log.
     pub request_id: String,
-    /// How many refusals before this one were left out.
+    /// Number of refusals omitted before this one.
     pub n_left_out: u32,
-    /// How often it was asked with this outcome.
+    /// Number of requests with this outcome.
     pub n: u32,
-    /// When, the last time.
+    /// Time of the last request.
     pub last_at_ms: u64,
 }
 
 impl AuditEntry {
-    /// The ring that an entry with this outcome belongs to.
+    /// The ring for an entry with this outcome.
     #[must_use]
     pub fn ring(&self) -> Ring {
         match (self.status, &self.key) {
@@ -102,29 +103,29 @@ impl Ring {
     }
 }
 
-/// The log. Open one for a database, and share it.
+/// The audit log. Open one per database, and share it.
 pub struct AuditLog {
     engine: Arc<dyn Engine>,
-    /// The same for entries of what must work on a full disk.
+    /// The engine for entries of operations that must work on a full disk.
     essential: Essential,
     is_essential: fn(&str) -> bool,
     sizes: RingSizes,
     known: Mutex<Known>,
 }
 
-/// What is in the log, without the entries themselves.
+/// Index of the log, without the entries.
 #[derive(Debug)]
 struct Known {
     next: u64,
     last_ms: u64,
-    /// The numbers in each ring, in the order of [`Ring::ALL`].
+    /// Sequence numbers in each ring, in the order of [`Ring::ALL`].
     rings: [BTreeSet<u64>; 3],
-    /// Entries that are not settled yet: they push nothing out.
+    /// Unsettled entries, which displace none.
     pending: BTreeSet<u64>,
 }
 
 impl AuditLog {
-    /// Reads which entries there are. Blocks.
+    /// Reads the sequence numbers. Blocks.
     pub(crate) fn open(
         engine: Arc<dyn Engine>,
         sizes: RingSizes,
@@ -150,13 +151,13 @@ impl AuditLog {
         Ok(log)
     }
 
-    /// The engine that an entry is written with.
+    /// The engine with which an entry is written.
     fn engine_of(&self, entry: &AuditEntry) -> &dyn Engine {
         if (self.is_essential)(&entry.operation) { &self.essential } else { &*self.engine }
     }
 
-    /// Stores the entry of a change that is about to be made, without a status, with the next
-    /// number; durable when it returns. It has to be settled or discarded.
+    /// Stores the entry of a change that is about to be made, without a status, under the
+    /// next number; durable when it returns. It must be settled or discarded.
     ///
     /// # Errors
     /// The engine's.
@@ -174,8 +175,8 @@ impl AuditLog {
         Ok(entry)
     }
 
-    /// Stores an entry whose outcome is known with the next number, and removes the oldest of
-    /// its ring above the bound; durable when it returns.
+    /// Stores an entry with a known outcome under the next number, and removes the oldest of
+    /// its ring above the limit; durable when it returns.
     ///
     /// # Errors
     /// The engine's.
@@ -193,8 +194,8 @@ impl AuditLog {
         Ok(entry)
     }
 
-    /// Writes down what became of an entry that was begun, and brings it into its ring; durable
-    /// when it returns.
+    /// Records the outcome of an entry that was begun, and moves it to its ring; durable when
+    /// it returns.
     ///
     /// # Errors
     /// The engine's.
@@ -216,7 +217,7 @@ impl AuditLog {
         Ok(())
     }
 
-    /// Removes an entry that was begun: another one tells of it.
+    /// Removes an entry that was begun and is covered by another one.
     ///
     /// # Errors
     /// The engine's.
@@ -231,7 +232,7 @@ impl AuditLog {
         Ok(())
     }
 
-    /// Stores an entry anew that is settled, unless it has left the log; durable when it returns.
+    /// Rewrites a settled entry unless it has left the log; durable when it returns.
     ///
     /// # Errors
     /// The engine's.
@@ -248,8 +249,8 @@ impl AuditLog {
         Ok(())
     }
 
-    /// Up to `limit` entries with a number below `seq` (all, when it is `None`), newest first,
-    /// of all rings.
+    /// Up to `limit` entries with a number below `seq` (any, when it is `None`), newest
+    /// first, of all rings.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -260,7 +261,7 @@ impl AuditLog {
             let Some((last, _)) = wanted.last() else { break };
             end = Some(*last);
             for (seq, ring) in wanted {
-                // One that is gone now has left the log while we looked.
+                // A missing entry has left the log in the meantime.
                 found.extend(self.read(ring, seq)?);
             }
         }
@@ -274,7 +275,7 @@ impl AuditLog {
         decoded.map_err(StoreError::damaged(space))
     }
 
-    /// Adds the removal of a ring's oldest settled entries above its bound.
+    /// Adds the removal of a ring's oldest settled entries above its limit.
     fn trim(&self, commit: Commit, known: &mut Known, ring: Ring) -> Commit {
         let size = match ring {
             Ring::Changes => self.sizes.changes,
@@ -294,13 +295,13 @@ impl AuditLog {
     }
 
     fn known(&self) -> MutexGuard<'_, Known> {
-        // Numbers are changed together, after everything that could panic.
+        // All numbers change together, after everything that could panic.
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Known {
-    /// The entry with the next number and a time that does not go down.
+    /// The entry with the next number and a time that does not decrease.
     fn numbered(&mut self, entry: AuditEntry) -> AuditEntry {
         let at_ms = entry.at_ms.max(self.last_ms);
         let seq = self.next;
@@ -322,7 +323,7 @@ impl Known {
     }
 }
 
-/// The numbers of the entries in a ring.
+/// The sequence numbers of the entries in a ring.
 fn numbers(engine: &dyn Engine, ring: Ring) -> Result<BTreeSet<u64>, StoreError> {
     let prefix = key::space(ring.space());
     let (mut found, mut after) = (BTreeSet::new(), None::<Vec<u8>>);

@@ -1,7 +1,7 @@
 //! Calibrations of sensors: numbered from 1 for each sensor, added and never changed.
 //!
-//! A stored reading names the number that applies to it, so what a calibration says of earlier
-//! readings stays what it was, whatever is measured later.
+//! A stored reading names the number of its calibration, so later measurements do not change
+//! its meaning.
 
 use std::sync::Arc;
 
@@ -16,42 +16,42 @@ use crate::key::{self, Space};
 use crate::pieces::{self, Limit};
 use crate::record;
 
-/// A calibration's key: space, sensor, number.
+/// Length of a calibration's key: space, sensor, number.
 const KEY_BYTES: usize = 25;
-/// How often an addition is tried again when others add at the same time.
+/// Attempts of an addition under concurrent additions.
 const ADD_ATTEMPTS: usize = 64;
 
-/// A stored calibration: the correction, what it rests on, how well it fits.
+/// A stored calibration: the correction, its data, and the quality of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredCalibration {
     /// The sensor.
     pub sensor: Uuid,
-    /// Its number among the sensor's, from 1; set by [`Calibrations::add`].
+    /// Number among the sensor's calibrations, from 1; set by [`Calibrations::add`].
     pub number: u32,
     /// The correction.
     pub calibration: Calibration,
-    /// The responses as measured, against the target line.
+    /// Fit of the measured responses to the target line.
     pub before: Goodness,
-    /// The responses after the correction.
+    /// Fit of the corrected responses.
     pub after: Goodness,
-    /// How many presses the responses were fitted to.
+    /// Number of presses in the fit of the responses.
     pub n_presses: u32,
-    /// The point spread, if it was measured too.
+    /// The point spread, if it was measured.
     pub spread: Option<StoredSpread>,
-    /// When it was added.
+    /// Time of addition.
     pub created_at_ms: u64,
 }
 
-/// A fitted point spread and what it rests on.
+/// A fitted point spread and its data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoredSpread {
     /// The fit.
     pub fit: SpreadFit,
-    /// How many presses it was fitted to.
+    /// Number of presses in the fit.
     pub n_presses: u32,
     /// Diameter of the indenter, metres.
     pub indenter_diameter: f64,
-    /// Thickness of the covering that was pressed, metres, if it was said.
+    /// Thickness of the pressed covering, metres, if stated.
     pub covering_thickness: Option<f64>,
 }
 
@@ -66,11 +66,11 @@ impl Calibrations {
         Self { engine }
     }
 
-    /// Stores a calibration under its sensor's next number, and answers that number; durable
+    /// Stores a calibration under its sensor's next number and returns that number; durable
     /// when it returns.
     ///
     /// # Errors
-    /// [`StoreError::Changed`] only when others never stop adding; the engine's.
+    /// [`StoreError::Changed`] only under endless concurrent additions; the engine's.
     pub async fn add(&self, calibration: &StoredCalibration) -> Result<u32, StoreError> {
         let sensor = calibration.sensor;
         for _ in 0..ADD_ATTEMPTS {
@@ -88,7 +88,7 @@ impl Calibrations {
         Err(StoreError::Changed { what: "calibrations of sensor", id: sensor })
     }
 
-    /// A sensor's calibration of a number.
+    /// A sensor's calibration with the given number.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.

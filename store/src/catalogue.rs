@@ -1,10 +1,10 @@
-//! Catalogues: trained models as immutable versions, and the one that is current.
+//! Catalogues: trained models as immutable versions, and the current one.
 //!
 //! A version is a manifest that names blocks by the hash of their content; versions share
-//! blocks. Publishing writes the blocks, then the manifest with its number; switching then makes a version
-//! current in one commit and keeps the history. Each step is durable before the next begins,
-//! so a crash leaves the old state or the new one, at worst with blocks nobody names.
-//! Not here: what is in the blocks (`model_codec`).
+//! blocks. Publishing writes the blocks, then the manifest with its number; switching then
+//! makes a version current in one commit and keeps the history. Each step is durable before
+//! the next begins, so a crash leaves the old state or the new one, at worst with
+//! unreferenced blocks. Not here: the content of the blocks (`model_codec`).
 
 mod removal;
 
@@ -26,12 +26,12 @@ use crate::pieces::{self, Limit};
 use crate::record::{self, SCHEMA};
 use crate::table::{Entity, Page, Table};
 
-/// How many switches of the current version are remembered.
+/// Number of remembered switches of the current version.
 pub const HISTORY_MAX: usize = 1000;
-/// A manifest's key: space, catalogue, version.
+/// Length of a manifest's key: space, catalogue, version.
 const MANIFEST_KEY_BYTES: usize = 25;
 
-/// A catalogue: its versions are 1 ..= `latest`, without those that were removed.
+/// A catalogue: its versions are 1 ..= `latest`, without removed ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Catalogue {
     /// Its id.
@@ -42,11 +42,11 @@ pub struct Catalogue {
     pub latest: u32,
     /// The version that new sessions use.
     pub current: Option<u32>,
-    /// Counts the switches of `current`; the `ETag` of the alias.
+    /// Number of switches of `current`; the `ETag` of the alias.
     pub revision: u64,
     /// The last [`HISTORY_MAX`] switches, oldest first.
     pub history: Vec<Switch>,
-    /// When it was made.
+    /// Time of creation.
     pub created_at_ms: u64,
 }
 
@@ -63,11 +63,11 @@ impl Catalogue {
 pub struct Switch {
     /// The version.
     pub version: u32,
-    /// When.
+    /// Time of the switch.
     pub at_ms: u64,
 }
 
-/// An object a version knows.
+/// An object of a version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VersionObject {
     /// The object's id.
@@ -76,48 +76,48 @@ pub struct VersionObject {
     pub name: String,
 }
 
-/// A block as a manifest names it.
+/// A block in a manifest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockEntry {
-    /// Its name within the version.
+    /// Name within the version.
     pub name: String,
-    /// The blake3 hash of its content.
+    /// BLAKE3 hash of the content.
     pub hash: [u8; 32],
-    /// Its length in bytes.
+    /// Length in bytes.
     pub length: u64,
 }
 
-/// What a version consists of.
+/// Content of a version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Manifest {
     /// The catalogue.
     pub catalogue: Uuid,
     /// The version's number, from 1.
     pub version: u32,
-    /// The job that made it.
+    /// The job that trained it.
     pub job: Option<Uuid>,
-    /// What it was trained with, as the server writes it down (JSON); may be empty.
+    /// Training parameters, as the server writes them (JSON); may be empty.
     pub parameters: String,
-    /// The objects it knows, in the order of the model's object numbers.
+    /// The objects, in the order of the model's object numbers.
     pub objects: Vec<VersionObject>,
-    /// Its blocks.
+    /// The blocks.
     pub blocks: Vec<BlockEntry>,
-    /// When it was published.
+    /// Time of publication.
     pub created_at_ms: u64,
 }
 
-/// A version before it is published.
+/// A version before its publication.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Draft {
-    /// The job that made it.
+    /// The job that trained it.
     pub job: Option<Uuid>,
-    /// What it was trained with, as the server writes it down (JSON); may be empty.
+    /// Training parameters, as the server writes them (JSON); may be empty.
     pub parameters: String,
-    /// The objects it knows, in the order of the model's object numbers.
+    /// The objects, in the order of the model's object numbers.
     pub objects: Vec<VersionObject>,
-    /// Its blocks: names (unique within the version) and contents.
+    /// The blocks: names (unique within the version) and contents.
     pub blocks: Vec<(String, Vec<u8>)>,
-    /// When it is published.
+    /// Time of publication.
     pub created_at_ms: u64,
 }
 
@@ -141,7 +141,7 @@ impl Catalogues {
         Self { table: Table::new(Arc::clone(&engine)), engine }
     }
 
-    /// Makes a catalogue without versions.
+    /// Creates a catalogue without versions.
     ///
     /// # Errors
     /// [`StoreError::NameTaken`], [`StoreError::Exists`]; the engine's.
@@ -149,7 +149,7 @@ impl Catalogues {
         self.table.create(catalogue).await
     }
 
-    /// The catalogue of an id.
+    /// The catalogue with the given id.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Damaged`]; the engine's.
@@ -157,7 +157,7 @@ impl Catalogues {
         self.table.get(id)
     }
 
-    /// The catalogue of a name, if there is one.
+    /// The catalogue with the given name, if any.
     ///
     /// # Errors
     /// [`StoreError::Damaged`]; the engine's.
@@ -165,7 +165,7 @@ impl Catalogues {
         self.table.find_by_name(name)
     }
 
-    /// Up to `limit` catalogues behind `after`.
+    /// Up to `limit` catalogues after `after`.
     ///
     /// # Errors
     /// [`StoreError::Damaged`]; the engine's.
@@ -173,7 +173,7 @@ impl Catalogues {
         self.table.list(after, limit)
     }
 
-    /// Writes a new version: its blocks, then its manifest. It is not current yet.
+    /// Writes a new version: its blocks, then its manifest. It does not become current.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Damaged`]; the engine's.
@@ -192,8 +192,8 @@ impl Catalogues {
             blocks,
             created_at_ms: draft.created_at_ms,
         };
-        // The number is taken and the manifest written in one commit: no crash and no other
-        // publisher leaves one without the other.
+        // The number is taken and the manifest written in one commit: neither a crash nor
+        // another publisher leaves one without the other.
         let published = self.table.update_with(catalogue, |now| {
             now.latest += 1;
             manifest.version = now.latest;
@@ -204,8 +204,7 @@ impl Catalogues {
         Ok(manifest)
     }
 
-    /// Makes a version current, for new sessions. `revision`, if given, is the one the caller
-    /// has seen.
+    /// Makes a version current, for new sessions. `revision`, if given, must be the present one.
     ///
     /// # Errors
     /// [`StoreError::NoVersion`]; [`StoreError::Changed`] when the revision is another one.
@@ -247,7 +246,7 @@ impl Catalogues {
         Ok(manifest)
     }
 
-    /// Up to `limit` manifests of versions above `after` that were not removed, in ascending
+    /// Up to `limit` manifests of versions above `after`, without removed ones, in ascending
     /// order.
     ///
     /// # Errors
@@ -314,15 +313,14 @@ impl Catalogues {
     /// The trained model of a version.
     ///
     /// # Errors
-    /// [`StoreError::TrainedModel`] when its blocks do not fit together; else as
-    /// [`Catalogues::block`].
+    /// [`StoreError::TrainedModel`] when its blocks are inconsistent; else as [`Catalogues::block`].
     pub fn model(&self, manifest: &Manifest) -> Result<TrainedModel, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
         model_codec::model_from_blocks(&self.blocks(manifest)?, &objects).map_err(unfit(manifest))
     }
 
-    /// One part of the trained model of a version; the others are missing as if they had not
-    /// been trained. Reads the blocks of that part alone.
+    /// One part of the trained model of a version, without the others. Reads the blocks of
+    /// that part alone.
     ///
     /// # Errors
     /// As [`Catalogues::model`].
@@ -338,8 +336,7 @@ impl Catalogues {
         model_codec::model_from_blocks(&blocks?, &objects).map_err(unfit(manifest))
     }
 
-    /// The symmetries of a version's objects, in its order; none of objects without such a
-    /// block.
+    /// The symmetries of a version's objects, in its order; none for objects without such a block.
     ///
     /// # Errors
     /// As [`Catalogues::model`].
@@ -357,7 +354,7 @@ impl Catalogues {
     async fn write_block(&self, name: String, content: &[u8]) -> Result<BlockEntry, StoreError> {
         let hash = block_hash(content);
         let entry = BlockEntry { name, hash, length: content.len() as u64 };
-        // A block that reads back whole is shared; one that does not is written again.
+        // An undamaged block is shared; a damaged one is written again.
         if self.block(&entry).is_err() {
             let sealed = envelope::seal(Kind::Block, SCHEMA, content);
             let head = key::hash(Space::Block, &hash);
@@ -367,13 +364,13 @@ impl Catalogues {
     }
 }
 
-/// Blocks of a version that make no model.
+/// The error of blocks that make no model.
 fn unfit(manifest: &Manifest) -> impl FnOnce(CodecError) -> StoreError {
     let (catalogue, version) = (manifest.catalogue, manifest.version);
     move |source| StoreError::Model { catalogue, version, source }
 }
 
-/// The hash under which a block is stored: versions that share a block share it.
+/// The hash under which a block is stored and shared by versions.
 #[must_use]
 pub fn block_hash(content: &[u8]) -> [u8; 32] {
     *blake3::hash(content).as_bytes()

@@ -1,4 +1,4 @@
-//! The database as a whole: opened once, its repositories handed out from here.
+//! The database: opened once, with all its repositories.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,16 +26,16 @@ use crate::robot::RobotHolders;
 use crate::sled::{SledEngine, SledOptions};
 use crate::table::Table;
 
-/// The layout of keys and records that this version of Palpate writes.
+/// The layout of keys and records in this version of Palpate.
 pub const LAYOUT: u32 = 2;
 
-/// Everything Palpate keeps. Cheap to clone.
+/// The whole database. Cheap to clone.
 #[derive(Clone)]
 pub struct Database {
     engine: Arc<dyn Engine>,
 }
 
-/// Why a database could not be opened.
+/// Error of a database that could not be opened.
 #[derive(Debug, Error)]
 pub enum DatabaseError {
     /// The engine could not be opened.
@@ -47,9 +47,9 @@ pub enum DatabaseError {
          knows up to {LAYOUT}: use a newer version"
     )]
     TooNew {
-        /// Its layout.
+        /// The database's layout.
         found: u32,
-        /// Who made it.
+        /// Its creator.
         made_by: String,
     },
     /// The database was written by an older Palpate and must be migrated.
@@ -59,7 +59,7 @@ pub enum DatabaseError {
          `--migrate`"
     )]
     TooOld {
-        /// Its layout.
+        /// The database's layout.
         found: u32,
     },
     /// There is data but no layout number.
@@ -68,7 +68,7 @@ pub enum DatabaseError {
     /// The layout record is damaged.
     #[error("the database's layout record is damaged: {source}")]
     Damaged {
-        /// What is wrong.
+        /// The fault.
         #[from]
         source: RecordError,
     },
@@ -78,15 +78,15 @@ pub enum DatabaseError {
 }
 
 impl Database {
-    /// Opens the embedded database in `folder`, which is made if it does not exist. Blocks.
+    /// Opens the embedded database in `folder`, which is created if it does not exist. Blocks.
     ///
     /// # Errors
-    /// [`DatabaseError`] says who holds it, what is damaged, or which version is needed.
+    /// [`DatabaseError`] names the process that holds it, the damage, or the version needed.
     pub fn open_folder(folder: &Path, options: &SledOptions) -> Result<Self, DatabaseError> {
         Self::with_engine(Arc::new(SledEngine::open(folder, options)?))
     }
 
-    /// A database in memory that is gone with the process.
+    /// A database in memory, lost with the process.
     ///
     /// # Panics
     /// Never: an empty memory engine does not fail.
@@ -95,10 +95,10 @@ impl Database {
         Self::with_engine(Arc::new(MemoryEngine::new())).expect("an empty engine does not fail")
     }
 
-    /// The database of an engine; an empty one is given today's layout number. Blocks.
+    /// The database of an engine; an empty one gets today's layout number. Blocks.
     ///
     /// # Errors
-    /// [`DatabaseError`] unless the engine holds today's layout.
+    /// [`DatabaseError`] unless the engine has today's layout.
     pub fn with_engine(engine: Arc<dyn Engine>) -> Result<Self, DatabaseError> {
         let head = key::space(Space::Layout);
         if let Some(bytes) = engine.get(&head)? {
@@ -122,7 +122,7 @@ impl Database {
         }
     }
 
-    /// The same database for what must work on a full disk: what is written through this handle
+    /// A handle to the same database for operations that must work on a full disk: its writes
     /// may use the last of the reserve.
     #[must_use]
     pub fn essential(&self) -> Self {
@@ -201,7 +201,7 @@ impl Database {
         Table::new(Arc::clone(&self.engine))
     }
 
-    /// The latest time that was stored, milliseconds since 1970; 0 when there is none.
+    /// The latest stored time, milliseconds since 1970; 0 when there is none.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -211,7 +211,7 @@ impl Database {
         Ok(clock.latest_ms)
     }
 
-    /// Stores the latest time that was seen; durable when it returns.
+    /// Stores the latest time; durable when it returns.
     ///
     /// # Errors
     /// The engine's.
@@ -221,14 +221,14 @@ impl Database {
         Ok(self.engine.commit(commit).await.map_err(unconditional)?)
     }
 
-    /// The names of robots, and the keys that they belong to.
+    /// The names of robots and the keys that own them.
     #[must_use]
     pub fn robots(&self) -> RobotHolders {
         RobotHolders::new(Arc::clone(&self.engine))
     }
 
-    /// The audit log, whose rings keep this many of their newest entries. Entries of operations
-    /// that are essential are written on a full disk too. Open it once. Blocks.
+    /// The audit log; each ring keeps the given number of its newest entries. Entries of
+    /// essential operations are written on a full disk too. Open it once. Blocks.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -271,7 +271,7 @@ impl Database {
         Ok(removed)
     }
 
-    /// Everything as it is now, to be read whatever is written meanwhile. Blocks.
+    /// The database at this moment, readable during later writes. Blocks.
     ///
     /// # Errors
     /// The engine's.
@@ -279,7 +279,7 @@ impl Database {
         self.engine.cut()
     }
 
-    /// Gives back the room that removed and replaced records still take. Blocks.
+    /// Frees the space of removed and replaced records. Blocks.
     ///
     /// # Errors
     /// The engine's.
@@ -287,7 +287,7 @@ impl Database {
         self.engine.compact()
     }
 
-    /// What the engine holds.
+    /// Statistics of the engine.
     ///
     /// # Errors
     /// The engine's.

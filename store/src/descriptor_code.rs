@@ -1,4 +1,4 @@
-//! The codes of descriptors in stored models: a code keeps its meaning for ever.
+//! Codes of descriptors in stored models; a code never changes its meaning.
 //!
 //! Drawn in `docs/formats.md`, blocks of a catalogue version.
 
@@ -20,7 +20,7 @@ pub(crate) const DESCRIPTORS: [DescriptorKind; 12] = [
     DescriptorKind::PolarSpectrum,
 ];
 
-/// The code of a descriptor: its place, from 1.
+/// The code of a descriptor: its position, from 1.
 pub(crate) fn descriptor_code(descriptor: DescriptorKind) -> u32 {
     let place = DESCRIPTORS.iter().position(|kind| *kind == descriptor);
     place.expect("every descriptor has a code: a test counts them") as u32 + 1

@@ -1,10 +1,11 @@
-//! The narrow trait behind which a storage engine hides: ordered keys, small values, and
-//! commits that are atomic, conditional and durable.
+//! The interface of a storage engine: ordered keys, small values, atomic conditional durable
+//! commits.
 //!
-//! Laws, held by `tests/engines.rs` on every engine: a commit is applied wholly or not at
-//! all; its expectations are checked against the state left by all earlier commits; once its
-//! [`Pending`] is ready with `Ok`, the writes survive `kill -9` and loss of power; `scan`
-//! yields keys in ascending order. A reader may see a write shortly before it is durable.
+//! Laws, tested on every engine in `tests/store/engines.rs`: a commit is applied wholly or
+//! not at all; its expectations are checked against the state left by all earlier commits;
+//! once its [`Pending`] is ready with `Ok`, the writes survive `kill -9` and loss of power;
+//! `scan` yields keys in ascending order. A reader may see a write shortly before it is
+//! durable.
 
 use std::future::Future;
 use std::path::PathBuf;
@@ -14,21 +15,21 @@ use std::task::{Context, Poll};
 use futures::channel::oneshot;
 use thiserror::Error;
 
-/// No value may be larger, in bytes; larger things are split by `pieces`.
+/// Maximum length of a value, bytes; larger records are split by `pieces`.
 ///
 /// sled moves values above 128 KiB to files that it never syncs and never reclaims.
 pub const VALUE_BYTES_MAX: usize = 4096;
 
-/// No key may be longer, in bytes.
+/// Maximum length of a key, bytes.
 pub const KEY_BYTES_MAX: usize = 256;
 
-/// No commit may have more writes.
+/// Maximum number of writes of a commit.
 pub const COMMIT_WRITES_MAX: usize = 16_384;
 
 /// A key and its value.
 pub type Pair = (Vec<u8>, Vec<u8>);
 
-/// An engine that holds the database's keys and values.
+/// A store of ordered keys and values.
 pub trait Engine: Send + Sync + 'static {
     /// The value of `key`.
     ///
@@ -50,44 +51,44 @@ pub trait Engine: Send + Sync + 'static {
 
     /// Applies a commit atomically if all its expectations hold.
     ///
-    /// Returns at once; the answer comes through the [`Pending`], when the commit is durable.
-    /// A dropped `Pending` does not undo the commit.
+    /// Returns at once; the [`Pending`] resolves when the commit is durable. A dropped
+    /// `Pending` does not undo the commit.
     fn commit(&self, commit: Commit) -> Pending;
 
-    /// Everything as it is after all commits that were answered, whatever is written while it
-    /// is read. Blocks until the writer has answered what it is at.
+    /// The state after all acknowledged commits, readable during later writes. Blocks until
+    /// the writer has acknowledged the commits in progress.
     ///
     /// # Errors
-    /// [`EngineError::CutsUnderWay`] when too many are being read; [`EngineError`] when the
-    /// engine has stopped.
+    /// [`EngineError::CutsUnderWay`] when too many are being read; [`EngineError`] when the engine
+    /// has stopped.
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError>;
 
-    /// Gives back the room that removed and replaced records still take. Reads, writes and cuts
-    /// go on. Blocks until it is done; joins a compaction that is under way.
+    /// Frees the space of removed and replaced records. Reads, writes and cuts continue.
+    /// Blocks until it is done; joins a compaction in progress.
     ///
     /// # Errors
-    /// [`EngineError::NoRoomToCompact`]; [`EngineError`] when the engine cannot read or write,
-    /// and then everything stays as it is.
+    /// [`EngineError::NoRoomToCompact`]; [`EngineError`] when the engine cannot read or write, and
+    /// then everything stays unchanged.
     fn compact(&self) -> Result<Compacted, EngineError>;
 
-    /// What the engine holds.
+    /// Statistics of the engine.
     ///
     /// # Errors
-    /// [`EngineError`] when the engine cannot tell.
+    /// [`EngineError`] when the engine cannot determine them.
     fn stats(&self) -> Result<EngineStats, EngineError>;
 }
 
-/// All pairs of an engine as they were after one commit, page by page in ascending order.
+/// All pairs of an engine after one commit, page by page in ascending order.
 pub trait Cut: Send {
-    /// Up to `limit` further pairs; none when there are no more.
+    /// Up to `limit` further pairs; empty at the end.
     ///
     /// # Errors
-    /// [`EngineError::CutTooLarge`] when too much was written since; [`EngineError`] when the
-    /// engine cannot read.
+    /// [`EngineError::CutTooLarge`] when too much was written since; [`EngineError`] when the engine
+    /// cannot read.
     fn next(&mut self, limit: usize) -> Result<Vec<Pair>, EngineError>;
 }
 
-/// What a key must hold for a commit to be applied.
+/// Expected state of a key before a commit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Expected {
     /// The key has no value.
@@ -96,25 +97,25 @@ pub enum Expected {
     Value(Vec<u8>),
 }
 
-/// Writes that are applied together or not at all, and what must hold for it.
+/// Writes that are applied together or not at all, with their conditions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Commit {
-    /// What must hold before.
+    /// Conditions of the commit.
     pub expectations: Vec<(Vec<u8>, Expected)>,
     /// Keys and their new values; `None` removes the key. The last write of a key wins.
     pub writes: Vec<(Vec<u8>, Option<Vec<u8>>)>,
-    /// Whether it must work on a full disk: it may use room that others may not.
+    /// Whether it must work on a full disk and may use the reserve.
     pub is_essential: bool,
 }
 
 impl Commit {
-    /// A commit that expects and writes nothing.
+    /// A commit without expectations and writes.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Applies the commit only if `key` holds what is `expected`.
+    /// Applies the commit only if `key` has the `expected` state.
     #[must_use]
     pub fn expect(mut self, key: Vec<u8>, expected: Expected) -> Self {
         self.expectations.push((key, expected));
@@ -128,17 +129,17 @@ impl Commit {
         self
     }
 
-    /// Removes `key`; a key that is absent already is no error.
+    /// Removes `key`; an absent key is no error.
     #[must_use]
     pub fn remove(mut self, key: Vec<u8>) -> Self {
         self.writes.push((key, None));
         self
     }
 
-    /// Checks the bounds every engine relies on.
+    /// Checks the limits that every engine relies on.
     ///
     /// # Errors
-    /// [`EngineError`] names the bound that is exceeded.
+    /// [`EngineError`] names the limit that is exceeded.
     pub fn check(&self) -> Result<(), EngineError> {
         if self.writes.len() > COMMIT_WRITES_MAX {
             return Err(EngineError::CommitTooLarge { found: self.writes.len() });
@@ -159,19 +160,19 @@ impl Commit {
     }
 }
 
-/// The answer of a commit that is under way. Await it, or [`Pending::wait`] on a thread.
+/// The pending result of a commit. Await it, or block a thread with [`Pending::wait`].
 #[derive(Debug)]
 pub struct Pending(oneshot::Receiver<Result<(), CommitError>>);
 
 impl Pending {
-    /// A pending answer and the end to answer it at.
+    /// A pending result and its sender.
     #[must_use]
     pub fn channel() -> (oneshot::Sender<Result<(), CommitError>>, Self) {
         let (sender, receiver) = oneshot::channel();
         (sender, Self(receiver))
     }
 
-    /// An answer that is known already.
+    /// A result that is known already.
     #[must_use]
     pub fn ready(answer: Result<(), CommitError>) -> Self {
         let (sender, pending) = Self::channel();
@@ -180,10 +181,10 @@ impl Pending {
         pending
     }
 
-    /// Blocks this thread until the answer is there. Not for async threads.
+    /// Blocks this thread until the result is there. Not for async threads.
     ///
     /// # Errors
-    /// What the commit answers.
+    /// The result of the commit.
     pub fn wait(self) -> Result<(), CommitError> {
         futures::executor::block_on(self)
     }
@@ -199,39 +200,39 @@ impl Future for Pending {
     }
 }
 
-/// What a compaction did.
+/// Result of a compaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Compacted {
     /// Bytes on disk before.
     pub before_bytes: u64,
     /// Bytes on disk after.
     pub after_bytes: u64,
-    /// Bytes of the keys and values that are stored.
+    /// Bytes of all stored keys and values.
     pub live_bytes: u64,
 }
 
-/// What an engine holds.
+/// Statistics of an engine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EngineStats {
     /// The engine's name.
     pub engine: &'static str,
-    /// Bytes on disk (or in memory), with those of a compaction that is under way.
+    /// Bytes on disk (or in memory), including those of a compaction in progress.
     pub bytes: u64,
-    /// Bytes of the keys and values that are stored.
+    /// Bytes of all stored keys and values.
     pub live_bytes: u64,
-    /// Compactions that came to their end since it was opened.
+    /// Number of completed compactions since it was opened.
     pub compactions: u64,
-    /// Bytes that are free where it keeps its files, if it keeps any and can tell.
+    /// Free bytes of its file system, if known.
     pub free_bytes: Option<u64>,
     /// Bytes that must stay free: with fewer, writes are refused.
     pub reserve_bytes: u64,
-    /// Commits applied since it was opened.
+    /// Number of commits applied since it was opened.
     pub commits: u64,
-    /// Flushes since it was opened; fewer than commits where commits were grouped.
+    /// Number of flushes since it was opened; fewer than commits when commits were grouped.
     pub flushes: u64,
 }
 
-/// Why an engine could not be opened.
+/// Error of an engine that could not be opened.
 #[derive(Debug, Error)]
 pub enum OpenError {
     /// Another process has the folder open.
@@ -239,15 +240,15 @@ pub enum OpenError {
     InUse {
         /// The database's folder.
         folder: PathBuf,
-        /// The file that is locked.
+        /// The locked file.
         lock: PathBuf,
     },
     /// The folder or a file in it cannot be used.
     #[error("cannot use {path} for the database: {source}")]
     Io {
-        /// What could not be used.
+        /// The path.
         path: PathBuf,
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
     /// The disk is too full to open it.
@@ -258,7 +259,7 @@ pub enum OpenError {
     NoRoom {
         /// The database's folder.
         folder: PathBuf,
-        /// What the engine said.
+        /// The engine's message.
         detail: String,
     },
     /// The engine found its own files damaged.
@@ -269,10 +270,10 @@ pub enum OpenError {
     Damaged {
         /// The database's folder.
         folder: PathBuf,
-        /// What the engine said.
+        /// The engine's message.
         detail: String,
     },
-    /// Commits that were acknowledged are not there.
+    /// Acknowledged commits are missing.
     #[error(
         "the database in {folder} has lost its newest commits: {acknowledged} were acknowledged, \
          {found} are there; restore a snapshot, or accept the loss: `palpate fsck --accept`"
@@ -280,12 +281,12 @@ pub enum OpenError {
     LostCommits {
         /// The database's folder.
         folder: PathBuf,
-        /// How many were acknowledged at least.
+        /// Number of commits acknowledged at least.
         acknowledged: u64,
-        /// How many the files have.
+        /// Number of commits in the files.
         found: u64,
     },
-    /// The records are not those that were written last.
+    /// The records differ from the last written ones.
     #[error(
         "the database in {folder} is damaged: its records are not those that were written \
          ({found} of them do not give the stored sum); restore a snapshot, or see what is \
@@ -294,10 +295,10 @@ pub enum OpenError {
     Altered {
         /// The database's folder.
         folder: PathBuf,
-        /// How many pairs there are.
+        /// Number of pairs.
         found: u64,
     },
-    /// The file that says how many commits were acknowledged is missing or damaged.
+    /// The file with the number of acknowledged commits is missing or damaged.
     #[error(
         "{path} {fault}, so nobody knows whether acknowledged commits are missing; if the files \
          were copied without it, accept what is there: `palpate fsck --accept`"
@@ -305,32 +306,32 @@ pub enum OpenError {
     Mark {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         fault: &'static str,
     },
-    /// The operating system gives no thread for the writer.
+    /// The operating system refused a thread for the writer.
     #[error("cannot start the database's writer thread: {source}")]
     Thread {
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
 }
 
-/// Why an engine could not do what it was asked.
+/// Error of an engine's operation.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum EngineError {
-    /// The engine found damage or its files cannot be read or written.
+    /// The engine found damage, or cannot read or write its files.
     #[error("the database engine failed while {doing}: {detail}")]
     Failed {
-        /// What it was doing.
+        /// The operation.
         doing: &'static str,
-        /// What it said.
+        /// The engine's message.
         detail: String,
     },
-    /// An earlier write failed, so what is on disk is not known; nothing more is written.
+    /// An earlier write failed, so the state on disk is unknown; nothing more is written.
     #[error("an earlier write to the database failed, it takes no more writes until restarted")]
     Poisoned,
-    /// Too little room is left on the disk; nothing was written.
+    /// Too little space is left on the disk; nothing was written.
     #[error(
         "the disk is full: {} MB are free and {} MB must stay free",
         .free >> 20, .reserve >> 20
@@ -341,7 +342,7 @@ pub enum EngineError {
         /// Bytes that must stay free.
         reserve: u64,
     },
-    /// Too little room is left on the disk for a compaction.
+    /// Too little space is left on the disk for a compaction.
     #[error(
         "no room to compact: it needs {} MB, {} MB are free and {} MB must stay free",
         .needed.div_ceil(1 << 20), .free >> 20, .reserve >> 20
@@ -354,25 +355,25 @@ pub enum EngineError {
         /// Bytes that must stay free.
         reserve: u64,
     },
-    /// No further cut can be read now.
+    /// Too many cuts are being read.
     #[error("{max} snapshots are being taken already")]
     CutsUnderWay {
-        /// As many as can be.
+        /// Maximum number.
         max: usize,
     },
     /// Too much was written while a cut was read.
     #[error("too much was written while the snapshot was taken, expected at most {max} bytes")]
     CutTooLarge {
-        /// How many bytes are remembered.
+        /// Maximum number of bytes remembered for cuts.
         max: usize,
     },
-    /// A key begins with a byte that the engine keeps to itself.
+    /// A key begins with a byte that the engine reserves.
     #[error("key begins with byte 0, which the engine keeps for its own records")]
     KeyReserved,
     /// Too many commits are waiting.
     #[error("too many writes are waiting for the database, expected at most {queue_max}")]
     Busy {
-        /// How many may wait.
+        /// Maximum number of waiting commits.
         queue_max: usize,
     },
     /// The engine has been shut down.
@@ -381,33 +382,33 @@ pub enum EngineError {
     /// A value is larger than [`VALUE_BYTES_MAX`].
     #[error("value has {found} bytes, expected at most {VALUE_BYTES_MAX}")]
     ValueTooLarge {
-        /// Its length.
+        /// Length of the value.
         found: usize,
     },
     /// A key is empty or longer than [`KEY_BYTES_MAX`].
     #[error("key has {found} bytes, expected 1 to {KEY_BYTES_MAX}")]
     KeyLength {
-        /// Its length.
+        /// Length of the key.
         found: usize,
     },
     /// A commit has more than [`COMMIT_WRITES_MAX`] writes.
     #[error("commit has {found} writes, expected at most {COMMIT_WRITES_MAX}")]
     CommitTooLarge {
-        /// How many it has.
+        /// Number of writes.
         found: usize,
     },
 }
 
-/// Why a commit was not applied.
+/// Error of a commit that was not applied.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum CommitError {
     /// An expectation does not hold; nothing was written.
     #[error("expectation {expectation} of the commit does not hold")]
     Conflict {
-        /// Its index among the commit's expectations.
+        /// Index among the commit's expectations.
         expectation: usize,
     },
-    /// The engine failed; whether anything was written is not known.
+    /// The engine failed; whether anything was written is unknown.
     #[error(transparent)]
     Engine(#[from] EngineError),
 }

@@ -1,27 +1,27 @@
-//! What the database knows by id: sensors, objects, jobs and sessions.
+//! Entities with an id: sensors, objects, jobs and sessions.
 //!
-//! These are the values the repositories give and take, with core's checked types inside;
-//! [`crate::record`] turns them into stored bytes. Times are milliseconds since 1970.
+//! The repositories take and return these values, with core's checked types inside;
+//! [`crate::record`] converts them to stored bytes. Times are milliseconds since 1970.
 
 use palpate_core::pose::Pose;
 use palpate_core::reading::Looseness;
 use palpate_core::sensor::SensorDescription;
 use uuid::Uuid;
 
-/// A sensor that robots may send readings of.
+/// A sensor of robots' readings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
     /// Its id.
     pub id: Uuid,
     /// Its unique name.
     pub name: String,
-    /// The preset it was made from.
+    /// The preset it was created from.
     pub preset: Option<String>,
     /// Its geometry and response.
     pub description: SensorDescription,
-    /// Whether readings of it exist; its geometry is immutable from then on.
+    /// Whether it has readings; its geometry is immutable from then on.
     pub used: bool,
-    /// When it was added.
+    /// Time of creation.
     pub created_at_ms: u64,
 }
 
@@ -32,33 +32,33 @@ pub struct Object {
     pub id: Uuid,
     /// Its unique name.
     pub name: String,
-    /// What people say about it.
+    /// Description for people.
     pub description: String,
-    /// Counts changes; the `ETag` of the resource.
+    /// Number of changes; the `ETag` of the resource.
     pub revision: u64,
-    /// When it was added.
+    /// Time of creation.
     pub created_at_ms: u64,
-    /// When it was last changed.
+    /// Time of the last change.
     pub updated_at_ms: u64,
 }
 
-/// Where a job stands.
+/// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JobState {
-    /// Waits for its turn.
+    /// It waits for its turn.
     Queued,
-    /// Is being worked on.
+    /// It is being worked on.
     Running,
-    /// Is done.
+    /// It is done.
     Succeeded,
-    /// Ended with an error.
+    /// It ended with an error.
     Failed,
-    /// Was cancelled.
+    /// It was cancelled.
     Cancelled,
 }
 
 impl JobState {
-    /// Whether nothing more will happen.
+    /// Whether the state is final.
     #[must_use]
     pub fn is_final(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
@@ -70,33 +70,33 @@ impl JobState {
 pub struct Job {
     /// Its id.
     pub id: Uuid,
-    /// The name of the catalogue it trains.
+    /// Name of the catalogue to train.
     pub catalogue: String,
-    /// The request as the server writes it down (JSON), for the job to be taken up again.
+    /// The request as the server writes it (JSON), from which the job can be resumed.
     pub request: String,
-    /// Where it stands.
+    /// State of the job.
     pub state: JobState,
-    /// What it is doing.
+    /// Present stage.
     pub stage: String,
-    /// How much of the stage is done.
+    /// Completed units of the stage.
     pub done: u64,
-    /// How much there is to do in the stage.
+    /// Total units of the stage.
     pub total: u64,
-    /// Whether someone asked for it to stop.
+    /// Whether its cancellation was requested.
     pub cancel_requested: bool,
-    /// The version it made.
+    /// The resulting version.
     pub version: Option<u32>,
-    /// Why it failed.
+    /// Error message of a failed job.
     pub error: Option<String>,
-    /// When it was asked for.
+    /// Time of the request.
     pub created_at_ms: u64,
-    /// When work on it began.
+    /// Time of the start.
     pub started_at_ms: Option<u64>,
-    /// When it ended.
+    /// Time of the end.
     pub finished_at_ms: Option<u64>,
 }
 
-/// How a session recognises.
+/// Recognition method of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// The default: proposals verified and refined.
@@ -109,70 +109,70 @@ pub enum Method {
     Geometric,
 }
 
-/// A session: one object being touched.
+/// A session, in which one object is touched.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Session {
     /// Its id.
     pub id: Uuid,
-    /// The catalogue it recognises with.
+    /// Catalogue of the session.
     pub catalogue: Uuid,
-    /// The version it pins.
+    /// Version of the catalogue, fixed at the start.
     pub version: u32,
-    /// How it recognises.
+    /// Recognition method.
     pub method: Method,
-    /// The sensors whose readings it takes.
+    /// Sensors whose readings the session accepts.
     pub sensors: Vec<Uuid>,
-    /// The frame all its poses are given in.
+    /// Frame of all its poses.
     pub frame_id: String,
     /// Prior probabilities of objects; empty is uniform.
     pub prior: Vec<(Uuid, f64)>,
-    /// The seed of its random streams.
+    /// Seed of its random streams.
     pub seed: u64,
-    /// How long it lives without a reading.
+    /// Lifetime without a reading.
     pub time_to_live_ms: u64,
-    /// Further options as the server writes them down (JSON); may be empty.
+    /// Further options as the server writes them (JSON); may be empty.
     pub options: String,
-    /// When it began.
+    /// Time of the start.
     pub created_at_ms: u64,
-    /// When it was closed.
+    /// Time of the closing.
     pub closed_at_ms: Option<u64>,
 }
 
-/// A reading as it came, in the driver's order, so that what is derived can be derived anew.
+/// A reading as received, in the driver's order, so that derived values can be recomputed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredReading {
-    /// The sensor that took it.
+    /// The sensor of the reading.
     pub sensor: Uuid,
-    /// Where the sensor was (in training: `object_from_sensor`); `None` when it was not known.
+    /// Pose of the sensor (in training: `object_from_sensor`); `None` when unknown.
     pub session_from_sensor: Option<Pose>,
     /// Pressures in pascal in the driver's order; `None` is a taxel without a value.
     pub pressures: Vec<Option<f64>>,
-    /// The robot's own time stamp, nanoseconds of its own clock.
+    /// The robot's own time stamp, nanoseconds of its clock.
     pub stamp_ns: Option<i64>,
-    /// The number of the sensor's calibration that the pressures, which are stored as they
-    /// came, are to be corrected with; 0 is none.
+    /// Number of the sensor's calibration with which the uncorrected pressures are to be
+    /// corrected; 0 for none.
     pub calibration: u32,
-    /// The client's own code of the press: finite numbers.
+    /// The client's own feature of the press: finite numbers.
     pub feature: Option<Vec<f64>>,
-    /// How far the sensor came along its +z with nothing in touch, metres; 0 when nobody said.
+    /// Length of the sensor's free path along its +z, metres; 0 when not stated.
     pub approach: f64,
-    /// How far the object may have moved since the reading before, when it may.
+    /// Possible motion of the object since the previous reading.
     pub object_moved: Option<Looseness>,
 }
 
 impl StoredReading {
-    /// Whether a robot sent the same: the calibration is the service's own note.
+    /// Whether a robot sent the same reading; the service adds the calibration.
     #[must_use]
     pub fn is_repeated_by(&self, other: &Self) -> bool {
         *self == Self { calibration: self.calibration, ..other.clone() }
     }
 }
 
-/// A robot's own number of a reading; with it a repeated request is recognised.
+/// A robot's own number of a reading, which identifies repeated requests.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ReadingId {
     /// The robot, at most [`crate::journal::ROBOT_BYTES_MAX`] bytes.
     pub robot: String,
-    /// Its number.
+    /// The number.
     pub seq: u64,
 }

@@ -1,20 +1,20 @@
-//! The envelope around every stored record: what it is, how long, and whether it is whole.
+//! The envelope of every stored record: kind, schema, length and checksum.
 //!
-//! 20 bytes, little-endian: magic "PLPT", kind u16, schema u16, flags u32, length u32,
-//! CRC-32 of the first 16 bytes and the payload. The kind is checked against what the reader
-//! wants, so a record that lies under the wrong key is found too. No flags are defined; a
-//! record with any set comes from a newer Palpate and is refused.
+//! 20 bytes, little-endian: magic "PLPT", kind u16, schema u16, flags u32, length u32, CRC-32
+//! of the first 16 bytes and the payload. The reader checks the kind it expects, so a record
+//! under the wrong key is found too. No flags are defined; a record with any set comes from a
+//! newer Palpate and is refused.
 
 use thiserror::Error;
 
 /// The first four bytes of every record.
 pub const MAGIC: [u8; 4] = *b"PLPT";
-/// The bytes before the payload.
+/// Length of the header, bytes.
 pub const HEADER_BYTES: usize = 20;
-/// No payload may be larger.
+/// Maximum length of a payload.
 pub const PAYLOAD_BYTES_MAX: usize = 1 << 30;
 
-/// What a record is.
+/// Kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub enum Kind {
@@ -26,21 +26,21 @@ pub enum Kind {
     Object = 3,
     /// A name's id.
     Name = 4,
-    /// What is known of a mesh.
+    /// Metadata of a mesh.
     Mesh = 5,
-    /// A mesh's file, raw.
+    /// A mesh file, raw.
     MeshFile = 6,
-    /// How long a journal is.
+    /// Length of a journal.
     JournalHead = 7,
     /// A journal's entry.
     JournalEntry = 8,
-    /// A robot's number's place in a journal.
+    /// Position in a journal of a robot's reading number.
     JournalRobot = 9,
     /// A job.
     Job = 10,
     /// A session.
     Session = 11,
-    /// A catalogue: its versions and which one is current.
+    /// A catalogue: its versions and the current one.
     Catalogue = 12,
     /// The manifest of a catalogue's version.
     Version = 13,
@@ -52,56 +52,56 @@ pub enum Kind {
     AccessKey = 16,
     /// An entry of the audit log.
     Audit = 17,
-    /// Which entry of a journal withdraws another one.
+    /// The journal entry that withdraws another one.
     JournalRetraction = 20,
-    /// Which API key a robot's name belongs to.
+    /// The API key that owns a robot's name.
     RobotHolder = 21,
-    /// The latest time that was seen.
+    /// The latest time.
     Clock = 22,
-    /// How many commits there were, and the sum of all records.
+    /// Number of commits, and the sum of all records.
     Tally = 30,
 }
 
-/// An envelope that was found whole.
+/// A checked envelope.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Opened<'bytes> {
-    /// The schema number the payload was written with.
+    /// Schema number of the payload.
     pub schema: u16,
-    /// What is inside.
+    /// The payload.
     pub payload: &'bytes [u8],
 }
 
-/// Why bytes are not the record they should be.
+/// Error of bytes that are not the expected record.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum EnvelopeError {
-    /// The bytes end early or go on for too long.
+    /// The bytes are too few or too many.
     #[error("record has {found} bytes, expected {expected}")]
     Length {
-        /// What the header says, or the header's own length.
+        /// Length according to the header, or the header's own length.
         expected: usize,
-        /// How many there are.
+        /// Length found.
         found: usize,
     },
-    /// The bytes do not begin with the magic.
+    /// The bytes do not begin with the magic number.
     #[error("record begins with {found:02x?}, expected {MAGIC:02x?}")]
     Magic {
         /// The first four bytes.
         found: [u8; 4],
     },
-    /// The checksum does not fit the bytes.
+    /// The checksum does not match.
     #[error("record has checksum {found:08x}, expected {expected:08x}: it is damaged")]
     Checksum {
-        /// What the header says.
+        /// Checksum in the header.
         expected: u32,
-        /// What the bytes give.
+        /// Checksum of the bytes.
         found: u32,
     },
     /// The record is of another kind.
     #[error("record is of kind {found}, expected {expected:?}")]
     Kind {
-        /// What the reader wants.
+        /// Expected kind.
         expected: Kind,
-        /// The kind's number in the header.
+        /// Number of the kind in the header.
         found: u16,
     },
     /// The record was written by a newer Palpate.
@@ -115,7 +115,7 @@ pub enum EnvelopeError {
 /// Wraps a payload of at most [`PAYLOAD_BYTES_MAX`] bytes.
 ///
 /// # Panics
-/// When the payload is larger; the repositories check sizes where data comes in.
+/// When the payload is larger; the repositories check sizes where data enters.
 #[must_use]
 pub fn seal(kind: Kind, schema: u16, payload: &[u8]) -> Vec<u8> {
     assert!(payload.len() <= PAYLOAD_BYTES_MAX, "payloads are bounded where they come in");
@@ -131,10 +131,10 @@ pub fn seal(kind: Kind, schema: u16, payload: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Checks an envelope of the `expected` kind and gives what is inside.
+/// Checks an envelope of the `expected` kind and returns its content.
 ///
 /// # Errors
-/// [`EnvelopeError`] says what is wrong; a single flipped byte never goes unnoticed.
+/// [`EnvelopeError`] names the fault; a single flipped byte is always detected.
 pub fn open(expected: Kind, bytes: &[u8]) -> Result<Opened<'_>, EnvelopeError> {
     let (kind, opened) = open_any(bytes)?;
     if kind != expected as u16 {
@@ -143,8 +143,8 @@ pub fn open(expected: Kind, bytes: &[u8]) -> Result<Opened<'_>, EnvelopeError> {
     Ok(opened)
 }
 
-/// Checks an envelope of any kind, also of one that is not known here: the kind's number, and
-/// what is inside.
+/// Checks an envelope of any kind, even an unknown one, and returns the kind's number and the
+/// content.
 ///
 /// # Errors
 /// As [`open`].
@@ -165,11 +165,11 @@ pub fn open_any(bytes: &[u8]) -> Result<(u16, Opened<'_>), EnvelopeError> {
     Ok((u16_at(bytes, 4), Opened { schema: u16_at(bytes, 6), payload }))
 }
 
-/// How many bytes the record has that begins with `head`, header included.
+/// The length in bytes of the record that begins with `head`, header included.
 ///
 /// # Errors
-/// [`EnvelopeError`] when `head` is shorter than a header, does not begin with the magic, or
-/// states a length that no record has.
+/// [`EnvelopeError`] when `head` is shorter than a header, does not begin with the magic number,
+/// or states an impossible length.
 pub fn total_bytes(head: &[u8]) -> Result<usize, EnvelopeError> {
     if head.len() < HEADER_BYTES {
         return Err(EnvelopeError::Length { expected: HEADER_BYTES, found: head.len() });
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_bytes_of_an_envelope() {
+    fn an_envelope_has_its_frozen_bytes() {
         let bytes = seal(Kind::Block, 3, b"ab");
         assert_eq!(bytes[..16], *b"PLPT\x0e\0\x03\0\0\0\0\0\x02\0\0\0");
         assert_eq!(bytes[16..20], crc32fast::hash(&[&bytes[..16], b"ab"].concat()).to_le_bytes());

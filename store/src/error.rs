@@ -1,4 +1,4 @@
-//! What can go wrong in the repositories.
+//! Errors of the repositories.
 
 use palpate_core::pose::PoseError;
 use palpate_core::sensor::SensorError;
@@ -11,7 +11,7 @@ use crate::envelope::EnvelopeError;
 use crate::key::Space;
 use crate::model_codec::CodecError;
 
-/// Why stored bytes are not the record they should be.
+/// Error of stored bytes that are not the expected record.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RecordError {
     /// The envelope is damaged or of another kind.
@@ -20,125 +20,125 @@ pub enum RecordError {
     /// The record was written by a newer Palpate.
     #[error("record has schema {found}, this version of Palpate knows up to {known}")]
     Schema {
-        /// The schema number found.
+        /// Schema number of the record.
         found: u16,
-        /// The newest that is known.
+        /// Newest known schema number.
         known: u16,
     },
-    /// The payload does not decode.
+    /// The payload cannot be decoded.
     #[error("record does not decode: {detail}")]
     Decode {
-        /// What the decoder said.
+        /// The decoder's message.
         detail: String,
     },
-    /// The payload goes on behind the record.
+    /// There are bytes after the end of the record.
     #[error("record ends after {consumed} of {length} bytes")]
     Trailing {
-        /// What the record needs.
+        /// Length of the record.
         consumed: usize,
-        /// What is there.
+        /// Length of the payload.
         length: usize,
     },
-    /// A number stands for nothing.
+    /// A code has no meaning.
     #[error("{field} is {found}, which stands for nothing")]
     Code {
-        /// The field.
+        /// The field's name.
         field: &'static str,
-        /// The number.
+        /// The code.
         found: u8,
     },
-    /// A pose is not one.
+    /// The numbers are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
-    /// A sensor's numbers do not describe one.
+    /// The numbers do not describe a sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
-    /// A calibration's numbers are none.
+    /// The numbers are not a calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
     /// A piece of a large record is missing.
     #[error("piece {piece} of the record is missing")]
     Piece {
-        /// Its number, from 1.
+        /// Number of the piece, from 1.
         piece: u32,
     },
-    /// The content does not have the hash it is known by.
+    /// The content does not have the expected hash.
     #[error("content has hash {found}, expected {expected}")]
     Hash {
-        /// The hash it is known by, in hexadecimal.
+        /// Expected hash, in hexadecimal.
         expected: String,
-        /// The hash of what is there.
+        /// Hash of the content.
         found: String,
     },
     /// A journal has a gap.
     #[error("entry {seq} of {length} is missing")]
     Entry {
-        /// The sequence number that is missing.
+        /// Sequence number of the missing entry.
         seq: u64,
-        /// How many entries there should be.
+        /// Expected number of entries.
         length: u64,
     },
 }
 
-/// Why a repository did not do what it was asked.
+/// Error of a repository's operation.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StoreError {
-    /// Nothing has this id.
+    /// No item has this id.
     #[error("{what} {id} does not exist")]
     NotFound {
-        /// What was looked for.
+        /// Kind of the item.
         what: &'static str,
-        /// Its id.
+        /// The id.
         id: Uuid,
     },
-    /// The id is taken.
+    /// The id is in use.
     #[error("{what} {id} exists already")]
     Exists {
-        /// What was to be created.
+        /// Kind of the new item.
         what: &'static str,
-        /// Its id.
+        /// The id.
         id: Uuid,
     },
-    /// The name is taken.
+    /// The name is in use.
     #[error("the name {name:?} is taken by another {what}")]
     NameTaken {
-        /// What was to be named.
+        /// Kind of the item.
         what: &'static str,
         /// The name.
         name: String,
     },
-    /// Others kept changing the same thing, or it is not as it was expected.
+    /// The item was changed concurrently, or has another state than expected.
     #[error("{what} {id} was changed by someone else at the same time")]
     Changed {
-        /// What was to be changed.
+        /// Kind of the item.
         what: &'static str,
-        /// Its id.
+        /// The id.
         id: Uuid,
     },
-    /// A catalogue has no such version.
+    /// The catalogue has no such version.
     #[error("catalogue {catalogue} has no version {version}")]
     NoVersion {
         /// The catalogue.
         catalogue: Uuid,
-        /// The version asked for.
+        /// The requested version.
         version: u32,
     },
     /// Stored bytes are damaged.
     #[error("stored {space:?} record is damaged: {source}")]
     Damaged {
-        /// Where it lies.
+        /// Space of the record.
         space: Space,
-        /// What is wrong.
+        /// The fault.
         source: RecordError,
     },
-    /// A catalogue's blocks are whole but do not make a model.
+    /// The blocks of a version are undamaged but inconsistent.
     #[error("version {version} of catalogue {catalogue} is not a model: {source}")]
     Model {
         /// The catalogue.
         catalogue: Uuid,
         /// The version.
         version: u32,
-        /// What does not fit.
+        /// The fault.
         source: CodecError,
     },
     /// The engine failed or is overloaded.
@@ -152,14 +152,14 @@ impl StoreError {
         move |source| Self::Damaged { space, source }
     }
 
-    /// Whether the same call may succeed if it is made again shortly.
+    /// Whether the same call may succeed if it is repeated shortly.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         matches!(self, Self::Engine(EngineError::Busy { .. }) | Self::Changed { .. })
     }
 }
 
-/// Splits a commit's error: which expectation does not hold, or what the engine said.
+/// Splits a commit's error: the index of the failed expectation, or the engine's error.
 pub(crate) fn conflict(error: CommitError) -> Result<usize, EngineError> {
     match error {
         CommitError::Conflict { expectation } => Ok(expectation),
@@ -167,7 +167,7 @@ pub(crate) fn conflict(error: CommitError) -> Result<usize, EngineError> {
     }
 }
 
-/// What went wrong with a commit that expects nothing.
+/// The error of a commit without expectations.
 pub(crate) fn unconditional(error: CommitError) -> EngineError {
     match error {
         CommitError::Engine(error) => error,

@@ -1,11 +1,11 @@
-//! An engine whose commits may use the room that is kept for what must work on a full disk:
-//! revoking a key, ending a session, removing what takes room.
+//! An engine whose commits may use the reserve of a full disk, for operations that must
+//! always work: revoking a key, ending a session, freeing space.
 
 use std::sync::Arc;
 
 use crate::engine::{Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending};
 
-/// The engine behind it, all of whose commits are essential.
+/// Marks all commits to the engine as essential.
 pub(crate) struct Essential(pub(crate) Arc<dyn Engine>);
 
 impl Engine for Essential {

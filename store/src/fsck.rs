@@ -1,9 +1,9 @@
-//! Checking a whole database: every record for itself, and whether they fit together.
+//! Check of a whole database: each record, and the relations between records.
 //!
-//! Pairs come in ascending order of their keys, from an engine or a snapshot, and are looked at
-//! once; what is kept of them is small (ids, counts, hashes), so memory does not grow with the
-//! size of models. `records` puts pieces together and opens them, `relations` knows what names
-//! what. Damage is what users miss; leftovers are what a crash leaves, and harmless.
+//! Pairs come in ascending order of their keys, from an engine or a snapshot, and are visited
+//! once; only ids, counts and hashes are kept, so memory does not grow with the size of
+//! models. `records` assembles and opens records, `relations` knows the references between
+//! them. Damage is lost data; leftovers are harmless traces of a crash.
 
 mod records;
 mod relations;
@@ -17,51 +17,51 @@ use crate::pieces;
 use records::Assembly;
 use relations::Relations;
 
-/// No more findings are kept; the rest is counted.
+/// Maximum number of findings kept; further ones are only counted.
 pub const FINDINGS_MAX: usize = 1000;
-/// How many pairs are read at once.
+/// Number of pairs per read.
 const PAIRS_PER_READ: usize = 1024;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
-    /// Something that users stored is not whole.
+    /// Stored data is damaged or missing.
     Damage,
-    /// Something that nobody names, as a crash leaves it: harmless, and may be removed.
+    /// An unreferenced record, as after a crash: harmless, and removable.
     Leftover,
 }
 
-/// Something that is not as it should be.
+/// A fault in the database.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
-    /// What kind of record, such as `journal entry`.
+    /// Kind of the record, such as `journal entry`.
     pub space: &'static str,
-    /// Its key in words, such as `session 0198… entry 7`.
+    /// The key in words, such as `session 0198… entry 7`.
     pub key: String,
-    /// What is wrong.
+    /// The fault.
     pub fault: String,
-    /// What users notice.
+    /// Consequence for users.
     pub means: &'static str,
 }
 
-/// What a check found.
+/// Result of a check.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// The number of the layout, if its record is whole.
+    /// The layout number, if its record is undamaged.
     pub layout: Option<u32>,
-    /// How many records there are of each kind.
+    /// Number of records of each kind.
     pub records: BTreeMap<&'static str, u64>,
     /// The first [`FINDINGS_MAX`] findings.
     pub findings: Vec<Finding>,
-    /// How many of all findings are damage.
+    /// Number of damage findings.
     pub n_damaged: u64,
-    /// How many of all findings are leftovers.
+    /// Number of leftover findings.
     pub n_leftovers: u64,
-    /// Versions that cannot be recognised with: catalogue, number, and why.
+    /// Unusable versions: catalogue, number, and reason.
     pub damaged_versions: Vec<(uuid::Uuid, u32, String)>,
-    /// Keys under which leftovers lie.
+    /// Keys of leftovers.
     leftovers: Vec<Vec<u8>>,
 }
 
@@ -77,7 +77,7 @@ impl Report {
     }
 }
 
-/// A check under way.
+/// A check in progress.
 #[derive(Default)]
 pub struct Checker {
     report: Report,
@@ -86,12 +86,12 @@ pub struct Checker {
 }
 
 impl Checker {
-    /// Looks at the next pair; keys ascend.
+    /// Visits the next pair; keys ascend.
     pub fn pair(&mut self, key: &[u8], value: &[u8]) {
         self.assembly.pair(key, value, &mut self.relations, &mut self.report);
     }
 
-    /// What was found, when there are no more pairs.
+    /// Completes the check after the last pair.
     #[must_use]
     pub fn finish(mut self) -> Report {
         self.assembly.end(&mut self.relations, &mut self.report);
@@ -100,13 +100,13 @@ impl Checker {
     }
 }
 
-/// Why leftovers were not removed.
+/// Error of leftovers that were not removed.
 #[derive(Debug, Error)]
 pub enum CollectError {
-    /// Something is damaged, and what it named cannot be told from what nobody names.
+    /// There is damage, so unreferenced records cannot be determined.
     #[error("{n_damaged} records are damaged: what they name is not known, so nothing is removed")]
     Damaged {
-        /// How many.
+        /// Number of damage findings.
         n_damaged: u64,
     },
     /// The engine failed.
@@ -114,8 +114,8 @@ pub enum CollectError {
     Engine(#[from] EngineError),
 }
 
-/// Checks all that an engine holds. Blocks. Nobody may write meanwhile, else what is written
-/// looks torn.
+/// Checks all pairs of an engine. Blocks. Concurrent writes would look torn, so there must be
+/// none.
 ///
 /// # Errors
 /// The engine's.
@@ -137,7 +137,7 @@ pub fn check(engine: &dyn Engine) -> Result<Report, EngineError> {
 /// Removes the leftovers of a report.
 ///
 /// # Errors
-/// [`CollectError`]; nothing is removed where something is damaged.
+/// [`CollectError`]; nothing is removed if there is damage.
 pub async fn collect(engine: &dyn Engine, report: &Report) -> Result<u64, CollectError> {
     if report.n_damaged > 0 {
         return Err(CollectError::Damaged { n_damaged: report.n_damaged });

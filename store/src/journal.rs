@@ -1,9 +1,9 @@
-//! Journals: the readings of a session, or of an object in training, in the order they came.
+//! Journals: the readings of a session, or of an object in training, in order of arrival.
 //!
 //! Entries are numbered from 0 without gaps and never change. An append states the number it
-//! expects to get, so of two writers one is told; a robot's own number is indexed, so a
-//! repeated request is found, and so is what withdraws an entry: none is withdrawn twice. One
-//! append is one commit: all its entries or none.
+//! expects, so the later of two concurrent writers gets an error. A robot's own number is
+//! indexed, so a repeated request is found, and so is a retraction: no entry is withdrawn
+//! twice. One append is one commit: all its entries or none.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -20,39 +20,39 @@ use crate::pieces;
 pub use crate::pieces::Limit;
 use crate::record::{self, JournalHeadV1, JournalRetractionV1, JournalRobotV1};
 
-/// No robot's name may be longer, in bytes.
+/// Maximum length of a robot's name, bytes.
 pub const ROBOT_BYTES_MAX: usize = 64;
-/// How often [`Journal::append_next`] tries again when others append at the same time.
+/// Attempts of [`Journal::append_next`] under concurrent appends.
 const APPEND_ATTEMPTS: usize = 64;
-/// An entry's key: space, owner, sequence.
+/// Length of an entry's key: space, owner, sequence.
 const ENTRY_KEY_BYTES: usize = 25;
-/// How many retractions are read at once.
+/// Number of retractions per read.
 const RETRACTIONS_PER_SCAN: usize = 1024;
 
-/// What a journal's entry says.
+/// Content of a journal's entry.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A reading came.
+    /// A reading.
     Reading(StoredReading),
-    /// An earlier reading is withdrawn.
+    /// The retraction of an earlier reading.
     Retraction {
-        /// The entry that is withdrawn.
+        /// The withdrawn entry.
         seq: u64,
     },
-    /// The session was closed; nothing follows.
+    /// The closing of the session, always the last entry.
     Closed,
 }
 
-/// An entry before it has its number.
+/// An entry before it is numbered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewEntry {
     /// The robot's own number.
     pub reading_id: Option<ReadingId>,
-    /// When it came.
+    /// Time of arrival.
     pub received_at_ms: u64,
-    /// What it says.
+    /// Content.
     pub event: Event,
-    /// The key that it was written with; `None` when nobody was asked for one.
+    /// The API key of the writer; `None` if keys are not required.
     pub written_by: Option<Uuid>,
 }
 
@@ -63,40 +63,39 @@ pub struct Entry {
     pub seq: u64,
     /// The robot's own number.
     pub reading_id: Option<ReadingId>,
-    /// When it came.
+    /// Time of arrival.
     pub received_at_ms: u64,
-    /// What it says.
+    /// Content.
     pub event: Event,
-    /// The key that it was written with; `None` when that was not recorded, or nobody was asked
-    /// for one.
+    /// The API key of the writer; `None` if it was not recorded or keys are not required.
     pub written_by: Option<Uuid>,
 }
 
-/// Why entries were not appended.
+/// Error of entries that were not appended.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum AppendError {
-    /// Others have appended in between.
+    /// Another writer appended in the meantime.
     #[error("the journal has {found} entries, expected {expected}")]
     Sequence {
-        /// What the writer expected.
+        /// The expected number.
         expected: u64,
-        /// How many there are.
+        /// Number of entries.
         found: u64,
     },
-    /// The robot's number is in the journal, or twice in this append.
+    /// The robot's number is already in the journal, or twice in this append.
     #[error("reading {seq} of robot {robot:?} is entry {at} already")]
     Repeated {
         /// The robot.
         robot: String,
-        /// Its number.
+        /// The number.
         seq: u64,
-        /// The entry that has it.
+        /// The entry with this number.
         at: u64,
     },
-    /// The entry is withdrawn already, or twice in this append.
+    /// The entry is already withdrawn, or twice in this append.
     #[error("entry {seq} is withdrawn already, by entry {at}")]
     Retracted {
-        /// The entry that is to be withdrawn.
+        /// The entry to withdraw.
         seq: u64,
         /// The entry that withdraws it.
         at: u64,
@@ -104,7 +103,7 @@ pub enum AppendError {
     /// A robot's name is too long.
     #[error("robot's name has {found} bytes, expected at most {ROBOT_BYTES_MAX}")]
     RobotLength {
-        /// How long it is.
+        /// Length of the name.
         found: usize,
     },
     /// The store failed.
@@ -124,18 +123,18 @@ pub(crate) struct JournalSpaces {
     pub(crate) head: Space,
     pub(crate) entries: Space,
     pub(crate) robots: Space,
-    /// `None`: entries of these journals are not withdrawn.
+    /// `None` if entries of these journals cannot be withdrawn.
     pub(crate) retractions: Option<Space>,
 }
 
-/// What a new entry takes that only one entry may have.
+/// A unique property that a new entry claims.
 enum Claim<'entry> {
-    /// A robot's number, among those of a key.
+    /// A robot's number, among those of an API key.
     Robot(&'entry ReadingId, Option<Uuid>),
     Retraction(u64),
 }
 
-/// A claim as it is stored.
+/// A claim in its stored form.
 struct StoredClaim<'entry> {
     claim: Claim<'entry>,
     key: Vec<u8>,
@@ -154,7 +153,7 @@ impl Journal {
         Self { engine, spaces }
     }
 
-    /// How many entries the journal of `owner` has; 0 when it has none.
+    /// The number of entries of the journal of `owner`; 0 without a journal.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -167,10 +166,10 @@ impl Journal {
         Ok(head.next)
     }
 
-    /// Appends entries that become number `expected` and on; durable when it returns.
+    /// Appends entries from number `expected` on; durable when it returns.
     ///
     /// # Errors
-    /// [`AppendError`]; nothing was written then, unless the engine itself failed.
+    /// [`AppendError`]; nothing was written, unless the engine itself failed.
     pub async fn append(
         &self,
         owner: Uuid,
@@ -186,7 +185,7 @@ impl Journal {
         }
     }
 
-    /// Why a claim of an append that began with entry `expected` did not hold.
+    /// The reason for which a claim of an append from `expected` on failed.
     fn taken(
         &self,
         owner: Uuid,
@@ -205,10 +204,10 @@ impl Journal {
         })
     }
 
-    /// Appends entries behind whatever is there and says which number the first one got.
+    /// Appends entries at the end and returns the number of the first.
     ///
     /// # Errors
-    /// As [`Journal::append`]; [`AppendError::Sequence`] only when others never stop.
+    /// As [`Journal::append`]; [`AppendError::Sequence`] only under endless concurrent appends.
     pub async fn append_next(&self, owner: Uuid, entries: &[NewEntry]) -> Result<u64, AppendError> {
         let mut expected = self.len(owner)?;
         for _ in 1..APPEND_ATTEMPTS {
@@ -220,8 +219,8 @@ impl Journal {
         self.append(owner, expected, entries).await.map(|()| expected)
     }
 
-    /// The entry that has a robot's own number among those that a key wrote, or among those whose
-    /// key was not recorded: they may be of any.
+    /// The entry with a robot's own number, among those written with an API key or those
+    /// without a recorded key, which may belong to any.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -260,7 +259,7 @@ impl Journal {
         Ok(Some(found.seq))
     }
 
-    /// All entries that are withdrawn, each with the entry that withdraws it.
+    /// All withdrawn entries, each with the entry that withdraws it.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -297,7 +296,7 @@ impl Journal {
         self.page(owner, from, Limit::records(limit))
     }
 
-    /// The entries from number `from` on, up to a number of them or of their stored bytes.
+    /// The entries from number `from` on, limited by number and by stored bytes.
     ///
     /// # Errors
     /// As [`Journal::entries`].
@@ -307,7 +306,7 @@ impl Journal {
         let left = usize::try_from(length.saturating_sub(from)).unwrap_or(usize::MAX);
         let limit = Limit { records: left.min(limit.records), ..limit };
         let after = from.checked_sub(1).map(|before| {
-            // Behind all pieces of the entry before.
+            // After all pieces of the previous entry.
             let mut key = key::numbered(space, owner, before);
             key.extend_from_slice(&[0xff; 5]);
             key
@@ -388,7 +387,7 @@ impl Journal {
         Ok((commit, claims))
     }
 
-    /// What entry `seq` takes that only one entry may have: its key and its record.
+    /// The unique property that entry `seq` claims: its key and its record.
     fn claim<'entry>(
         &self,
         owner: Uuid,

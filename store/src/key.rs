@@ -1,8 +1,8 @@
-//! The key layout: which record lies where. Drawn in `docs/formats.md`.
+//! The key layout, drawn in `docs/formats.md`.
 //!
 //! A key is one letter for its space, then fixed-width big-endian parts, so that keys sort as
-//! their numbers do and a prefix is a question ("all readings of this session"). Only names
-//! and robots are of variable length; both come last or carry their length.
+//! their numbers do and a prefix is a query ("all readings of this session"). Only names and
+//! robots have variable length; both come last or carry their length.
 
 use uuid::Uuid;
 
@@ -18,11 +18,11 @@ pub enum Space {
     Object = b'o',
     /// Unique names of sensors, objects and catalogues, to ids.
     Name = b'n',
-    /// What is known of an object's mesh, by object.
+    /// Metadata of an object's mesh, by object.
     Mesh = b'm',
     /// A mesh's file, by object and upload.
     MeshFile = b'f',
-    /// How long an object's training journal is.
+    /// Length of an object's training journal.
     TrainingHead = b'T',
     /// Training readings, by object and sequence.
     Training = b't',
@@ -32,13 +32,13 @@ pub enum Space {
     Job = b'j',
     /// Sessions by id.
     Session = b'e',
-    /// How long a session's journal is.
+    /// Length of a session's journal.
     JournalHead = b'R',
     /// Session journals, by session and sequence.
     Journal = b'r',
     /// Robots' own numbers of session readings.
     JournalRobot = b'w',
-    /// Which entries of session journals are withdrawn, by session and sequence.
+    /// Retractions in session journals, by session and sequence.
     JournalRetraction = b'x',
     /// Catalogues by id.
     Catalogue = b'c',
@@ -50,15 +50,15 @@ pub enum Space {
     Block = b'b',
     /// API keys by id.
     AccessKey = b'a',
-    /// What changed something, of the audit log, by sequence.
+    /// Changes in the audit log, by sequence.
     Audit = b'l',
-    /// What was refused to holders of keys, of the audit log, by sequence.
+    /// Refused requests with a key in the audit log, by sequence.
     AuditRefused = b'd',
-    /// What strangers tried, of the audit log, by sequence.
+    /// Refused requests without a key in the audit log, by sequence.
     AuditStrangers = b'q',
-    /// Which API key a robot's name belongs to, by name.
+    /// The API key that owns a robot's name, by name.
     RobotHolder = b'h',
-    /// The latest time that was seen.
+    /// The latest time.
     Clock = b'y',
 }
 
@@ -71,7 +71,7 @@ pub fn space(space: Space) -> Vec<u8> {
     vec![space as u8]
 }
 
-/// The key of an id, and the prefix of what is kept under it.
+/// The key of an id, and the prefix of the records under it.
 #[must_use]
 pub fn id(space: Space, id: Uuid) -> Vec<u8> {
     let mut key = Vec::with_capacity(40);
@@ -104,7 +104,7 @@ pub fn hash(space: Space, hash: &[u8; 32]) -> Vec<u8> {
     key
 }
 
-/// The key of a unique name among those of `kind`, the space whose ids it names.
+/// The key of a unique name; `kind` is the space of the named ids.
 #[must_use]
 pub fn name(kind: Space, name: &str) -> Vec<u8> {
     let mut key = vec![Space::Name as u8, kind as u8];
@@ -112,8 +112,8 @@ pub fn name(kind: Space, name: &str) -> Vec<u8> {
     key
 }
 
-/// The key of a robot's own number under an id, among those that an API key wrote; without one,
-/// among those whose key is not known. `robot` has at most 64 bytes.
+/// The key of a robot's own number under an id, among those written with an API key; without
+/// one, among those of unknown key. `robot` has at most 64 bytes.
 #[must_use]
 pub fn robot(
     space: Space,
@@ -138,7 +138,7 @@ pub fn robot_name(robot: &str) -> Vec<u8> {
     key
 }
 
-/// The key of the `piece`th piece (from 1) of the value that begins under `head`.
+/// The key of piece `piece` (from 1) of the value that begins under `head`.
 #[must_use]
 pub fn piece(head: &[u8], piece: u32) -> Vec<u8> {
     let mut key = head.to_vec();

@@ -1,12 +1,12 @@
-//! Palpate's map database: what fleets know, kept on disk and checked when it is read.
+//! Palpate's map database: the fleet's knowledge on disk, checked on every read.
 //!
 //! Bottom up: an [`engine::Engine`] holds ordered keys and small values and commits them
-//! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] say what the
-//! values are; `pieces` splits what is large; [`table`], [`journal`], [`calibration`],
-//! [`mesh`], [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
+//! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] define the
+//! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`mesh`],
+//! [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
 //! [`fsck`] checks a whole database, [`snapshot`] copies one. `docs/formats.md` draws every
-//! byte. Times are arguments, in milliseconds since 1970.
-//! Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
+//! byte. Times are arguments, in milliseconds since 1970. Not here: HTTP, clocks, and
+//! upgrades of old formats (`migrations`).
 
 pub mod engine;
 

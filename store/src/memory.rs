@@ -1,4 +1,4 @@
-//! An engine in memory, for tests and for trying things out: nothing survives the process.
+//! An engine in memory, for tests and trials; its data is lost with the process.
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
@@ -101,7 +101,7 @@ impl Engine for MemoryEngine {
     }
 }
 
-/// The pairs that were not given yet.
+/// The pairs that are still to be returned.
 struct MemoryCut(BTreeMap<Vec<u8>, Vec<u8>>);
 
 impl Cut for MemoryCut {

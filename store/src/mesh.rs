@@ -1,7 +1,7 @@
-//! Objects' meshes: the files as they came, with their format and unit.
+//! Meshes of objects: the files as uploaded, with their format and unit.
 //!
-//! An upload is written under an id of its own, piece by piece; one commit then makes it the
-//! object's mesh, and the file before it is removed. A crash in between leaves the old one.
+//! An upload is written under its own id, piece by piece; one commit then makes it the
+//! object's mesh, and the previous file is removed. A crash in between leaves the old one.
 
 mod reader;
 
@@ -17,7 +17,7 @@ use crate::pieces;
 use crate::record::{self, SCHEMA};
 pub use reader::MeshReader;
 
-/// How often a mesh is looked up that is being replaced.
+/// Attempts to read a mesh that is being replaced.
 const OPEN_ATTEMPTS: usize = 16;
 
 /// The format of a mesh file.
@@ -46,25 +46,25 @@ pub enum MeshUnit {
     Inch,
 }
 
-/// What is known of a mesh without reading its file.
+/// Metadata of a mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshInfo {
-    /// The upload's own id.
+    /// Id of the upload.
     pub upload: Uuid,
-    /// The file's format.
+    /// Format of the file.
     pub format: MeshFormat,
-    /// The unit of its coordinates.
+    /// Unit of the coordinates.
     pub unit: MeshUnit,
-    /// The file's length in bytes.
+    /// Length of the file in bytes.
     pub length: u64,
-    /// The blake3 hash of the file.
+    /// BLAKE3 hash of the file.
     pub hash: [u8; 32],
-    /// When it came.
+    /// Time of the upload.
     pub uploaded_at_ms: u64,
 }
 
 impl MeshInfo {
-    /// What is known of a file; `upload` must be new.
+    /// The metadata of a file; `upload` must be new.
     #[must_use]
     pub fn new(
         upload: Uuid,
@@ -116,7 +116,7 @@ impl Meshes {
         Ok(())
     }
 
-    /// What is known of an object's mesh, if it has one.
+    /// The metadata of an object's mesh, if it has one.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -127,7 +127,7 @@ impl Meshes {
         record::decode(&bytes).map(Some).map_err(StoreError::damaged(Space::Mesh))
     }
 
-    /// An object's mesh with its file, whole and checked against its hash.
+    /// An object's mesh with its complete file, checked against its hash.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -136,7 +136,7 @@ impl Meshes {
         let damaged = StoreError::damaged(Space::MeshFile);
         let head = key::nested(Space::MeshFile, object, info.upload);
         let Some(sealed) = pieces::read(&*self.engine, Space::MeshFile, &head)? else {
-            // Replaced while we looked, or gone.
+            // Replaced or removed in the meantime.
             return match self.info(object)? {
                 Some(now) if now.upload != info.upload => self.get(object),
                 Some(_) => Err(damaged(RecordError::Piece { piece: 0 })),
@@ -147,7 +147,7 @@ impl Meshes {
         Ok(Some((info, file)))
     }
 
-    /// An object's mesh, to be read block by block; its first block is read.
+    /// A reader of an object's mesh, block by block, with its first block read.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -157,7 +157,7 @@ impl Meshes {
             if let Some(reader) = MeshReader::open(Arc::clone(&self.engine), object, info)? {
                 return Ok(Some(reader));
             }
-            // Replaced while we looked.
+            // Replaced in the meantime.
         }
         Err(StoreError::damaged(Space::MeshFile)(RecordError::Piece { piece: 0 }))
     }
@@ -174,7 +174,7 @@ impl Meshes {
     }
 }
 
-/// The raw payload of a sealed record that is known by its hash.
+/// The raw payload of a sealed record, checked against its hash.
 pub(crate) fn open_raw(
     kind: Kind,
     sealed: &[u8],

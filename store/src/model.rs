@@ -1,4 +1,4 @@
-//! A trained model: the parts that a version's recognisers need, in the catalogue's order.
+//! A trained model: the parts of a version, in the catalogue's order.
 
 use std::sync::Arc;
 
@@ -7,15 +7,15 @@ use palpate_dissertation::geometric::model::GeometricModel;
 use palpate_dissertation::sva::model::SvaModel;
 use palpate_recogniser::model::SurfaceModel;
 
-/// The parts of one version; all count the same objects.
+/// The parts of one version, all with the same objects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainedModel {
-    /// The vocabulary, and the pair maps of chapter 5 where they were trained.
+    /// The vocabulary, and the pair maps of chapter 5 if trained.
     pub sva: Arc<SvaModel>,
-    /// The occupancy maps of chapter 3, where they were trained.
+    /// The occupancy maps of chapter 3, if trained.
     pub geometric: Option<Arc<GeometricModel>>,
-    /// The appearance histograms of chapter 4, where they were trained.
+    /// The appearance histograms of chapter 4, if trained.
     pub appearance: Option<Arc<AppearanceModel>>,
-    /// The surfaces of the service's own recogniser, where they were trained.
+    /// The surfaces of the service's own recogniser, if trained.
     pub surface: Option<Arc<SurfaceModel>>,
 }

@@ -1,11 +1,11 @@
-//! Trained models ↔ blocks: one for the vocabulary, one for each object's map, and where
-//! geometry, appearance or surfaces were trained the blocks of `geometry`, `appearance`, `surface`;
-//! with surfaces one for the symmetry of each object, whatever else is known of it.
+//! Conversion between trained models and blocks.
 //!
-//! Blocks are raw little-endian arrays behind a short header, drawn in `docs/formats.md`.
-//! That a block is whole is checked before it comes here (envelope and hash); here it is
-//! checked that its numbers make a model. A map's block does not know its place in the
-//! catalogue, so versions share the maps of objects that were not trained again.
+//! There is one block for the vocabulary, one for each object's map, those of `geometry`,
+//! `appearance` and `surface` if these were trained, and with surfaces one for the symmetry
+//! of each object. Blocks are raw little-endian arrays after a short header, drawn in
+//! `docs/formats.md`. Envelope and hash are checked before; here the numbers are checked. A
+//! map's block does not contain its position in the catalogue, so versions share the maps of
+//! objects that were not trained again.
 
 mod appearance;
 mod geometry;
@@ -38,34 +38,34 @@ pub use part::ModelPart;
 pub use surface::{SURFACE_BLOCK, surface_block_name};
 pub use symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_block};
 
-/// The name of the vocabulary's block.
+/// Name of the vocabulary's block.
 pub const VOCABULARY_BLOCK: &str = "vocabulary";
-/// The number of the form that most blocks are written in.
+/// Form number of most blocks.
 const FORM: u32 = 1;
 
-/// The name of the block with an object's map.
+/// Name of the block with an object's map.
 #[must_use]
 pub fn map_block_name(object: Uuid) -> String {
     format!("map/{object}")
 }
 
-/// Why a block is not the part of a model it should be.
+/// Error of a block that is not the expected part of a model.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum CodecError {
     /// The block was written by a newer Palpate.
     #[error("block has form {found}, this version of Palpate knows {newest}")]
     Form {
-        /// The form's number.
+        /// The block's form.
         found: u32,
-        /// The newest one that is known.
+        /// Newest known form.
         newest: u32,
     },
-    /// The block ends early or goes on for too long.
+    /// The block is too short or too long.
     #[error("block has {found} bytes, expected {expected}")]
     Length {
-        /// What its header says, at least.
+        /// Length according to the header, at least.
         expected: usize,
-        /// How many there are.
+        /// Length of the block.
         found: usize,
     },
     /// A number of the header is out of range.
@@ -73,71 +73,71 @@ pub enum CodecError {
     Count {
         /// The number's name.
         field: &'static str,
-        /// What was found.
+        /// The number.
         found: u32,
         /// The smallest possible.
         low: u32,
         /// The largest possible.
         high: u32,
     },
-    /// A number is infinite or not a number.
+    /// A number is not finite.
     #[error("{field} holds {found}, expected finite numbers")]
     Finite {
         /// The array's name.
         field: &'static str,
-        /// What was found.
+        /// The number.
         found: f64,
     },
-    /// The distance bins are not a range.
+    /// The distance bins are not a valid range.
     #[error(transparent)]
     Distances(#[from] DistanceBinsError),
-    /// The index's arrays do not fit together or name patches that are not there.
+    /// The index's arrays are inconsistent or name patches that do not exist.
     #[error("offsets and postings of the pair index do not fit together")]
     Index,
-    /// The catalogue's blocks do not include one that its manifest's objects need.
+    /// The catalogue lacks a block that its manifest's objects need.
     #[error("block {name} is missing")]
     Missing {
         /// The block's name.
         name: String,
     },
-    /// A grid of occupancy or force is not one.
+    /// A grid of occupancy or force is not valid.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// The table of class probabilities is not one.
+    /// The table of class probabilities is not valid.
     #[error(transparent)]
     ClassTable(#[from] ClassTableError),
-    /// A taxel's gain is not one.
+    /// A taxel's gain is not valid.
     #[error("gain is {found}, expected a finite number above 0")]
     Gain {
-        /// What was found.
+        /// The gain.
         found: f64,
     },
-    /// The classes of appearance are not a mixture.
+    /// The classes of appearance are not a valid mixture.
     #[error(transparent)]
     Mixture(#[from] MixtureError),
-    /// Parts of an appearance vocabulary, or of an object's appearance, that do not fit.
+    /// The parts of an appearance vocabulary, or of an object's appearance, are inconsistent.
     #[error("the parts of the appearance model do not fit together")]
     Appearance,
-    /// The parts of a surface, or of what all surfaces share, do not fit.
+    /// The parts of a surface, or the parts shared by all surfaces, are inconsistent.
     #[error("the parts of the surfaces do not fit together")]
     Surface,
-    /// An axis of symmetry that is not one.
+    /// An axis of symmetry is not valid.
     #[error("an axis has the order 1 or a direction that is not of norm 1")]
     Symmetry,
-    /// A report of other objects than the model's.
+    /// The report has another number of objects than the model.
     #[error("report of {found} objects, expected the model's {expected}")]
     Report {
-        /// Objects of the model.
+        /// Number of objects of the model.
         expected: usize,
-        /// Objects of the report.
+        /// Number of objects of the report.
         found: usize,
     },
     /// A map was built over another vocabulary.
     #[error("map has {found} classes, expected the vocabulary's {expected}")]
     Classes {
-        /// Classes of the vocabulary.
+        /// Number of classes of the vocabulary.
         expected: usize,
-        /// Classes of the map.
+        /// Number of classes of the map.
         found: usize,
     },
 }
@@ -159,14 +159,13 @@ pub fn model_to_blocks(model: &TrainedModel, objects: &[Uuid]) -> Vec<(String, V
     shared.chain(maps).chain(geometry).chain(appearance).chain(surface).collect()
 }
 
-/// The model of a version's blocks. `objects` are the ids of its objects, in its order;
-/// other blocks are left alone. Without the block [`GEOMETRY_BLOCK`] the model has no
-/// geometry, without [`APPEARANCE_BLOCK`] no appearance, without [`SURFACE_BLOCK`] no
-/// surfaces; without a map of any object it has
-/// no maps.
+/// The model of a version's blocks. `objects` are the ids of its objects, in its order; other
+/// blocks are ignored. Without the block [`GEOMETRY_BLOCK`] the model has no geometry,
+/// without [`APPEARANCE_BLOCK`] no appearance, without [`SURFACE_BLOCK`] no surfaces; without
+/// a map of any object it has no maps.
 ///
 /// # Errors
-/// [`CodecError`] names what is missing or does not fit.
+/// [`CodecError`] names the missing or inconsistent part.
 pub fn model_from_blocks(
     blocks: &[(String, Vec<u8>)],
     objects: &[Uuid],
@@ -244,7 +243,7 @@ pub fn vocabulary_to_block(model: &SvaModel) -> Vec<u8> {
 /// The vocabulary and association rule of a block; a model without maps has no classes.
 ///
 /// # Errors
-/// [`CodecError`] says which number is wrong.
+/// [`CodecError`] names the invalid number.
 pub fn vocabulary_from_block(block: &[u8]) -> Result<(Vocabulary, AssociationRule), CodecError> {
     let mut reader = Reader::new(block)?;
     let code = reader.count("descriptor", 1, DESCRIPTORS.len() as u32)?;
@@ -305,7 +304,7 @@ pub fn map_to_block(map: &ObjectMap) -> Vec<u8> {
 /// The map of a block.
 ///
 /// # Errors
-/// [`CodecError`] says which number is wrong.
+/// [`CodecError`] names the invalid number.
 pub fn map_from_block(block: &[u8]) -> Result<ObjectMap, CodecError> {
     let mut reader = Reader::new(block)?;
     let n_patches = reader.count("patches", 0, 1 << 16)?;

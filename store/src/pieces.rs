@@ -1,10 +1,10 @@
-//! Values larger than one: a record under its key, and its further pieces behind it.
+//! Records larger than one value: the first piece under the key, further pieces after it.
 //!
-//! The first piece lies under the key and says in its envelope how long the whole is; piece
-//! *n* lies under the key followed by *n* (u32, big-endian), so it sorts behind the first and
-//! before the next key. The envelope's checksum covers all pieces.
-//! Small records are written in one commit. Large immutable ones ([`write_large`]) are
-//! written in many, the first piece last: what has a first piece is whole.
+//! The envelope in the first piece states the whole length; piece *n* lies under the key
+//! followed by *n* (u32, big-endian), so it sorts after the first and before the next key.
+//! The envelope's checksum covers all pieces. Small records are written in one commit. Large
+//! immutable ones ([`write_large`]) are written in many, the first piece last: a record with
+//! a first piece is complete.
 
 use std::ops::Range;
 
@@ -13,19 +13,19 @@ use crate::envelope;
 use crate::error::{RecordError, StoreError};
 use crate::key::{self, Space};
 
-/// How many pieces one commit of [`write_large`] carries.
+/// Number of pieces in one commit of [`write_large`].
 const PIECES_PER_COMMIT: usize = 256;
-/// How many pieces are read at once.
+/// Number of pieces per read.
 const PIECES_PER_SCAN: usize = 1024;
-/// How often a record is read again that is being replaced while it is read.
+/// Attempts to read a record that is being replaced.
 const READ_ATTEMPTS: usize = 16;
 
-/// How many pieces a record of `bytes` has.
+/// Number of pieces of a record of `bytes`.
 fn n_pieces(bytes: usize) -> u32 {
     u32::try_from(bytes.div_ceil(VALUE_BYTES_MAX)).unwrap_or(u32::MAX)
 }
 
-/// Adds to `commit` the writes of a record, and the removal of what a longer one leaves.
+/// Adds to `commit` the writes of a record, and the removal of the surplus pieces of a longer one.
 pub(crate) fn put(commit: Commit, head: &[u8], record: &[u8], replaced: Option<&[u8]>) -> Commit {
     let mut commit = commit;
     for (piece, bytes) in (0u32..).zip(record.chunks(VALUE_BYTES_MAX)) {
@@ -43,13 +43,13 @@ pub(crate) fn remove(commit: Commit, head: &[u8], record: &[u8]) -> Commit {
     (1..n_pieces(record.len())).fold(commit, |commit, piece| commit.remove(key::piece(head, piece)))
 }
 
-/// The first piece of a record, which stands for the whole in an expectation: it holds the
+/// The first piece of a record, which represents the whole in an expectation: it holds the
 /// checksum.
 pub(crate) fn first(record: &[u8]) -> Vec<u8> {
     record[..record.len().min(VALUE_BYTES_MAX)].to_vec()
 }
 
-/// Reads a record with all its pieces; its envelope is not checked yet.
+/// Reads a record with all its pieces; its envelope is unchecked.
 pub(crate) fn read(
     engine: &dyn Engine,
     space: Space,
@@ -70,24 +70,24 @@ pub(crate) fn read(
     Err(StoreError::Damaged { space, source: RecordError::Piece { piece: 0 } })
 }
 
-/// Where a scan of records ends.
+/// Limit of a scan of records.
 #[derive(Clone, Copy, Debug)]
 pub struct Limit {
-    /// The most records.
+    /// Maximum number of records.
     pub records: usize,
-    /// With the record that reaches this many bytes, so that one record is always read.
+    /// The scan ends with the record that reaches this many bytes, so it reads at least one.
     pub bytes: usize,
 }
 
 impl Limit {
-    /// At most this many records, however large they are.
+    /// At most this many records of any size.
     pub(crate) fn records(records: usize) -> Self {
         Self { records, bytes: usize::MAX }
     }
 }
 
 /// Up to `limit` records whose keys have `prefix`, are `head_bytes` long and greater than
-/// `after`: keys and whole records, in ascending order.
+/// `after`: keys and complete records, in ascending order.
 pub(crate) fn scan(
     engine: &dyn Engine,
     space: Space,
@@ -116,7 +116,7 @@ pub(crate) fn scan(
             }
             let fits = envelope::total_bytes(&value).is_ok_and(|total| total == value.len());
             let record = if fits { Some(value) } else { read(engine, space, &head)? };
-            // A record that is gone now was removed while we looked.
+            // A missing record was removed in the meantime.
             let Some(record) = record else { continue };
             (records, bytes) = (records + 1, bytes.saturating_add(record.len()));
             found.push((head, record));
@@ -162,7 +162,7 @@ async fn commit_unconditionally(engine: &dyn Engine, commit: Commit) -> Result<(
     }
 }
 
-/// The whole record that begins with the piece `first`.
+/// The complete record that begins with the piece `first`.
 fn complete(
     engine: &dyn Engine,
     space: Space,
@@ -180,7 +180,7 @@ fn complete(
     }
 }
 
-/// The place of a reader in a record, behind its first piece.
+/// Position of a reader in a record, after its first piece.
 #[derive(Debug)]
 pub(crate) struct Rest {
     space: Space,
@@ -190,7 +190,7 @@ pub(crate) struct Rest {
 }
 
 impl Rest {
-    /// Behind the piece `first` of the record under `head`.
+    /// Starts after the piece `first` of the record under `head`.
     pub(crate) fn behind(space: Space, head: &[u8], first: &[u8]) -> Result<Self, StoreError> {
         let total = envelope::total_bytes(first);
         let total = total.map_err(|error| StoreError::damaged(space)(error.into()))?;

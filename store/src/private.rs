@@ -1,13 +1,13 @@
-//! Files and folders that only their owner may read: what is stored is nobody else's business.
+//! Files and folders that only their owner may read.
 //!
-//! Where the system knows no such modes, they are made as usual. What belongs to another user
-//! stays as it is, and is said in the log.
+//! On systems without such modes they are created as usual. Those of another user stay
+//! unchanged, with an entry in the log.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::Path;
 
-/// Makes a new file, or empties an old one, which only its owner may read and write.
+/// Creates or truncates a file that only its owner may read and write.
 ///
 /// # Errors
 /// The system's.
@@ -17,12 +17,12 @@ pub fn create(path: &Path) -> io::Result<File> {
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
     let file = options.open(path)?;
-    // An old file has kept its mode.
+    // An existing file has kept its mode.
     tighten_one(path)?;
     Ok(file)
 }
 
-/// Makes a folder, with those above it that are missing; only its owner may enter it.
+/// Creates a folder and missing parents; only its owner may enter it.
 ///
 /// # Errors
 /// The system's.
@@ -34,8 +34,8 @@ pub fn create_folder(path: &Path) -> io::Result<()> {
     builder.create(path)
 }
 
-/// Takes everything in a folder, and itself, from everybody but its owner. Links are not
-/// followed.
+/// Removes the rights of everyone but the owner from a folder and everything in it. Links are
+/// not followed.
 pub(crate) fn tighten(folder: &Path) {
     if let Err(error) = tighten_one(folder) {
         tracing::warn!("Cannot keep other users out of {}: {error}", folder.display());
@@ -54,7 +54,7 @@ pub(crate) fn tighten(folder: &Path) {
     }
 }
 
-/// Takes the rights of everybody but the owner from a file or folder.
+/// Removes the rights of everyone but the owner from a file or folder.
 #[cfg(unix)]
 fn tighten_one(path: &Path) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;

@@ -1,10 +1,10 @@
-//! Stored ↔ core: the frozen structs that are written, and their conversions.
+//! Conversion between core and stored records: the frozen structs.
 //!
 //! A struct that ends in `V1` never changes; a new field makes a `V2` with the next schema
-//! number, and decoding turns what it finds into today's type. Payloads are bincode 2.0.1's
+//! number, and decoding converts any of them to today's type. Payloads are bincode 2.0.1's
 //! `legacy` form (fixed-width little-endian, u64 lengths); readings' pressures are raw
-//! little-endian f64, NaN for a taxel without a value. Journal entries, calibrations
-//! and what guards the door have files of their own.
+//! little-endian f64, NaN for a missing taxel. Journal entries, calibrations and access
+//! records have their own files.
 
 mod access;
 mod calibration;
@@ -23,18 +23,18 @@ use crate::envelope::{self, Kind};
 use crate::error::RecordError;
 use crate::mesh::{MeshFormat, MeshInfo, MeshUnit};
 
-/// The schema number of every record that has had no other.
+/// Schema number of every record that has only one.
 pub const SCHEMA: u16 = 1;
-/// No bincode payload may claim more.
+/// Maximum length of a bincode payload.
 const PAYLOAD_LIMIT: usize = 64 << 20;
 const CONFIG: Configuration<LittleEndian, Fixint, Limit<PAYLOAD_LIMIT>> =
     config::legacy().with_limit::<PAYLOAD_LIMIT>();
 
 /// A value with a stored form.
 pub trait Record: Sized {
-    /// What its envelope says.
+    /// Kind in its envelope.
     const KIND: Kind;
-    /// The schema number it is written with.
+    /// Schema number with which it is written.
     const SCHEMA: u16 = SCHEMA;
 
     /// Its payload.
@@ -63,7 +63,7 @@ pub fn encode<T: Record>(value: &T) -> Vec<u8> {
 /// The value of stored bytes.
 ///
 /// # Errors
-/// [`RecordError`] says how the bytes are damaged or too new.
+/// [`RecordError`] names the damage, or the newer schema.
 pub fn decode<T: Record>(bytes: &[u8]) -> Result<T, RecordError> {
     let opened = envelope::open(T::KIND, bytes)?;
     match opened.schema {
@@ -86,7 +86,7 @@ fn read<T: Decode<()>>(payload: &[u8]) -> Result<T, RecordError> {
     Ok(stored)
 }
 
-/// An id as it is stored.
+/// Stored form of an id.
 type IdV1 = [u8; 16];
 
 #[derive(Encode, Decode)]
@@ -278,7 +278,7 @@ struct SessionRecordV1 {
     sensors: Vec<IdV1>,
     frame_id: String,
     prior: Vec<(IdV1, f64)>,
-    /// Always true: whether objects move is said by the method and the options.
+    /// Always true: method and options determine whether objects move.
     unused: bool,
     seed: u64,
     time_to_live_ms: u64,
@@ -330,44 +330,44 @@ impl Record for Session {
     }
 }
 
-/// How long a journal is.
+/// Length of a journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct JournalHeadV1 {
     pub(crate) next: u64,
 }
 
-/// Where in a journal a robot's number is.
+/// Position in a journal of a robot's reading number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct JournalRobotV1 {
     pub(crate) seq: u64,
 }
 
-/// Which entry of a journal withdraws another one.
+/// The journal entry that withdraws another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct JournalRetractionV1 {
     pub(crate) seq: u64,
 }
 
-/// The id that has a name.
+/// The id of a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct NameV1 {
     pub(crate) id: IdV1,
 }
 
-/// The latest time that was seen, milliseconds since 1970.
+/// The latest time, milliseconds since 1970.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct ClockV1 {
     pub(crate) latest_ms: u64,
 }
 
-/// The layout number of the database and who made it.
+/// The layout number of the database and its creator.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub(crate) struct LayoutV1 {
     pub(crate) layout: u32,
     pub(crate) made_by: String,
 }
 
-/// A record that is stored as it is.
+/// A record stored without conversion.
 trait Plain: Encode + Decode<()> {
     const KIND: Kind;
 }
@@ -535,7 +535,7 @@ impl Record for Manifest {
     }
 }
 
-/// The number of `value`: its place in `all`.
+/// The code of `value`: its index in `all`.
 fn code<T: PartialEq>(all: &[T], value: &T) -> u8 {
     let place = all.iter().position(|candidate| candidate == value);
     place.and_then(|place| u8::try_from(place).ok()).expect("all values are listed")

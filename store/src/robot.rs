@@ -1,7 +1,7 @@
-//! Names of robots: which API key each belongs to, over the whole fleet.
+//! Names of robots and the API keys that own them, over the whole fleet.
 //!
-//! A name that no key has used has no record. Changes are one commit each; who may make them is
-//! the server's business.
+//! A name that no key has used has no record. Changes are one commit each; the server decides
+//! who may make them.
 
 use std::sync::Arc;
 
@@ -12,17 +12,17 @@ use crate::error::{StoreError, unconditional};
 use crate::key::{self, Space};
 use crate::record;
 
-/// How many records are read at once.
+/// Number of records per read.
 const RECORDS_PER_SCAN: usize = 1024;
 
-/// A robot's name and the key that it belongs to.
+/// A robot's name and the key that owns it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RobotHolder {
     /// The name.
     pub robot: String,
     /// The key's id.
     pub key: Uuid,
-    /// Since when.
+    /// Time since which the key owns it.
     pub since_ms: u64,
 }
 
@@ -55,7 +55,7 @@ impl RobotHolders {
         }
     }
 
-    /// Gives names to keys, whatever keys they belonged to; durable when it returns.
+    /// Assigns names to keys, replacing earlier owners; durable when it returns.
     ///
     /// # Errors
     /// The engine's.

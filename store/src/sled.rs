@@ -1,14 +1,14 @@
 //! The embedded engine: sled 0.34.7, used so that its known faults cannot hurt.
 //!
-//! One operating-system thread owns writing: it drains a channel of commits, checks and
-//! applies each as one sled batch, then flushes, then syncs the data file, then answers them
-//! all (group commit; `writer`). In sled an `insert` that returned may be lost, concurrent
+//! One operating-system thread writes: it drains a channel of commits, checks and applies
+//! each as one sled batch, then flushes, then syncs the data file, then answers them all
+//! (group commit; `writer`). In sled an `insert` that returned may be lost, concurrent
 //! `flush_async` deadlocks, large values go to files that are never synced, and a flipped bit
-//! can panic or drop keys in silence; hence the single thread, the bound on values, the caught
-//! panics, and the sums that are checked at every opening (`tally`, `mark`). A failed write
-//! poisons the engine until it is opened again; so it is refused before the disk is full (`room`).
-//! A sled's file never shrinks, so what is stored is merged into a file without it from time to
-//! time (`compaction`, `levels`, `base`).
+//! can panic or drop keys in silence; hence the single thread, the bound on values, the
+//! caught panics, and the sums that are checked at every opening (`tally`, `mark`). A failed
+//! write poisons the engine until it is opened again, so writes are refused before the disk
+//! is full (`room`). A sled's file never shrinks, so its content is merged into a file
+//! without it from time to time (`compaction`, `levels`, `base`).
 
 mod base;
 mod compaction;
@@ -50,30 +50,30 @@ use room::Room;
 use tally::TALLY_KEY;
 use writer::{Order, Writer};
 
-/// How many commits may wait for the writer.
+/// Maximum number of commits that wait for the writer.
 const QUEUE_MAX: usize = 4096;
-/// How many bytes of the disk stay free when nobody says otherwise.
+/// Default number of bytes of the disk that stay free.
 pub const RESERVE_BYTES: u64 = 64 << 20;
-/// Room beyond 1.5 times the live bytes when nobody says otherwise. Chosen: with the copy that is
-/// written meanwhile (once the live bytes), what is stored stays below 4 × live + 64 MB; and a
-/// restart reads a base three times as fast as the sled on top of it.
+/// Default space beyond 1.5 times the live bytes. Chosen: with the copy of a compaction (once
+/// the live bytes), the stored bytes stay below 4 × live + 64 MB; and a restart reads a base
+/// three times as fast as the sled on top of it.
 pub const SLACK_BYTES: u64 = 32 << 20;
 /// sled's data file inside its folder.
 const DATA_FILE: &str = "db";
-/// How an embedded database is opened.
+/// Options of an embedded database.
 #[derive(Clone, Debug)]
 pub struct SledOptions {
     /// Memory for sled's page cache.
     pub cache_bytes: u64,
-    /// Bytes of the disk that stay free: writes that would need them are refused.
+    /// Bytes of the disk that stay free; writes that would need them are refused.
     pub reserve_bytes: u64,
-    /// How the free bytes are found.
+    /// Source of the number of free bytes.
     pub free_space: FreeSpace,
-    /// What to do when records are missing.
+    /// Reaction to missing records.
     pub on_damage: OnDamage,
-    /// Room beyond 1.5 times the live bytes at which a compaction begins by itself.
+    /// Space beyond 1.5 times the live bytes at which a compaction starts by itself.
     pub slack_bytes: u64,
-    /// Where a compaction stops for good, as if the process had been killed: for tests.
+    /// For tests: step at which a compaction stops for good, as if the process had been killed.
     #[doc(hidden)]
     pub halt: Option<Halt>,
 }
@@ -91,18 +91,18 @@ impl Default for SledOptions {
     }
 }
 
-/// What to do with a database whose records are not those that were written last.
+/// Reaction to records that differ from the last written ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OnDamage {
-    /// Do not open it.
+    /// Refuse to open the database.
     Refuse,
-    /// Open it to be read, and say what is wrong ([`SledEngine::damage`]).
+    /// Open it for reading, and report the damage ([`SledEngine::damage`]).
     Inspect,
-    /// Take what is there for the whole from now on, and say what is wrong.
+    /// Accept the present records as complete from now on, and report the damage.
     Accept,
 }
 
-/// A folder on disk that is open.
+/// An open folder on disk.
 #[derive(Debug)]
 pub struct SledEngine {
     folder: PathBuf,
@@ -115,7 +115,7 @@ pub struct SledEngine {
     _lock: File,
 }
 
-/// What readers and the writer share.
+/// State shared by readers and the writer.
 #[derive(Debug)]
 struct Shared {
     levels: RwLock<Arc<Levels>>,
@@ -127,7 +127,7 @@ struct Shared {
 }
 
 impl Shared {
-    /// The levels as they are now, for one operation.
+    /// The present levels, for one operation.
     fn levels(&self) -> Arc<Levels> {
         Arc::clone(&self.levels.read().unwrap_or_else(PoisonError::into_inner))
     }
@@ -138,11 +138,11 @@ impl Shared {
 }
 
 impl SledEngine {
-    /// Opens the database in `folder`, which is made if it does not exist.
+    /// Opens the database in `folder`, which is created if it does not exist.
     ///
     /// # Errors
-    /// [`OpenError`] when another process has it open, when files cannot be used, and when
-    /// sled finds them damaged.
+    /// [`OpenError`] when another process has it open, when files cannot be used, and when sled
+    /// finds them damaged.
     pub fn open(folder: &Path, options: &SledOptions) -> Result<Self, OpenError> {
         let io = |path: &Path| {
             let path = path.to_owned();
@@ -198,7 +198,7 @@ impl SledEngine {
             compaction: Compaction::new(folder, current, options),
         };
         if damage.is_none() {
-            // What an interrupted compaction left: the database does without it.
+            // Remains of an interrupted compaction, which the database does not need.
             compaction::tidy(folder, current);
         }
         if damage.is_some() && !is_read_only {
@@ -223,13 +223,13 @@ impl SledEngine {
         })
     }
 
-    /// What was wrong when it was opened, if it was opened all the same.
+    /// The damage found at the opening, if it was opened nevertheless.
     #[must_use]
     pub fn damage(&self) -> Option<&OpenError> {
         self.damage.as_ref()
     }
 
-    /// Gives the writer something to do.
+    /// Sends an order to the writer.
     fn order(&self, order: Order) -> Result<(), EngineError> {
         let queue = self.queue.as_ref().ok_or(EngineError::Stopped)?;
         queue.try_send(order).map_err(|error| match error {
@@ -238,7 +238,7 @@ impl SledEngine {
         })
     }
 
-    /// The folder this engine has open.
+    /// The open folder.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -318,7 +318,7 @@ impl Engine for SledEngine {
 }
 
 impl Drop for SledEngine {
-    /// Lets the writer finish what was asked of it before the lock goes.
+    /// Lets the writer finish its orders before the lock is released.
     fn drop(&mut self) {
         self.queue = None;
         if let Some(writer) = self.writer.take()
@@ -329,7 +329,7 @@ impl Drop for SledEngine {
     }
 }
 
-/// Runs one call of sled and turns its error or panic into an [`EngineError`].
+/// Runs one call of sled and converts its error or panic into an [`EngineError`].
 fn guarded<T>(
     doing: &'static str,
     call: impl FnOnce() -> ::sled::Result<T>,

@@ -1,9 +1,9 @@
-//! Snapshots: a whole database as one stream of bytes, as it was after one commit.
+//! Snapshots: a whole database after one commit, as one stream of bytes.
 //!
-//! The form is Palpate's own and does not depend on the engine: a header, every pair in
-//! ascending order, and at the end counts and a hash of all that is before; `docs/formats.md`
-//! draws it. A stream that was cut off has no end and is refused. What is read is hostile until
-//! its end is reached: lengths are bounded before anything is allocated, nothing is a path.
+//! The form is Palpate's own and independent of the engine: a header, every pair in ascending
+//! order, and at the end counts and a hash of everything before; `docs/formats.md` draws it.
+//! A truncated stream has no end and is refused. The input is hostile until its end is
+//! reached: lengths are bounded before anything is allocated, and nothing is a path.
 
 mod reading;
 mod writing;
@@ -18,52 +18,52 @@ pub use writing::SnapshotWriter;
 
 /// The first bytes of a snapshot.
 pub const MAGIC: [u8; 8] = *b"PLPTSNAP";
-/// The form that is written.
+/// Form of new snapshots.
 pub const FORM: u32 = 1;
-/// No name of who made it is longer, in bytes.
+/// Maximum length of the creator's name, bytes.
 const MADE_BY_BYTES_MAX: usize = 200;
-/// Begins a pair.
+/// Tag of a pair.
 const PAIR: u8 = 1;
-/// Begins the end.
+/// Tag of the end.
 const END: u8 = 2;
 
-/// What a snapshot says of itself.
+/// Header of a snapshot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SnapshotHeader {
-    /// The layout of the keys and records in it.
+    /// Layout of its keys and records.
     pub layout: u32,
-    /// When it was begun, milliseconds since 1970.
+    /// Time of its start, milliseconds since 1970.
     pub created_at_ms: u64,
-    /// Who made it.
+    /// Creator.
     pub made_by: String,
 }
 
-/// What a whole snapshot holds.
+/// Content of a complete snapshot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SnapshotManifest {
-    /// What it says of itself.
+    /// Its header.
     pub header: SnapshotHeader,
-    /// How many pairs there are in each space, by its letter.
+    /// Number of pairs in each space, by its letter.
     pub pairs: BTreeMap<u8, u64>,
-    /// How many bytes all keys and values have.
+    /// Total bytes of all keys and values.
     pub bytes: u64,
-    /// The blake3 hash of everything before it.
+    /// BLAKE3 hash of everything before it.
     pub hash: [u8; 32],
 }
 
-/// Why a snapshot was not read.
+/// Error of a snapshot that was not read.
 #[derive(Debug, Error)]
 pub enum SnapshotError {
-    /// It cannot be read.
+    /// The source cannot be read.
     #[error("cannot read the snapshot: {0}")]
     Io(std::io::Error),
-    /// It ends before its end.
+    /// The snapshot is truncated.
     #[error("the snapshot is cut off after {at} bytes: it was not written to its end")]
     CutOff {
-        /// How many bytes there are.
+        /// Its length in bytes.
         at: u64,
     },
-    /// It does not begin as one.
+    /// It does not begin with the magic number.
     #[error("this is no snapshot: it does not begin with {:?}", "PLPTSNAP")]
     Magic,
     /// It was written by a newer Palpate.
@@ -72,7 +72,7 @@ pub enum SnapshotError {
         /// Its form.
         found: u32,
     },
-    /// Its layout is newer than what this Palpate knows.
+    /// Its layout is newer than this Palpate.
     #[error(
         "the snapshot has layout {found}, this version of Palpate knows up to {known}: use a \
          newer version"
@@ -80,18 +80,18 @@ pub enum SnapshotError {
     TooNew {
         /// Its layout.
         found: u32,
-        /// The newest that is known.
+        /// Newest known layout.
         known: u32,
     },
-    /// Something in it is not as it must be.
+    /// A part of it is invalid.
     #[error("the snapshot is damaged at byte {at}: {fault}")]
     Damaged {
-        /// Where.
+        /// Position in bytes.
         at: u64,
-        /// What is wrong.
+        /// The fault.
         fault: &'static str,
     },
-    /// There is something already where it is to be restored.
+    /// The target of the restoration is not empty.
     #[error("the database is not empty: restore a snapshot into an empty one")]
     NotEmpty,
     /// The engine failed.

@@ -1,7 +1,7 @@
-//! Things known by id, some also by a unique name: create, get, list, update, remove.
+//! Tables of items by id, some also by a unique name: create, get, list, update, remove.
 //!
-//! Every change is one commit with compare-and-swap: names stay unique and no update is lost,
-//! whoever else writes at the same time.
+//! Every change is one commit with compare-and-swap: names stay unique and no update is lost
+//! under concurrent writes.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -15,17 +15,17 @@ use crate::key::{self, ID_KEY_BYTES, Space};
 use crate::pieces::{self, Limit};
 use crate::record::{self, NameV1, Record};
 
-/// How often an update is tried again when others change the same thing.
+/// Attempts of an update under concurrent changes.
 const UPDATE_ATTEMPTS: usize = 64;
 
-/// How many keys are read at once.
+/// Number of keys per read.
 const KEYS_PER_SCAN: usize = 256;
 
-/// Something a [`Table`] can hold.
+/// An item of a [`Table`].
 pub trait Entity: Record + Clone + Send + Sync {
-    /// Where its records lie.
+    /// Space of its records.
     const SPACE: Space;
-    /// What it is called in messages.
+    /// Its kind, in messages.
     const WHAT: &'static str;
 
     /// Its id.
@@ -35,16 +35,16 @@ pub trait Entity: Record + Clone + Send + Sync {
     fn name(&self) -> Option<&str>;
 }
 
-/// Some of a table's items, in the order of their ids (which is that of their creation).
+/// A page of a table's items, in the order of their ids (which is that of their creation).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page<T> {
     /// The items.
     pub items: Vec<T>,
-    /// Where the next page begins, if there is more.
+    /// Start of the next page, if there is more.
     pub next: Option<Uuid>,
 }
 
-/// All things of one kind.
+/// All items of one kind.
 #[derive(Clone)]
 pub struct Table<T> {
     engine: Arc<dyn Engine>,
@@ -75,7 +75,7 @@ impl<T: Entity> Table<T> {
         }
     }
 
-    /// The item of an id, if there is one.
+    /// The item with the given id, if any.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] and the engine's.
@@ -83,7 +83,7 @@ impl<T: Entity> Table<T> {
         Ok(self.read(id)?.map(|(item, _)| item))
     }
 
-    /// The item of an id.
+    /// The item with the given id.
     ///
     /// # Errors
     /// [`StoreError::NotFound`]; otherwise as [`Table::find`].
@@ -91,12 +91,12 @@ impl<T: Entity> Table<T> {
         self.find(id)?.ok_or(StoreError::NotFound { what: T::WHAT, id })
     }
 
-    /// The item of a name, if there is one.
+    /// The item with the given name, if any.
     ///
     /// # Errors
     /// As [`Table::find`].
     pub fn find_by_name(&self, name: &str) -> Result<Option<T>, StoreError> {
-        // No item has such a name, and no key can be so long.
+        // No item has a name of this length, and no key can hold it.
         if name.len() > NAME_BYTES_MAX {
             return Ok(None);
         }
@@ -105,14 +105,14 @@ impl<T: Entity> Table<T> {
         self.find(Uuid::from_bytes(named.id))
     }
 
-    /// Up to `limit` items behind `after` (a page's `next`).
+    /// Up to `limit` items after `after` (a page's `next`).
     ///
     /// # Errors
     /// As [`Table::find`].
     pub fn list(&self, after: Option<Uuid>, limit: usize) -> Result<Page<T>, StoreError> {
         let prefix = key::space(T::SPACE);
         let after = after.map(|id| {
-            // Behind all pieces of the item.
+            // After all pieces of the item.
             let mut key = key::id(T::SPACE, id);
             key.extend_from_slice(&[0xff; 5]);
             key
@@ -134,8 +134,8 @@ impl<T: Entity> Table<T> {
         Ok(Page { next: items.last().filter(|_| more).map(Entity::id), items })
     }
 
-    /// As [`Table::list`], without items that are damaged: they are said in the log, and
-    /// [`Table::get`] answers what is wrong with one.
+    /// Like [`Table::list`], without damaged items, which are logged; [`Table::get`] returns
+    /// their fault.
     ///
     /// # Errors
     /// The engine's.
@@ -157,7 +157,7 @@ impl<T: Entity> Table<T> {
         Ok(Page { next: last.filter(|_| more), items })
     }
 
-    /// Up to `limit` ids behind `after`, in ascending order.
+    /// Up to `limit` ids after `after`, in ascending order.
     fn keys(
         &self,
         prefix: &[u8],
@@ -185,12 +185,12 @@ impl<T: Entity> Table<T> {
         Ok(self.list(None, usize::MAX - 1)?.items)
     }
 
-    /// Changes an item, however many others change it at the same time: `change` may run
-    /// several times, each time on the newest state. What it refuses is not stored.
+    /// Changes an item under concurrent changes: `change` may run several times, each time on
+    /// the newest state. If it returns an error, nothing is stored.
     ///
     /// # Errors
-    /// Outside: the store's ([`StoreError::NotFound`], [`StoreError::NameTaken`] after a
-    /// rename). Inside: what `change` refused with.
+    /// Outside: the store's ([`StoreError::NotFound`], [`StoreError::NameTaken`] after a rename).
+    /// Inside: the error of `change`.
     pub async fn update<R>(
         &self,
         id: Uuid,
@@ -199,8 +199,8 @@ impl<T: Entity> Table<T> {
         self.update_with(id, |item| change(item).map(|()| Commit::new())).await
     }
 
-    /// Changes an item as [`Table::update`] does; the writes that `change` gives are applied
-    /// with the change or not at all.
+    /// Like [`Table::update`]; the writes returned by `change` are applied with the change or
+    /// not at all.
     pub(crate) async fn update_with<R>(
         &self,
         id: Uuid,
@@ -265,7 +265,7 @@ impl<T: Entity> Table<T> {
     }
 }
 
-/// No name may be longer, in bytes.
+/// Maximum length of a name, bytes.
 pub const NAME_BYTES_MAX: usize = 200;
 
 fn name_commit<T: Entity>(commit: Commit, name: &str, id: Uuid) -> Commit {

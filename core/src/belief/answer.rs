@@ -1,7 +1,7 @@
-//! The answer to a session: probabilities of identity and the most likely poses.
+//! The answer of a session: probabilities of identity and the most likely poses.
 //!
-//! Poses are `session_from_object`. Bins of one object that lie beside each other are one
-//! mode: its pose is their mean, its covariance their spread and that within a bin.
+//! Poses are `session_from_object`. Neighbouring bins of one object form one mode: its pose
+//! is their mean, its covariance their spread plus that within a bin.
 
 use glam::{DQuat, DVec3};
 use nalgebra::{Matrix6, Vector6};
@@ -10,19 +10,19 @@ use crate::log_prob::{entropy_bits, log_sum_exp, normalize};
 use crate::object::ObjectIdx;
 use crate::pose::Pose;
 
-/// A belief in the form that users ask for.
+/// A belief in the form returned to clients.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// The probability of each object of the catalogue, in its order; with `unknown` they sum
     /// to 1.
     pub probabilities: Vec<f64>,
-    /// The probability that it is none of them; 0 with methods that do not consider it.
+    /// The probability of "none of these"; 0 for methods that do not consider it.
     pub unknown: f64,
     /// The most likely poses over all objects, best first.
     pub modes: Vec<PoseMode>,
     /// Entropy of the identity, bits.
     pub entropy_bits: f64,
-    /// How many readings the belief rests on.
+    /// Number of readings.
     pub n_readings: usize,
 }
 
@@ -36,9 +36,10 @@ impl Answer {
         best.map(|(object, _)| ObjectIdx(object as u32))
     }
 
-    /// The risk that the likeliest answer, an object or "none of these", is wrong, for those who
-    /// stop as soon as it is low enough. `untold_prior` is the prior of "none of these" if the
-    /// session did not name it: the risk then allows for up to half of the objects being unknown.
+    /// The risk that the most probable answer, an object or "none of these", is wrong, if the
+    /// client stops as soon as it is low enough. `untold_prior` is the prior of "none of
+    /// these" if the session did not state one: the risk then allows for up to half of the
+    /// objects being unknown.
     #[must_use]
     pub fn risk(&self, untold_prior: Option<f64>) -> f64 {
         let known = self.probabilities.iter().copied().fold(0.0, f64::max);
@@ -46,23 +47,23 @@ impl Answer {
     }
 }
 
-/// The probability of the likeliest answer, an object with probability `known` or "none of
-/// these", under the least favourable prior of "none of these". If the session named a prior,
-/// that is the only one; if not, priors from `untold_prior` to one half are considered.
+/// The probability of the most probable answer, an object with probability `known` or "none
+/// of these", under the least favourable prior of "none of these". If the session stated a
+/// prior, only that one counts; otherwise all priors from `untold_prior` to one half.
 #[must_use]
 pub fn assured(known: f64, unknown: f64, untold_prior: Option<f64>) -> f64 {
     if unknown >= known {
-        // More unknown objects would only make it surer.
+        // A higher prior of unknown objects would only raise it.
         return unknown;
     }
     let more = untold_prior.map_or(1.0, |prior| ((1.0 - prior) / prior).max(1.0));
     known / (1.0 - unknown + unknown * more)
 }
 
-/// The risk that an answer stated with probability `p` is wrong when it is the first one so
-/// sure: whoever stops selects the sessions that are sure too early, the more so the surer.
-/// 0.2 (1 − p)^0.45, never less than 1 − p: learnt on 2,400 sessions, half of unknown objects
-/// (`palpate experiment unknown`, seed 101).
+/// The risk that an answer with probability `p` is wrong when it is the first one above a
+/// threshold: stopping selects sessions that are confident too early, the more so the higher
+/// the threshold. 0.2 (1 − p)^0.45, never less than 1 − p: fitted on 2,400 sessions, half of
+/// unknown objects (`palpate experiment unknown`, seed 101).
 #[must_use]
 pub fn stopping_risk(p: f64) -> f64 {
     let doubt = (1.0 - p).max(0.0);
@@ -72,7 +73,7 @@ pub fn stopping_risk(p: f64) -> f64 {
 /// One cluster of likely poses of one object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseMode {
-    /// Which object.
+    /// The object.
     pub object: ObjectIdx,
     /// The mean pose of the object in the session frame.
     pub session_from_object: Pose,
@@ -83,10 +84,10 @@ pub struct PoseMode {
     pub weight: f64,
 }
 
-/// A pose of an object with ln of its (unnormalised) probability.
+/// A pose of an object with the ln of its unnormalised probability.
 #[derive(Clone, Copy, Debug)]
 pub struct WeightedPose {
-    /// Which object.
+    /// The object.
     pub object: ObjectIdx,
     /// The pose.
     pub session_from_object: Pose,
@@ -94,7 +95,7 @@ pub struct WeightedPose {
     pub log_weight: f64,
 }
 
-/// How far apart poses of one mode may be, and how uncertain a single one is.
+/// Extent of a mode, and the uncertainty of a single pose.
 #[derive(Clone, Copy, Debug)]
 pub struct ModeScale {
     /// Largest distance of a member from the mode's best pose, metres.
@@ -107,8 +108,8 @@ pub struct ModeScale {
     pub rotation_deviation: f64,
 }
 
-/// Makes an answer: `log_objects` are the unnormalised ln probabilities of the objects,
-/// `poses` the best poses on the same scale, at most `n_modes` modes are returned.
+/// Builds an answer. `log_objects` are the unnormalised ln probabilities of the objects,
+/// `poses` the best poses on the same scale; at most `n_modes` modes are returned.
 #[must_use]
 pub fn answer(
     log_objects: &[f64],
@@ -125,7 +126,7 @@ pub fn answer(
     while modes.len() < n_modes
         && let Some(best) = left.next()
     {
-        // The best pose is a member whatever rounding says of its distance to itself.
+        // The best pose is always a member, even if rounding gives it a distance to itself.
         let (near, others): (Vec<_>, Vec<_>) = left.partition(|pose| belongs(pose, &best, scale));
         let members: Vec<WeightedPose> = std::iter::once(best).chain(near).collect();
         modes.push(mode(&members, &best, total, scale));
@@ -194,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_poses_are_one_mode_and_far_ones_another() {
+    fn neighbouring_poses_form_one_mode_and_far_ones_another() {
         let poses = vec![
             weighted(0, 0.0, 0.0, 0.4),
             weighted(0, 8.0 * MM, 0.0, 0.4),
@@ -221,9 +222,9 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_of_zero_answers_every_pose_alone() {
+    fn a_scale_of_zero_makes_every_pose_a_mode() {
         let alone = ModeScale { distance: 0.0, angle: 0.0, ..SCALE };
-        // An angle whose quaternion has rounded components: it is not at angle 0 to itself.
+        // An angle whose quaternion has rounded components: its angle to itself is not 0.
         let poses = vec![weighted(0, 0.1, 0.7, 0.6), weighted(0, 0.1, 1.1, 0.4)];
         let answer = answer(&[0.0], poses, 5, &alone, 2);
         assert_eq!(answer.modes.len(), 2);
@@ -232,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_is_assured_as_if_half_were_unknown_unless_somebody_knows() {
+    fn without_a_stated_prior_half_of_the_objects_may_be_unknown() {
         // Odds of none of these of 0.01 : 0.99 at a prior of 0.05 are nineteen times that at ½.
         let even = 0.99 / (0.99 + 19.0 * 0.01);
         assert!((assured(0.99, 0.01, Some(0.05)) - even).abs() < 1e-12);
@@ -244,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn certainty_is_zero_bits() {
+    fn a_certain_answer_has_zero_entropy() {
         let answer = answer(&[0.0, -1e4], vec![], 3, &SCALE, 9);
         assert!(answer.entropy_bits.abs() < 1e-12 && answer.modes.is_empty());
     }

@@ -1,7 +1,7 @@
-//! Poses that look alike are one: the modes of an answer modulo the symmetries of the objects.
+//! Modes of an answer modulo the symmetries of the objects.
 //!
-//! A mode stands for its orbit: all poses that the object's symmetry makes of it. What is not
-//! known about a continuous axis is said by the covariance.
+//! A mode stands for its orbit: all poses that are equal to it under the object's symmetry.
+//! The covariance says that the angle about a continuous axis is unknown.
 
 use std::f64::consts::PI;
 
@@ -12,23 +12,23 @@ use super::answer::PoseMode;
 use crate::object::ObjectIdx;
 use crate::symmetry::{AxisOrder, Symmetry, SymmetryAxis};
 
-/// The variance of an angle of which nothing is known, rad²: even over a full turn.
+/// The variance of a uniform angle, rad²: over a full turn.
 pub const ANY_TURN: f64 = PI * PI / 3.0;
 
-/// How near poses are one.
+/// Tolerances within which two poses are equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrbitScale {
-    /// Largest distance between the places of the centre, metres.
+    /// Largest distance between the centres, metres.
     pub distance: f64,
-    /// Largest angle that is left at the turn that leaves least, rad.
+    /// Largest remaining angle under the best symmetry, rad.
     pub angle: f64,
 }
 
-/// Merges modes of one object that look the same into the first of them, adds their weights,
-/// and makes the angle about a continuous axis unknown. Modes of objects without a symmetry
-/// stay as they are.
+/// Merges modes of one object that are equal under its symmetry into the first of them, adds
+/// their weights, and makes the angle about a continuous axis unknown. Modes of objects
+/// without a symmetry stay unchanged.
 ///
-/// The result is sorted by weight, equal ones in their order.
+/// The result is sorted by weight; equal weights keep their order.
 #[must_use]
 pub fn merge_orbits<'a>(
     modes: Vec<PoseMode>,
@@ -82,7 +82,7 @@ mod tests {
     const CENTER: DVec3 = DVec3::new(10.0 * MM, 0.0, 0.0);
 
     fn mode(object: u32, degrees: f64, weight: f64) -> PoseMode {
-        // About the centre: it stays where it is.
+        // A turn about the centre, which stays in place.
         let rotation = DQuat::from_rotation_z(degrees * DEG);
         PoseMode {
             object: ObjectIdx(object),
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn quarter_turns_of_a_square_are_one_mode_and_an_eighth_is_another() {
+    fn a_squares_quarter_turns_are_one_mode_an_eighth_is_not() {
         let modes = vec![
             mode(0, 0.0, 0.3),
             mode(1, 0.0, 0.25),
@@ -124,13 +124,13 @@ mod tests {
     }
 
     #[test]
-    fn the_turn_about_a_continuous_axis_is_unknown_and_its_point_stays_known() {
+    fn a_continuous_axis_frees_its_angle_and_keeps_its_point() {
         let found = merged(vec![mode(0, 0.0, 0.7), mode(0, 77.0, 0.2)], AxisOrder::Continuous);
         assert_eq!(found.len(), 1);
         assert!((found[0].weight - 0.9).abs() < 1e-12);
         let covariance = found[0].covariance;
-        // Of an even angle within ±π: π²/3 = 3.2899. The origin lies 10 mm from the axis, so it
-        // moves along y by 10 mm a radian, against the turn.
+        // The variance of a uniform angle within ±π: π²/3 = 3.2899. The origin lies 10 mm
+        // from the axis, so it moves along y by 10 mm a radian, against the turn.
         assert!((covariance[(5, 5)] - 3.289_868).abs() < 1e-6);
         assert!((covariance[(1, 1)] - 3.289_868e-4).abs() < 1e-10);
         assert!((covariance[(1, 5)] + 3.289_868e-2).abs() < 1e-8);

@@ -1,13 +1,14 @@
-//! The prior over the objects, and why a reading or a prior does not fit a catalogue.
+//! The prior over the objects, and the error of a reading or a prior that does not fit a
+//! catalogue.
 
 use thiserror::Error;
 
 use crate::log_prob::normalize;
 
-/// Why a reading cannot be used with a catalogue.
+/// Error of a reading or a prior that does not fit a catalogue.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum MismatchError {
-    /// The sensor has another shape than the one the catalogue was trained with.
+    /// The image has another shape than the catalogue's images.
     #[error(
         "image of {found_rows}×{found_cols} taxels, expected {rows}×{cols} as in the catalogue"
     )]
@@ -16,9 +17,9 @@ pub enum MismatchError {
         rows: usize,
         /// Columns of the catalogue's images.
         cols: usize,
-        /// Rows that came.
+        /// Rows of the image.
         found_rows: usize,
-        /// Columns that came.
+        /// Columns of the image.
         found_cols: usize,
     },
     /// The prior does not fit the catalogue.
@@ -28,16 +29,15 @@ pub enum MismatchError {
     Prior {
         /// Objects of the catalogue.
         expected: usize,
-        /// Weights that came.
+        /// Number of weights.
         found: usize,
     },
 }
 
-/// ln of a prior over the objects, normalised; `None` is even.
+/// ln of a prior over the objects, normalised; `None` is uniform.
 ///
 /// # Errors
-/// [`MismatchError::Prior`] when there is not one finite weight of at least 0 an object, or
-/// all are 0.
+/// [`MismatchError::Prior`] unless there is one finite weight of at least 0 per object, not all 0.
 pub fn log_prior(prior: Option<&[f64]>, n_objects: usize) -> Result<Vec<f64>, MismatchError> {
     let logs = match prior {
         None => vec![0.0; n_objects],

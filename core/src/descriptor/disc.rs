@@ -1,7 +1,7 @@
-//! The largest circle inside an image, about the image's centre: what a rotation keeps.
+//! The inscribed circle of an image, the part that a rotation about the centre preserves.
 //!
-//! Source: section 4.3.2.4. Positions are in taxels about the centre, x along the columns,
-//! y along the rows. An image that is not square loses what lies beyond its shorter side.
+//! Source: section 4.3.2.4. Positions are in taxels about the centre, x along the columns, y
+//! along the rows. An image that is not square loses everything beyond its shorter side.
 
 /// The inscribed circle of images of one shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub(super) struct Disc {
 /// A taxel within the circle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct DiscTaxel {
-    /// Its place in a row-major image.
+    /// Its index in a row-major image.
     pub(super) taxel: usize,
     /// Taxels to the right of the image centre.
     pub(super) x: f64,
@@ -27,7 +27,7 @@ impl Disc {
         self.rows.min(self.cols)
     }
 
-    /// Where the image centre is, as (row, column).
+    /// The image centre as (row, column).
     pub(super) fn center(self) -> (f64, f64) {
         ((self.rows as f64 - 1.0) / 2.0, (self.cols as f64 - 1.0) / 2.0)
     }
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_image_keeps_its_middle() {
+    fn an_elongated_image_keeps_its_middle() {
         check(Disc { rows: 3, cols: 6 }, &["..##..", ".####.", "..##.."]);
     }
 }

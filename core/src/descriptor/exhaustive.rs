@@ -1,13 +1,13 @@
 //! Exhaustive: the best match of a part of one image anywhere in another, at any angle.
 //!
-//! Source: section 5.3.3. A comparator, not a descriptor: an upper bound on what a feature
-//! that ignores rotation and translation can keep. Its correlation is the cosine, as in 2.3.
+//! Source: section 5.3.3. A comparator, not a descriptor: an upper bound for features that
+//! ignore rotation and translation. Its correlation is the cosine, as in 2.3.
 
 use super::disc::Disc;
 use super::sample::Sample;
 use crate::reading::TactileImage;
 
-/// Angles at which the part is tried.
+/// Number of angles of the part.
 const N_TURNS: usize = 16;
 
 /// The comparator for images of one shape.
@@ -16,7 +16,7 @@ pub struct Exhaustive {
     disc: Disc,
     /// Taxels along a side of the compared part.
     side: usize,
-    /// Where the turned parts are sampled: turn-major, then row-major.
+    /// Sample positions of the turned parts: turn-major, then row-major.
     samples: Vec<Sample>,
 }
 
@@ -43,10 +43,10 @@ impl Exhaustive {
     }
 
     /// The largest cosine of the middle of `a`, turned, and a part of `b`: −1 to 1, not
-    /// symmetric, 0 when either shows nothing.
+    /// symmetric, 0 when either is empty.
     ///
     /// # Panics
-    /// When an image has not the planned shape.
+    /// When an image does not have the planned shape.
     #[must_use]
     pub fn similarity(&self, a: &TactileImage, b: &TactileImage) -> f64 {
         let Disc { rows, cols } = self.disc;
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_image_is_like_nothing() {
+    fn an_empty_image_has_similarity_zero() {
         let empty = TactileImage { rows: 6, cols: 6, pressures: vec![0.0; 36] };
         let similarity = Exhaustive::new(6, 6).similarity(&empty, &blob(6, 0.0, 0.0, 0.0));
         assert!(similarity.abs() < 1e-15);
@@ -103,18 +103,18 @@ mod tests {
 
     proptest! {
         #[test]
-        fn an_image_is_like_itself_turned_and_moved(image in any_image(6, 6), quarters in 0..4) {
+        fn an_image_is_similar_to_itself_turned_and_moved(image in any_image(6, 6), quarters in 0..4) {
             let turned = (0..quarters).fold(image.clone(), |image, _| quarter_turned(&image));
             let plan = Exhaustive::new(6, 6);
             prop_assert!(plan.similarity(&image, &turned) > 1.0 - 1e-12);
-            // Moved by one taxel: the last column of pressures comes in first.
+            // Moved by one taxel: the last column of pressures comes first.
             let mut moved = turned.clone();
             moved.pressures.rotate_right(1);
             prop_assert!(plan.similarity(&image, &moved) > 1.0 - 1e-12);
         }
 
         #[test]
-        fn no_vector_keeps_more_of_a_moved_image(angle in -3.0..3.0_f64, dx in 0.5..1.0_f64) {
+        fn no_descriptor_is_more_similar_for_a_moved_image(angle in -3.0..3.0_f64, dx in 0.5..1.0_f64) {
             let (a, b) = (blob(14, 0.0, 0.0, 0.0), blob(14, angle, dx, 0.0));
             let exhaustive = Exhaustive::new(14, 14).similarity(&a, &b);
             let vector = |image| DescriptorKind::MomentNormalized.describe(image).row(0).to_vec();

@@ -1,6 +1,6 @@
-//! Features of a batch of readings: one row each, and which reading it came from.
+//! Features of a batch of readings: one row each, with the index of its reading.
 //!
-//! Row-major. A reading may own several rows (MR-8); rows of one reading follow each other.
+//! Row-major. A reading may own several rows (MR-8); rows of one reading are adjacent.
 
 /// Features of equal length, each with the index of the reading that owns it.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,8 +22,8 @@ impl FeatureMatrix {
         Self { dimension, values, owners }
     }
 
-    /// Features that came as vectors, one a reading (a client's own, say): `None` when there
-    /// is none, or when they are empty or differ in length.
+    /// One feature per reading (a client's own, for example); `None` when there is none, or
+    /// when they are empty or differ in length.
     #[must_use]
     pub fn from_rows(rows: &[Vec<f64>]) -> Option<Self> {
         let dimension = rows.first()?.len();
@@ -31,13 +31,13 @@ impl FeatureMatrix {
         even.then(|| Self::from_parts(dimension, rows.concat(), (0..rows.len()).collect()))
     }
 
-    /// How many features there are.
+    /// Number of features.
     #[must_use]
     pub fn n_rows(&self) -> usize {
         self.owners.len()
     }
 
-    /// How many values each has.
+    /// Length of a feature.
     #[must_use]
     pub fn dimension(&self) -> usize {
         self.dimension
@@ -66,7 +66,7 @@ impl FeatureMatrix {
         &self.values
     }
 
-    /// The features as vectors of their own.
+    /// The features as separate vectors.
     #[must_use]
     pub fn to_rows(&self) -> Vec<Vec<f64>> {
         self.rows().map(<[f64]>::to_vec).collect()
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_lie_one_after_the_other() {
+    fn rows_are_adjacent_and_have_a_mean() {
         let matrix =
             FeatureMatrix::from_parts(2, vec![1.0, 2.0, 3.0, 4.0, 5.0, 0.0], vec![0, 0, 1]);
         assert_eq!((matrix.n_rows(), matrix.dimension()), (3, 2));
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn vectors_of_different_lengths_are_no_matrix() {
+    fn vectors_of_different_lengths_are_refused() {
         let rows = vec![vec![1.0, 2.0], vec![3.0, 4.0]];
         assert_eq!(FeatureMatrix::from_rows(&rows).map(|m| m.to_rows()), Some(rows));
         assert_eq!(FeatureMatrix::from_rows(&[vec![1.0], vec![]]), None);

@@ -1,4 +1,4 @@
-//! Banks of filters over a whole image, for MR-8 and Schmid: all responses by transforms.
+//! Banks of filters over a whole image, for MR-8 and Schmid, applied by Fourier transforms.
 //!
 //! The image continues beyond its borders as its mirror image, which makes it periodic in
 //! twice its sides, so a product of spectra is the exact convolution. Two real filters share
@@ -9,7 +9,7 @@ use rustfft::num_complex::Complex;
 use super::fourier::Fourier;
 use crate::reading::TactileImage;
 
-/// A filter by its formula.
+/// A filter's formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kernel {
     /// The first or second derivative, along `angle` (rad), of a Gaussian with deviation
@@ -45,7 +45,7 @@ impl Kernel {
         }
     }
 
-    /// How far from its centre the filter is not nearly 0.
+    /// Distance from the centre beyond which the filter is nearly 0.
     fn reach(self) -> f64 {
         3.0 * match self {
             Self::Oriented { narrow, wide, .. } | Self::GaussianDifference { narrow, wide } => {
@@ -55,7 +55,7 @@ impl Kernel {
         }
     }
 
-    /// True when an even image has no response.
+    /// True when the response to a constant image is 0.
     fn sums_to_zero(self) -> bool {
         !matches!(self, Self::Gaussian { .. })
     }
@@ -67,14 +67,14 @@ fn gaussian(x: f64, y: f64, sigma: f64) -> f64 {
     (-0.5 * (x * x + y * y) / square).exp() / (std::f64::consts::TAU * square)
 }
 
-/// Filters for images of one shape; their absolute values sum to 1 before the mean of those
-/// that sum to zero is taken off.
+/// Filters for images of one shape, with absolute values that sum to 1 before the mean of
+/// those that sum to zero is subtracted.
 #[derive(Clone, Debug)]
 pub(super) struct FilterBank {
     rows: usize,
     cols: usize,
     fourier: Fourier,
-    /// The spectrum of each two filters, as real and imaginary part of one array.
+    /// The spectrum of each pair of filters, as real and imaginary part of one array.
     pairs: Vec<Vec<Complex<f64>>>,
 }
 
@@ -97,7 +97,7 @@ impl FilterBank {
         Self { rows, cols, fourier, pairs }
     }
 
-    /// How many numbers [`Self::respond`] works in.
+    /// Length of the buffer of [`Self::respond`].
     pub(super) fn n_buffer(&self) -> usize {
         let n = 4 * self.rows * self.cols;
         3 * n + n / 2 + self.fourier.n_scratch()
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn responses_are_the_naive_convolution_with_mirrored_borders() {
+    fn responses_equal_the_naive_mirrored_convolution() {
         let image = blob(6, 0.4, 0.2, 0.0);
         let kernels = [
             Kernel::Oriented { second: false, narrow: 0.5, wide: 1.0, angle: 0.5 },
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_image_has_itself_under_the_gaussian_and_nothing_under_the_others() {
+    fn only_the_gaussian_responds_to_a_constant_image() {
         let image = TactileImage { rows: 5, cols: 4, pressures: vec![900.0; 20] };
         let kernels = [
             Kernel::Gaussian { sigma: 1.3 },

@@ -1,7 +1,7 @@
-//! Two-dimensional discrete Fourier transforms with plans that are made once.
+//! Two-dimensional discrete Fourier transforms with reusable plans.
 //!
-//! A spectrum is stored by columns: the value of frequency (row, col) is at
-//! `col × rows + row`. Nothing is scaled: forward and back multiplies by rows × cols.
+//! A spectrum is stored by columns: the value of frequency (row, col) is at `col × rows +
+//! row`. Nothing is scaled: forward and back multiplies by rows × cols.
 
 use std::fmt;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
-/// Transforms of arrays of one shape, both ways.
+/// Forward and backward transforms of arrays of one shape.
 #[derive(Clone)]
 pub(super) struct Fourier {
     rows: usize,
@@ -32,13 +32,13 @@ impl Fourier {
         Self { rows, cols, forward, backward }
     }
 
-    /// How many numbers the transforms need beside the arrays.
+    /// Length of the scratch buffer of the transforms.
     pub(super) fn n_scratch(&self) -> usize {
         let plans = self.forward.iter().chain(&self.backward);
         plans.map(|plan| plan.get_inplace_scratch_len()).max().unwrap_or(0)
     }
 
-    /// The spectrum of a row-major array, which is used up.
+    /// The spectrum of a row-major array; overwrites the array.
     pub(super) fn forward(
         &self,
         values: &mut [Complex<f64>],
@@ -54,7 +54,8 @@ impl Fourier {
         self.forward[1].process_with_scratch(spectrum, scratch);
     }
 
-    /// The first rows of the array of a spectrum, which is used up: as many as fill `values`.
+    /// The first rows of the array of a spectrum, as many as fill `values`; overwrites the
+    /// spectrum.
     pub(super) fn backward(
         &self,
         spectrum: &mut [Complex<f64>],
@@ -78,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_spectrum_is_the_naive_double_sum_and_comes_back() {
+    fn the_spectrum_equals_the_naive_sum_and_inverts() {
         let (rows, cols) = (5, 6);
         let array: Vec<Complex<f64>> =
             (0..30).map(|n| Complex::new(f64::from(n * n % 7), f64::from(n % 3))).collect();

@@ -1,4 +1,4 @@
-//! The descriptors that exist, by the names users type.
+//! The available descriptors and their names.
 
 use super::mnti::Mnti;
 use super::moment_normalized::MomentNormalizer;
@@ -12,7 +12,7 @@ use super::vectorize::{Vectorize, from_columns};
 use super::{Descriptor, FeatureMatrix};
 use crate::reading::TactileImage;
 
-/// A descriptor, not planned yet.
+/// A descriptor before planning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DescriptorKind {
     /// The image itself, columns concatenated (section 4.3.2.1): the negative control.
@@ -20,21 +20,21 @@ pub enum DescriptorKind {
     /// Lowe's histograms of gradients of the whole image (section 4.3.2.2).
     Sift,
     /// Largest responses of oriented filters in four windows (section 4.3.2.3): several
-    /// features a reading.
+    /// features per reading.
     Mr8,
     /// The image turned to its principal axes (section 4.3.2.4).
     MomentNormalized,
-    /// Fourier magnitudes of rings and of their neighbours' relations (section 4.3.2.5.1).
+    /// Fourier magnitudes of rings and of their sums and differences (section 4.3.2.5.1).
     PolarFourier,
     /// Polar-Fourier, each row divided by the root of its radius (rwPF).
     PolarFourierRw,
     /// Polar-Fourier of the rings alone (niPF).
     PolarFourierNi,
-    /// Polar-Fourier and third-order products that tell an image from its mirror image.
+    /// Polar-Fourier and third-order products that distinguish mirror images.
     PolarFourierSigned,
     /// Moment-normalised, translation-invariant (section 4.3.2.5.2).
     Mnti,
-    /// Strengths of spatial frequencies without place and direction: beyond the dissertation.
+    /// Magnitudes of spatial frequencies without position and direction: beyond the dissertation.
     PolarSpectrum,
     /// Derivatives at the centre, steered to the gradient: a control that performed poorly.
     Steerable,
@@ -59,7 +59,7 @@ impl DescriptorKind {
         Self::Schmid,
     ];
 
-    /// The name that users type.
+    /// The name in the API.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -78,20 +78,20 @@ impl DescriptorKind {
         }
     }
 
-    /// The descriptor of a name, or `None` when there is none.
+    /// The descriptor of a name, if any.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// True when a reading has one feature, whatever its shape: what a method needs that
-    /// gives each touch one appearance.
+    /// Whether a reading has one feature for every image shape, as methods with one
+    /// appearance per touch require.
     #[must_use]
     pub fn gives_one_feature(self) -> bool {
         self != Self::Mr8
     }
 
-    /// Prepares to describe images of `rows` × `cols` taxels, at least one of each.
+    /// Plans the descriptor for images of `rows` × `cols` taxels, at least one of each.
     #[must_use]
     pub fn plan(self, rows: usize, cols: usize) -> Box<dyn Descriptor> {
         let polar = |form| Box::new(PolarFourier::new(rows, cols, form));
@@ -117,9 +117,9 @@ impl DescriptorKind {
         self.plan(image.rows, image.cols).describe(&[image])
     }
 
-    /// The image that a feature of `rows` × `cols` taxels pictures, up to its intensity (and,
-    /// for Moment-Normalised, its rotation); `None` for descriptors that cannot be undone
-    /// and for features of another length.
+    /// The image of a feature of `rows` × `cols` taxels, up to its intensity (and, for
+    /// Moment-Normalised, its rotation); `None` for descriptors that cannot be inverted and
+    /// for features of another length.
     #[must_use]
     pub fn picture(self, feature: &[f64], rows: usize, cols: usize) -> Option<TactileImage> {
         let invertible = matches!(self, Self::Vectorize | Self::MomentNormalized);
@@ -140,7 +140,7 @@ mod tests {
     use crate::descriptor::test_support::{any_image, blob, check_descriptor, mirrored};
 
     #[test]
-    fn names_lead_back_to_their_descriptors() {
+    fn names_map_back_to_descriptors() {
         for kind in DescriptorKind::ALL {
             assert_eq!(DescriptorKind::from_name(kind.name()), Some(kind));
         }
@@ -170,13 +170,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_image_has_unit_features_whatever_its_intensity(image in any_image(6, 7)) {
+        fn features_have_unit_norm_at_any_intensity(image in any_image(6, 7)) {
             check_descriptor(&image);
         }
     }
 
     #[test]
-    fn nothing_touched_is_all_zeros() {
+    fn images_without_contact_have_zero_features() {
         let image = TactileImage { rows: 6, cols: 6, pressures: vec![0.0; 36] };
         for kind in DescriptorKind::ALL {
             let described = kind.describe(&image);
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn features_of_images_picture_them() {
+    fn features_of_images_convert_back_to_images() {
         let image = blob(6, 0.2, 0.1, 0.0);
         let feature = DescriptorKind::Vectorize.describe(&image);
         let picture = DescriptorKind::Vectorize.picture(feature.row(0), 6, 6).unwrap();
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn who_sees_a_mirror_image_and_who_is_blind_to_it() {
+    fn only_some_descriptors_distinguish_mirror_images() {
         let image = blob(12, 0.3, 0.4, 0.2);
         for kind in [DescriptorKind::PolarFourier, DescriptorKind::PolarFourierNi] {
             let described = [kind.describe(&image), kind.describe(&mirrored(&image))];
@@ -212,7 +212,7 @@ mod tests {
         assert!(kept < 0.99, "{kept}");
     }
 
-    /// A letter like p, which no rotation makes a q.
+    /// An asymmetric letter such as p, which no rotation turns into its mirror image q.
     fn bent_blob() -> TactileImage {
         let drawn = [
             "............",

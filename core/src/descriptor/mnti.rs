@@ -1,8 +1,9 @@
-//! MNTI: the moment-normalised image's Fourier magnitudes, indifferent to small shifts.
+//! MNTI: Fourier magnitudes of the moment-normalised image, insensitive to small shifts.
 //!
 //! Source: section 4.3.2.5.2; size, padding and kept frequencies as in `docs/equations.md`:
 //! each side grows to ⌈1.5 n⌉ by a periodic ramp (border/2, 0, border/2), and the lowest
-//! frequencies, as many as the original image has, stay without their conjugate duplicates.
+//! frequencies, as many as the original image has, are kept without their conjugate
+//! duplicates.
 
 use rustfft::num_complex::Complex;
 
@@ -20,11 +21,11 @@ pub struct Mnti {
     enlarged: (usize, usize),
     /// The ramps that enlarge a line along a row and along a column.
     ramps: [Vec<Ramp>; 2],
-    /// Where the kept frequencies are in the spectrum.
+    /// Indices of the kept frequencies in the spectrum.
     kept: Vec<usize>,
 }
 
-/// One padding value: a share of the line's last value or of its first.
+/// One padding value: a fraction of the line's last or first value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ramp {
     OfLast(f64),
@@ -32,15 +33,15 @@ enum Ramp {
 }
 
 impl Mnti {
-    /// Plans for images of `rows` × `cols` taxels. The dimension is (cols / 2 + 1) × rows,
-    /// nearly: conjugate duplicates in the columns of frequency 0 are left out, and even
-    /// sides keep both ends of their frequencies.
+    /// Plans for images of `rows` × `cols` taxels. The dimension is nearly (cols / 2 + 1) ×
+    /// rows: conjugate duplicates in the columns of frequency 0 are left out, and even sides
+    /// keep both ends of their frequencies.
     #[must_use]
     pub fn new(rows: usize, cols: usize) -> Self {
         Self::with_mask(rows, cols, MaskOrder::TurnFirst)
     }
 
-    /// The same for images that are masked in a given order.
+    /// Like `new`, with the given mask order.
     #[must_use]
     pub fn with_mask(rows: usize, cols: usize, order: MaskOrder) -> Self {
         let enlarged = (enlarge(rows), enlarge(cols));
@@ -57,8 +58,8 @@ impl Mnti {
         }
     }
 
-    /// The image in the corner of a larger periodic one: from each last value the padding
-    /// falls linearly to 0 and rises to the first value of the next period.
+    /// The image in the corner of a larger periodic one. The padding falls linearly from each
+    /// last value to 0 and rises to the first value of the next period.
     fn pad(&self, image: &[f64], padded: &mut [Complex<f64>]) {
         let (_, cols) = self.shape();
         let width = self.enlarged.1;
@@ -116,7 +117,7 @@ fn enlarge(side: usize) -> usize {
     (3 * side).div_ceil(2)
 }
 
-/// `gap` values that fall from a whole last value to 0 and rise to a whole first value.
+/// Ramp of `gap` values that fall from the last value to 0 and rise to the first value.
 fn ramp(gap: usize) -> Vec<Ramp> {
     let middle = (gap as f64 + 1.0) / 2.0;
     let share = |step: usize| 1.0 - step as f64 / middle;
@@ -161,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_naive_transform_of_the_padded_image() {
+    fn mnti_is_the_naive_transform_of_the_padded_image() {
         let (rows, cols) = (4, 5); // padded to 6 × 8
         let mut stream = crate::rng::Stream::new(1, crate::rng::Purpose::Shape, 0);
         let pressures = (0..20).map(|_| stream.uniform(0.0, 9_000.0)).collect();
@@ -185,7 +186,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_image_keeps_its_descriptor_in_a_quarter_turn(image in any_image(6, 6)) {
+        fn quarter_turns_keep_the_descriptor(image in any_image(6, 6)) {
             prop_assume!(!MomentNormalizer::new(6, 6).normalize(&image).ambiguous);
             check_quarter_turn(DescriptorKind::Mnti, &image, 1e-6);
         }

@@ -9,7 +9,7 @@ use super::vectorize::by_columns;
 use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
-/// A third-order moment smaller than this share of the second-order ones decides nothing.
+/// Ratio of third-order to second-order moments below which the former decide nothing.
 const AMBIGUOUS_SHARE: f64 = 1e-3;
 
 /// The image masked by its inscribed circle and turned to its principal axes.
@@ -17,16 +17,16 @@ const AMBIGUOUS_SHARE: f64 = 1e-3;
 pub struct MomentNormalized {
     /// The turned image, in the shape of the original.
     pub image: TactileImage,
-    /// True when no third-order moment could tell a half-turn: the descriptor may flip.
+    /// True when no third-order moment decided the half-turn: the descriptor may flip.
     pub ambiguous: bool,
 }
 
-/// When the image is masked by its inscribed circle.
+/// Order of masking and turning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaskOrder {
-    /// After turning (and for the moments): the circle's jagged edge does not turn.
+    /// Masks after turning (and for the moments): the circle's jagged edge does not turn.
     TurnFirst,
-    /// Before turning, as printed: what lies outside the circle is zero and turns as zero.
+    /// Masks before turning, as printed: taxels outside the circle turn as zeros.
     MaskFirst,
 }
 
@@ -45,7 +45,7 @@ impl MomentNormalizer {
         Self::with_mask(rows, cols, MaskOrder::TurnFirst)
     }
 
-    /// Plans for images of `rows` × `cols` taxels that are masked in a given order.
+    /// Plans for images of `rows` × `cols` taxels with the given mask order.
     #[must_use]
     pub fn with_mask(rows: usize, cols: usize, order: MaskOrder) -> Self {
         let disc = Disc { rows, cols };
@@ -60,7 +60,7 @@ impl MomentNormalizer {
         MomentNormalized { image: TactileImage { pressures, ..*image }, ambiguous }
     }
 
-    /// Writes the turned image, row-major and zero outside the circle, and says whether the
+    /// Writes the turned image, row-major and zero outside the circle; returns whether the
     /// half-turn was ambiguous.
     pub(super) fn turn(&self, image: &[f64], turned: &mut [f64]) -> bool {
         let (angle, ambiguous) = self.principal_angle(image);
@@ -78,8 +78,8 @@ impl MomentNormalizer {
         ambiguous
     }
 
-    /// Masks the image, then turns all of it: taxels beyond the circle get what is turned
-    /// into them, as printed.
+    /// Masks the image, then turns all of it, as printed: taxels beyond the circle receive
+    /// the values turned into them.
     fn turn_masked(&self, image: &[f64], (sin, cos): (f64, f64), turned: &mut [f64]) {
         let mut masked = vec![0.0; image.len()];
         for inside in &self.taxels {
@@ -93,8 +93,8 @@ impl MomentNormalizer {
         }
     }
 
-    /// The direction of the major axis (rad) with its half-turn decided, and whether it
-    /// could not be.
+    /// The direction of the major axis (rad) with its half-turn decided, and whether that was
+    /// ambiguous.
     fn principal_angle(&self, image: &[f64]) -> (f64, bool) {
         let (mut m11, mut m20, mut m02) = (0.0, 0.0, 0.0);
         for &DiscTaxel { taxel, x, y } in &self.taxels {
@@ -120,7 +120,8 @@ impl MomentNormalizer {
         (if sign < 0.0 { angle + std::f64::consts::PI } else { angle }, ambiguous)
     }
 
-    /// Between taxels; beyond the array the nearest taxel counts, at most half a taxel away.
+    /// Bilinear between taxels; beyond the array, by at most half a taxel, the nearest taxel
+    /// counts.
     fn bilinear(&self, image: &[f64], row: f64, col: f64) -> f64 {
         let (rows, cols) = (self.disc.rows as i64, self.disc.cols as i64);
         let (r0, c0) = (row.floor(), col.floor());
@@ -186,9 +187,9 @@ mod tests {
     }
 
     #[test]
-    fn an_even_touch_stays_even_at_any_angle() {
-        // A slope decides the angle; the circle is full to its edge before and after. A mask
-        // that turned with the image would leave holes at the edge of up to a half.
+    fn a_uniform_touch_stays_uniform_at_any_angle() {
+        // The slope determines the angle; the circle is full to its edge before and after. A
+        // mask that turned with the image would leave holes of up to a half at the edge.
         for angle in [0.2_f64, 0.5, 0.9] {
             let (sin, cos) = angle.sin_cos();
             let at = |n: usize| {
@@ -207,9 +208,9 @@ mod tests {
     }
 
     #[test]
-    fn a_mask_that_turns_leaves_holes_at_the_circles_edge() {
-        // The printed order: an even touch at an oblique angle is no longer even, since zeros
-        // of the corners turn into the circle.
+    fn masking_before_turning_leaves_holes_at_the_edge() {
+        // The printed order: a uniform touch at an oblique angle is no longer uniform, since
+        // zeros of the corners turn into the circle.
         let at = |n: usize| {
             let (x, y) = ((n % 6) as f64 - 2.5, (n / 6) as f64 - 2.5);
             let along = 0.5_f64.cos() * x + 0.5_f64.sin() * y;
@@ -221,13 +222,13 @@ mod tests {
         let inside = printed.taxels.iter().map(|inside| turned.pressures[inside.taxel]);
         let least = inside.fold(f64::INFINITY, f64::min);
         assert!((500.0..950.0).contains(&least), "{least}");
-        // The middle is as even as before.
+        // The middle stays uniform.
         assert!((turned.pressures[14] / 1_000.0 - 1.0).abs() < 0.02);
     }
 
     proptest! {
         #[test]
-        fn any_image_keeps_its_descriptor_in_a_quarter_turn(image in any_image(6, 6)) {
+        fn quarter_turns_keep_the_descriptor(image in any_image(6, 6)) {
             prop_assume!(!MomentNormalizer::new(6, 6).normalize(&image).ambiguous);
             check_quarter_turn(DescriptorKind::MomentNormalized, &image, 1e-6);
         }

@@ -1,9 +1,10 @@
-//! MR-8: at each taxel the largest response over six angles of oriented filters.
+//! MR-8: the largest response over six angles of oriented filters at each taxel.
 //!
 //! Source: section 4.3.2.3, Varma and Zisserman (2005). Windows and scales as in
 //! `docs/equations.md`: four overlapping windows of two thirds of each side, mirrored
 //! borders, deviations (1, 2), (2, 4), (4, 8) twelfths of the shorter side. The maximum over
-//! angles turns with the image; the order of a window's taxels does not, hence its weakness.
+//! angles turns with the image; the order of a window's taxels does not, which is its
+//! weakness.
 
 use super::disc::Disc;
 use super::filter_bank::{FilterBank, Kernel};
@@ -12,9 +13,9 @@ use crate::reading::TactileImage;
 
 /// Angles of each oriented filter.
 const N_ANGLES: usize = 6;
-/// Oriented filters, of six angles each, and two round ones.
+/// Oriented filters, of six angles each, and two isotropic ones.
 const N_CHANNELS: usize = 8;
-/// A window's responses are averaged into at most so many blocks a side.
+/// Maximum number of blocks along a side over which a window's responses are averaged.
 const BLOCKS_MAX: usize = 4;
 
 /// MR-8 for images of one shape.
@@ -26,7 +27,7 @@ pub struct Mr8 {
     cols: Spans,
 }
 
-/// Where windows lie along one side of the image, and how they fall into blocks.
+/// Positions of windows along one side of the image, and their blocks.
 #[derive(Clone, Debug, PartialEq)]
 struct Spans {
     /// First taxel of each window: one or two.
@@ -37,8 +38,8 @@ struct Spans {
 }
 
 impl Mr8 {
-    /// Plans for images of `rows` × `cols` taxels. At 6 × 6 each of the four windows has
-    /// 4 × 4 taxels and 8 responses of each; larger windows are averaged into 4 × 4 blocks.
+    /// Plans for images of `rows` × `cols` taxels. At 6 × 6 each of the four windows has 4 ×
+    /// 4 taxels with 8 responses each; larger windows are averaged into 4 × 4 blocks.
     #[must_use]
     pub fn new(rows: usize, cols: usize) -> Self {
         let disc = Disc { rows, cols };
@@ -60,7 +61,7 @@ impl Mr8 {
         Self { disc, bank, rows: Spans::new(rows), cols: Spans::new(cols) }
     }
 
-    /// The largest magnitude over the angles, for each channel and taxel; `best` is zeros.
+    /// The largest magnitude over the angles, for each channel and taxel; `best` starts as zeros.
     fn respond(&self, image: &TactileImage, workspace: &mut Workspace) {
         let n = image.pressures.len();
         let (best, buffer) = workspace.lend(N_CHANNELS * n, self.bank.n_buffer());
@@ -120,14 +121,14 @@ impl Spans {
         Self { starts, length, n_blocks: length.min(BLOCKS_MAX) }
     }
 
-    /// The blocks of the window that starts at `start`, as nearly equal as taxels allow.
+    /// The blocks of the window that starts at `start`, as equal as possible.
     fn blocks(&self, start: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
         let (length, n) = (self.length, self.n_blocks);
         (0..n).map(move |block| start + block * length / n..start + (block + 1) * length / n)
     }
 }
 
-/// The channel of a filter: all angles of an oriented one share theirs.
+/// The channel of a filter, shared by all angles of an oriented one.
 fn channel(filter: usize) -> usize {
     let n_oriented = (N_CHANNELS - 2) * N_ANGLES;
     if filter < n_oriented { filter / N_ANGLES } else { filter - n_oriented + N_CHANNELS - 2 }

@@ -1,4 +1,4 @@
-//! Polar-Fourier: Fourier magnitudes of the image's rings, which a rotation does not change.
+//! Polar-Fourier: Fourier magnitudes of the image's rings, which are invariant to rotation.
 //!
 //! Source: section 4.3.2.5.1, equations 4.11–4.14; radii, rows, kept frequencies and angles
 //! as in `docs/equations.md`. The transform is linear, so the sum and the difference of two
@@ -15,17 +15,17 @@ use super::sample::Sample;
 use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
-/// What is recorded of the rings.
+/// Recorded magnitudes of the rings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PolarFourierForm {
     /// Magnitudes of each ring, and of the sum and difference of neighbouring rings.
     Interleaved,
-    /// The same, each row divided by the root of its radius, as printed (rwPF).
+    /// Like `Interleaved`, each row divided by the root of its radius, as printed (rwPF).
     RadiallyWeighted,
     /// Magnitudes of each ring alone (niPF).
     NonInterleaved,
     /// Interleaved, and for each ring of at least three kept frequencies the phase products
-    /// F(1)·F(k)·F*(k + 1): a rotation leaves them, a mirror changes their signs.
+    /// F(1)·F(k)·F*(k + 1), which a rotation preserves and a mirror negates.
     Signed,
 }
 
@@ -35,8 +35,8 @@ pub struct PolarFourier {
     disc: Disc,
     form: PolarFourierForm,
     n_angles: usize,
-    /// Where the rings are sampled: ring-major, angles in their order; empty rings fill up
-    /// to an even number.
+    /// Sample positions of the rings: ring-major, angles in order; empty rings pad to an even
+    /// number.
     samples: Vec<Sample>,
     fft: Arc<dyn Fft<f64>>,
     rows: Vec<Row>,
@@ -48,9 +48,9 @@ struct Row {
     /// The ring, or the inner one of two; from 0.
     ring: usize,
     part: Part,
-    /// N: how many of its lowest frequencies stay.
+    /// N: number of lowest frequencies kept.
     n_kept: usize,
-    /// What its magnitudes are multiplied with.
+    /// Factor of its magnitudes.
     weight: f64,
 }
 
@@ -95,12 +95,12 @@ impl PolarFourier {
         Self { disc, form, n_angles, samples, fft, rows: layout(n_rings, form) }
     }
 
-    /// The most frequencies that any row keeps.
+    /// Largest number of frequencies kept in a row.
     fn n_kept_max(&self) -> usize {
         self.rows.iter().map(|row| row.n_kept).max().unwrap_or(1)
     }
 
-    /// The spectra of two rings that were transformed as real and imaginary part.
+    /// The spectra of two rings transformed as real and imaginary part.
     fn unpack(&self, packed: &[Complex<f64>], pair: &mut [Complex<f64>]) {
         let n_kept = pair.len() / 2;
         let (first, second) = pair.split_at_mut(n_kept);
@@ -231,7 +231,7 @@ mod tests {
     ];
 
     #[test]
-    fn a_6x6_image_has_the_rows_and_frequencies_of_the_equations() {
+    fn a_6x6_image_has_the_equations_rows_and_frequencies() {
         // N_i = round(4 i / 6) for i = 1 … 6: 1 (at least), 1, 2, 3, 3, 4; halfway between:
         // 1, 2 (5/3), 2 (7/3), 3, 4 (11/3). Interleaved rows count twice: 14 + 2 · 12.
         let dimension = |form| PolarFourier::new(6, 6, form).dimension();
@@ -290,7 +290,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_is_the_naive_sum_over_each_row(image in any_image(5, 7)) {
+        fn the_feature_is_the_naive_sum_over_each_row(image in any_image(5, 7)) {
             for (kind, weighted) in [(FORMS[0], false), (FORMS[1], true)] {
                 let (naive, found) = (naive(&image, weighted), feature(kind, &image));
                 prop_assert_eq!(naive.len(), found.len());
@@ -315,7 +315,7 @@ mod tests {
         }
 
         #[test]
-        fn only_the_signed_form_sees_mirror_images(image in any_image(8, 8)) {
+        fn only_the_signed_form_distinguishes_mirror_images(image in any_image(8, 8)) {
             let kept = |kind| affinity(&feature(kind, &image), &feature(kind, &mirrored(&image)));
             prop_assert!(kept(FORMS[0]) > 1.0 - 1e-9);
             prop_assert!(kept(FORMS[3]) < 1.0 - 1e-9);
@@ -323,9 +323,9 @@ mod tests {
     }
 
     #[test]
-    fn rings_turned_against_each_other_are_told_apart_by_interleaving_alone() {
-        // The prose of 4.3.2.5.1: single rings are blind to it, their sums and differences
-        // are not. Two lobes, straight and wound up by 0.5 rad a taxel.
+    fn only_interleaving_detects_rings_turned_against_each_other() {
+        // The prose of 4.3.2.5.1: single rings cannot detect it, their sums and differences
+        // can. Two lobes, straight and wound up by 0.5 rad a taxel.
         let lobes = |winding: f64| {
             let at = |n: usize| {
                 let (x, y) = ((n % 24) as f64 - 11.5, (n / 24) as f64 - 11.5);

@@ -1,10 +1,10 @@
-//! Polar spectrum: how strong each spatial frequency is, whatever its direction and place.
+//! Polar spectrum: the magnitude of each spatial frequency, whatever its direction and position.
 //!
-//! Beyond the dissertation, for arrays large enough to hold an object's shape: the magnitudes
-//! of the zero-padded image's spectrum ignore where it was touched; on rings of the spectrum
-//! a rotation is a shift, which the magnitudes of a second transform along each ring ignore.
-//! Mirror images are one. Section 4.3.2.5.1 does the same to the image itself, about its
-//! centre; MNTI (4.3.2.5.2) turns the image first.
+//! Beyond the dissertation, for arrays large enough to hold an object's shape. The magnitudes
+//! of the zero-padded image's spectrum are invariant to translation; on rings of the spectrum
+//! a rotation is a shift, to which the magnitudes of a second transform along each ring are
+//! invariant. Mirror images are equal. Section 4.3.2.5.1 does the same to the image itself,
+//! about its centre; MNTI (4.3.2.5.2) turns the image first.
 
 use std::fmt;
 use std::sync::Arc;
@@ -16,16 +16,16 @@ use super::fourier::Fourier;
 use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
-/// Rings of the spectrum.
+/// Number of rings of the spectrum.
 const N_RINGS: usize = 14;
 
-/// Angles of a ring, over half a turn: the other half is its conjugate.
+/// Number of angles of a ring, over half a turn: the other half is its conjugate.
 const N_ANGLES: usize = 32;
 
-/// Kept frequencies along a ring, from 0.
+/// Number of frequencies kept along a ring, from 0.
 const N_KEPT: usize = 8;
 
-/// The outermost ring, in cycles a taxel: a little below the highest frequency, 0.5.
+/// Radius of the outermost ring, in cycles a taxel: a little below the highest frequency, 0.5.
 const HIGHEST: f64 = 0.4375;
 
 /// The polar spectrum of images of one shape.
@@ -35,7 +35,7 @@ pub struct PolarSpectrum {
     /// Rows and columns of the padded image.
     side: usize,
     fourier: Fourier,
-    /// Where the rings are sampled, ring-major: four places of the spectrum and weights.
+    /// Sample positions of the rings, ring-major: four indices of the spectrum and their weights.
     samples: Vec<[(usize, f64); 4]>,
     along_ring: Arc<dyn Fft<f64>>,
 }
@@ -47,10 +47,10 @@ impl fmt::Debug for PolarSpectrum {
 }
 
 impl PolarSpectrum {
-    /// Prepares for images of `rows` × `cols` taxels.
+    /// Plans for images of `rows` × `cols` taxels.
     #[must_use]
     pub fn new(rows: usize, cols: usize) -> Self {
-        // A quarter more than the image, so that touches at its edges do not meet.
+        // A quarter larger than the image, so that touches at opposite edges do not meet.
         let side = (5 * rows.max(cols)).div_ceil(4).next_power_of_two().max(4);
         let (first, last) = (1.0, HIGHEST * side as f64);
         let sample = |ring: usize, angle: usize| {
@@ -72,7 +72,7 @@ impl PolarSpectrum {
     }
 }
 
-/// Bilinear places and weights of a frequency (row, col) in a periodic spectrum stored by
+/// Bilinear indices and weights of a frequency (row, col) in a periodic spectrum stored by
 /// columns.
 fn wrapped(row: f64, col: f64, side: usize) -> [(usize, f64); 4] {
     let (r0, c0) = (row.floor(), col.floor());
@@ -143,14 +143,14 @@ mod tests {
     }
 
     #[test]
-    fn it_does_not_matter_where_the_touch_is() {
+    fn translation_changes_nothing() {
         let kind = DescriptorKind::PolarSpectrum;
         let kept = affinity(&feature(kind, &corner(0, 0)), &feature(kind, &corner(6, 9)));
         assert!((kept - 1.0).abs() < 1e-12, "{kept}");
     }
 
     #[test]
-    fn a_quarter_turn_and_a_mirror_change_nothing() {
+    fn quarter_turns_and_mirrors_change_nothing() {
         let kind = DescriptorKind::PolarSpectrum;
         let image = blob(12, 0.3, 0.4, 0.2);
         for other in [quarter_turned(&image), mirrored(&image)] {
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn any_turn_changes_little() {
+    fn rotation_changes_little() {
         for angle in [0.3, 0.8, 1.4, 2.5] {
             let kept = turned_affinity(DescriptorKind::PolarSpectrum, angle);
             assert!(kept > 0.995, "{angle}: {kept}");
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn finer_touches_have_higher_frequencies() {
-        // One taxel has all frequencies alike; a wide touch has only low ones.
+        // One taxel has all frequencies equally; a wide touch has only low ones.
         let mut point = corner(0, 0);
         point.pressures.fill(0.0);
         point.pressures[50] = 1_000.0;

@@ -1,6 +1,6 @@
-//! Bilinear sampling of an image between its taxels, prepared once for a shape.
+//! Bilinear sampling of an image between its taxels, planned once for a shape.
 
-/// Up to four taxels and their weights; what lies outside counts as 0 Pa.
+/// Up to four taxels and their weights; outside the image the pressure is 0 Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sample {
     taxels: [u32; 4],
@@ -8,8 +8,8 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Prepares sampling at a place given in rows and columns, of an image `cols` wide, of
-    /// which only the taxels (row, col) that satisfy `inside` exist.
+    /// Plans a sample at a fractional row and column of an image `cols` wide, of which only
+    /// the taxels (row, col) that satisfy `inside` exist.
     pub(super) fn bilinear(
         row: f64,
         col: f64,
@@ -35,7 +35,7 @@ impl Sample {
         sample
     }
 
-    /// The value there.
+    /// The interpolated value.
     pub(super) fn of(&self, pressures: &[f64]) -> f64 {
         let part = |corner: usize| self.weights[corner] * pressures[self.taxels[corner] as usize];
         (part(0) + part(1)) + (part(2) + part(3))
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn between_taxels_lie_their_means_and_outside_lies_nothing() {
+    fn samples_interpolate_taxels_and_vanish_outside() {
         let image = [1.0, 2.0, 3.0, 4.0]; // 2 × 2
         let at = |row, col| {
             Sample::bilinear(row, col, 2, |r, c| (0..2).contains(&r) && (0..2).contains(&c))

@@ -1,9 +1,9 @@
-//! Schmid's round filters: a negative control, invariant to rotation and poor in detail.
+//! Schmid's isotropic filters: a negative control, invariant to rotation and poor in detail.
 //!
-//! Source: section 4.3.2 names it as left out for poor performance; Schmid (2001) for the 13
-//! filters cos(π τ r / σ) exp(−r² / 2σ²). Her supports of 49 pixels become the shorter side,
-//! twice: σ is in 24ths of it. A feature is the mean magnitude and the deviation of each
-//! filter's responses over the inscribed circle.
+//! Source: section 4.3.2 omits them for poor performance; Schmid (2001) for the 13 filters
+//! cos(π τ r / σ) exp(−r² / 2σ²). Her supports of 49 pixels become twice the shorter side: σ
+//! is in 24ths of it. A feature is the mean magnitude and the deviation of each filter's
+//! responses over the inscribed circle.
 
 use super::disc::{Disc, DiscTaxel};
 use super::filter_bank::{FilterBank, Kernel};

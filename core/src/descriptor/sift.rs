@@ -1,8 +1,8 @@
 //! SIFT: histograms of gradients of the whole image, turned to its dominant orientation.
 //!
 //! Source: section 4.3.2.2, Lowe (1999, 2004). The grid of cells covers the inscribed
-//! circle's square: 2 × 2 at low resolutions, 4 × 4 from 16 taxels on. A cell is three
-//! scales wide; the orientation's window is a Gaussian of 1.5 scales.
+//! circle's square: 2 × 2 at low resolutions, 4 × 4 from 16 taxels on. A cell is three scales
+//! wide; the orientation's window is a Gaussian of 1.5 scales.
 
 use std::f64::consts::TAU;
 
@@ -10,15 +10,15 @@ use super::disc::Disc;
 use super::{Descriptor, Workspace, normalize};
 use crate::reading::TactileImage;
 
-/// From so many taxels along the shorter side on, there are 4 × 4 cells.
+/// Taxels along the shorter side from which there are 4 × 4 cells.
 const FINE_FROM: usize = 16;
-/// Directions of a cell's histogram.
+/// Number of directions of a cell's histogram.
 const N_DIRECTIONS: usize = 8;
-/// Bins of the histogram that finds the dominant orientation.
+/// Number of bins of the histogram of orientations.
 const N_ORIENTATIONS: usize = 36;
-/// How often that histogram is smoothed by [1/3, 1/3, 1/3].
+/// Number of smoothings of that histogram by [1/3, 1/3, 1/3].
 const N_SMOOTHINGS: usize = 6;
-/// No share of a normalised descriptor exceeds this.
+/// Largest value of a normalised descriptor.
 const SHARE_MAX: f64 = 0.2;
 
 /// SIFT for images of one shape.
@@ -29,12 +29,12 @@ pub struct Sift {
     taxels: Vec<SiftTaxel>,
 }
 
-/// What is known of a taxel before there is an image.
+/// Precomputed values of a taxel.
 #[derive(Clone, Copy, Debug)]
 struct SiftTaxel {
-    /// Places of its left, right, upper and lower neighbour; its own at a border.
+    /// Indices of its left, right, upper and lower neighbour; its own at a border.
     neighbors: [usize; 4],
-    /// One over the distance of left and right, and of upper and lower.
+    /// Inverse distances of left and right, and of upper and lower.
     steps: [f64; 2],
     /// Position about the centre, in cells.
     x: f64,
@@ -76,7 +76,7 @@ impl Sift {
         Self { disc, n_cells, taxels: taxels.collect() }
     }
 
-    /// Adds a gradient to the up to eight bins around it, each by its nearness.
+    /// Adds a gradient to the up to eight bins around it, weighted by proximity.
     fn spread(&self, taxel: &SiftTaxel, axes: (f64, f64), gradient: Gradient, cells: &mut [f64]) {
         let (sin, cos) = axes;
         let middle = self.n_cells as f64 / 2.0 - 0.5;
@@ -135,7 +135,7 @@ impl Descriptor for Sift {
     }
 }
 
-/// A gradient of pressure: Pa a taxel, and its direction (rad).
+/// A gradient of pressure: Pa per taxel, and its direction (rad).
 #[derive(Clone, Copy, Debug)]
 struct Gradient {
     magnitude: f64,
@@ -150,7 +150,7 @@ impl Gradient {
     }
 }
 
-/// The two bins around a place, bin n at n, and how near each is: sum 1.
+/// The two bins around a coordinate (bin n at n), with weights that sum to 1.
 fn nearest_two(place: f64) -> [(i64, f64); 2] {
     let below = place.floor();
     let share = place - below;
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_slope_points_along_it_whatever_its_direction() {
+    fn a_uniform_slope_has_one_direction_at_any_angle() {
         // All gradients agree with the orientation, so only direction 0 of each cell is used.
         for angle in [0.0_f64, 0.7, 2.0, -2.5] {
             let (sin, cos) = angle.sin_cos();
@@ -220,23 +220,23 @@ mod tests {
     }
 
     #[test]
-    fn two_opposite_slopes_leave_a_half_turn_open() {
-        // The weakness: a ridge's two sides are equally strong, and either may win.
+    fn a_ridge_leaves_the_half_turn_ambiguous() {
+        // The weakness: the two sides of a ridge are equally strong, and either may win.
         let lost = |n: i32| 1.0 - turned_affinity(DescriptorKind::Sift, f64::from(n) * 0.06);
         let largest = (1..10).map(lost).fold(0.0, f64::max);
         assert!(largest > 0.2, "{largest}");
     }
 
     #[test]
-    fn a_peak_between_two_bins_is_found_between_them() {
+    fn a_peak_between_two_bins_is_interpolated() {
         let mut histogram = [0.0; N_ORIENTATIONS];
         (histogram[8], histogram[9]) = (1.0, 1.0);
         assert!((dominant(histogram) - 85.0_f64.to_radians()).abs() < 1e-9);
     }
 
     #[test]
-    fn no_share_exceeds_the_clip_by_more_than_the_second_normalisation() {
-        // 0.2 clipped, then divided by the norm that is left: at most 0.2 / (0.2 · √2).
+    fn values_exceed_the_clip_only_by_the_second_normalisation() {
+        // 0.2 clipped, then divided by the remaining norm: at most 0.2 / (0.2 · √2).
         let found = feature(DescriptorKind::Sift, &blob(26, 0.3, 0.0, 0.0));
         let largest = found.iter().copied().fold(0.0, f64::max);
         let at_largest = found.iter().filter(|value| **value > largest - 1e-12).count();

@@ -1,16 +1,16 @@
 //! Steerable filters: derivatives at the image centre along the gradient; a negative control.
 //!
-//! Source: section 4.3.2 names them as left out for poor performance; Freeman and Adelson
-//! (1991), in the form of Mikolajczyk and Schmid (2005): Gaussian derivatives up to order 4,
-//! order n in n + 1 directions from the gradient's on. Deviation: a quarter of the diameter.
+//! Source: section 4.3.2 omits them for poor performance; Freeman and Adelson (1991), in the
+//! form of Mikolajczyk and Schmid (2005): Gaussian derivatives up to order 4, order n in n +
+//! 1 directions from the gradient's on. Deviation: a quarter of the diameter.
 
 use super::disc::Disc;
 use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
 
-/// The highest order of derivatives.
+/// Highest order of derivatives.
 const ORDER_MAX: usize = 4;
-/// Partial derivatives of orders 0 to 4: 1 + 2 + 3 + 4 + 5.
+/// Number of partial derivatives of orders 0 to 4: 1 + 2 + 3 + 4 + 5.
 const N_PARTIALS: usize = 15;
 /// Order 0, order 1 along the gradient (across, it is 0), and 3 + 4 + 5.
 const DIMENSION: usize = 14;
@@ -27,7 +27,7 @@ const BINOMIAL: [[f64; 5]; 5] = [
 #[derive(Clone, Debug)]
 pub struct Steerable {
     disc: Disc,
-    /// For each taxel in the circle, its place and what it adds to each partial derivative:
+    /// For each taxel in the circle, its index and its weight in each partial derivative:
     /// order by order, from all in x to all in y.
     weights: Vec<(usize, [f64; N_PARTIALS])>,
 }
@@ -105,7 +105,7 @@ mod tests {
     use crate::descriptor::test_support::{blob, check_quarter_turn, turned_affinity};
 
     #[test]
-    fn a_direction_is_a_mixture_of_the_axes() {
+    fn a_steered_derivative_combines_the_axes() {
         // Order 2 of x² − y² (partials 2, 0, −2): 2 along x, −2 along y, 0 on the diagonal.
         let mut partials = [0.0; N_PARTIALS];
         partials[3..6].copy_from_slice(&[2.0, 0.0, -2.0]);

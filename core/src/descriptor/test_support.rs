@@ -1,4 +1,4 @@
-//! Images and the one check that every descriptor passes, for the descriptors' tests.
+//! Test images and the check shared by all descriptors.
 
 use proptest::prelude::*;
 
@@ -57,8 +57,8 @@ pub(crate) fn turned_affinity(kind: DescriptorKind, angle: f64) -> f64 {
     affinity(&feature(kind, &blob(26, 0.0, 0.0, 0.0)), &feature(kind, &blob(26, angle, 0.0, 0.0)))
 }
 
-/// What every descriptor owes: features of the promised number and length, finite and of
-/// norm 1 or zero; the same in a batch as alone, and at any intensity.
+/// Checks the laws of a descriptor: features of the promised number and length, finite and of
+/// norm 1 or zero; equal in a batch and alone, and at any intensity.
 #[track_caller]
 pub(crate) fn check_descriptor(image: &TactileImage) {
     let mut stronger = image.clone();
@@ -84,7 +84,8 @@ pub(crate) fn check_descriptor(image: &TactileImage) {
     }
 }
 
-/// An image and its quarter turns have the same feature, up to `tolerance` in the affinity.
+/// Checks that an image and its quarter turns have the same feature, up to `tolerance` in the
+/// affinity.
 #[track_caller]
 pub(crate) fn check_quarter_turn(kind: DescriptorKind, image: &TactileImage, tolerance: f64) {
     let straight = feature(kind, image);

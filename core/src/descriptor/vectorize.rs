@@ -1,6 +1,7 @@
 //! Vectorize: the image's columns concatenated, the "do-nothing" descriptor.
 //!
-//! Source: section 4.3.2.1. Neither rotation nor translation is removed: the negative control.
+//! Source: section 4.3.2.1. It is invariant to neither rotation nor translation: the negative
+//! control.
 
 use super::{Descriptor, Workspace};
 use crate::reading::TactileImage;
@@ -34,7 +35,7 @@ impl Descriptor for Vectorize {
     }
 }
 
-/// A row-major image `cols` wide, written column after column.
+/// A row-major image `cols` wide, written column by column.
 pub(super) fn by_columns(image: &[f64], cols: usize, columns: &mut [f64]) {
     let rows = image.len() / cols;
     for (row, line) in image.chunks_exact(cols).enumerate() {
@@ -44,7 +45,7 @@ pub(super) fn by_columns(image: &[f64], cols: usize, columns: &mut [f64]) {
     }
 }
 
-/// A feature of concatenated columns as a row-major image of `rows` rows again.
+/// Converts concatenated columns back to a row-major image of `rows` rows.
 pub(super) fn from_columns(columns: &[f64], rows: usize) -> Vec<f64> {
     let mut image = vec![0.0; columns.len()];
     by_columns(columns, rows, &mut image);
@@ -58,7 +59,7 @@ mod tests {
     use crate::descriptor::test_support::{blob, feature, turned_affinity};
 
     #[test]
-    fn columns_follow_each_other() {
+    fn columns_are_concatenated() {
         let image = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]; // 2 × 3
         let mut columns = [0.0; 6];
         by_columns(&image, 3, &mut columns);
@@ -67,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quarter_turn_changes_it() {
+    fn a_quarter_turn_changes_the_feature() {
         // The control of all rotation properties: this one must not hold.
         let kept = turned_affinity(DescriptorKind::Vectorize, std::f64::consts::FRAC_PI_2);
         assert!(kept < 0.8, "{kept}");

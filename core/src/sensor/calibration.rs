@@ -1,70 +1,70 @@
-//! A calibration: what turns the uneven responses of a sensor's taxels into one even response.
+//! Calibration: maps the uneven responses of a sensor's taxels to one common response.
 //!
-//! Source: section 2.2, equation 2.1 with an offset of its own for every taxel
-//! (`docs/equations.md`). Pressures in pascal, row-major in the sensor frame's order.
-//! Not here: fitting it to indentations (`response`).
+//! Source: section 2.2, equation 2.1 with an offset for every taxel (`docs/equations.md`).
+//! Pressures in pascal, row-major in the sensor frame's order. Not here: fitting it to
+//! indentations (`response`).
 
 use thiserror::Error;
 
 use super::line::Line;
 
-/// What a taxel does when it is pressed.
+/// State of a taxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaxelState {
-    /// It responds to what presses it.
+    /// It responds to presses on it.
     Ok,
-    /// It responds to nothing.
+    /// It never responds.
     Dead,
-    /// It responds more to what presses another taxel than to what presses itself.
+    /// It responds more to presses on another taxel than to presses on it.
     CrossWired {
-        /// The taxel whose presses it answers.
+        /// The taxel to whose presses it responds.
         answers: usize,
     },
 }
 
-/// How one taxel responds to its own indentation.
+/// Response of one taxel to its own indentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaxelResponse {
     /// Pressure (Pa) over depth (m): res(d) = slope · d + offset.
     pub line: Line,
-    /// Part of the response's variance that the line explains.
+    /// Fraction of the response's variance that the line explains.
     pub r_squared: f64,
-    /// Whether it can be used.
+    /// State of the taxel.
     pub state: TaxelState,
 }
 
-/// A correction of row-major images; checked, so that applying it cannot fail.
+/// A checked correction of row-major images; applying it cannot fail.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     target: Line,
     taxels: Vec<TaxelResponse>,
 }
 
-/// Why numbers are not a calibration.
+/// Error of numbers that are not a calibration.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum CalibrationError {
-    /// The target line does not rise.
+    /// The target line does not rise with depth.
     #[error("the target line has slope {slope} Pa/m, expected a finite number above 0")]
     Target {
-        /// Its slope.
+        /// The target's slope.
         slope: f64,
     },
-    /// A taxel that is to be used does not respond.
+    /// The response of a usable taxel does not rise with depth.
     #[error("taxel {taxel} has slope {slope} Pa/m, expected a finite number above 0")]
     Taxel {
         /// Its row-major index.
         taxel: usize,
-        /// Its slope.
+        /// The response's slope.
         slope: f64,
     },
-    /// A taxel answers one that does not exist.
+    /// A cross-wired taxel names one that does not exist.
     #[error("taxel {taxel} answers taxel {answers}, expected below {n_taxels}")]
     Answers {
         /// Its row-major index.
         taxel: usize,
-        /// The index it is said to answer.
+        /// The named index.
         answers: usize,
-        /// How many taxels there are.
+        /// Number of taxels.
         n_taxels: usize,
     },
 }
@@ -95,7 +95,7 @@ impl Calibration {
         Ok(Self { target, taxels })
     }
 
-    /// The line that every usable taxel responds along after the correction.
+    /// The common response line after the correction.
     #[must_use]
     pub fn target(&self) -> Line {
         self.target
@@ -121,7 +121,7 @@ impl Calibration {
         self.target.offset + self.target.slope * (pressure - own.offset) / own.slope
     }
 
-    /// Corrects a row-major image (Pa) in place; taxels that cannot be used lose their value.
+    /// Corrects a row-major image (Pa) in place; unusable taxels lose their value.
     pub fn correct(&self, pressures: &mut [Option<f64>]) {
         for (taxel, pressure) in pressures.iter_mut().enumerate() {
             *pressure = pressure
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn readings_are_taken_to_the_target_line() {
+    fn readings_are_mapped_to_the_target_line() {
         // Target 10 d + 1; the taxel gives 20 d + 3: at d = 2 it reads 43, the target 21.
         let target = Line { slope: 10.0, offset: 1.0 };
         let taxels = vec![
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_rise_is_no_calibration() {
+    fn responses_that_do_not_rise_are_refused() {
         let target = Line { slope: 10.0, offset: 0.0 };
         let falling = vec![taxel(1.0, 0.0, TaxelState::Ok), taxel(-1.0, 0.0, TaxelState::Ok)];
         let error = Calibration::new(target, falling).unwrap_err();

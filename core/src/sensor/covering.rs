@@ -1,8 +1,8 @@
-//! Choosing a covering: how finely places can be told apart under a point spread.
+//! Choice of a covering: the spatial acuity of a sensor under a point spread.
 //!
 //! Source: section 2.4, equations 2.6–2.8 with the corrections in `docs/equations.md`. One
-//! dimension, lengths in element widths: five elements from −2 to 3, the stimulated one from 0
-//! to 1; impulses of unit integral, responses rounded to multiples of the force resolution.
+//! dimension, lengths in element widths: five elements from −2 to 3, the stimulated one from
+//! 0 to 1; impulses of unit integral, responses rounded to multiples of the force resolution.
 
 use libm::erf;
 
@@ -13,19 +13,19 @@ use super::point_spread::{SPREAD_OFFSET, SPREAD_SLOPE};
 pub const ALIASING_SPREAD: f64 = 3.0 / std::f64::consts::PI;
 
 const N_ELEMENTS: usize = 5;
-/// Places and distances rise in steps of 0.02 element widths.
+/// Step of positions and distances, element widths.
 const STEP: f64 = 0.02;
-/// Places from one edge of the element to the other.
+/// Number of positions from one edge of the element to the other.
 const N_PLACES: usize = 51;
 /// Centres of two points: offsets from the edge in steps of 0.1.
 const N_CENTERS: usize = 10;
-/// Two points are moved apart at most so far, in steps: 10 element widths, when both are
-/// beyond the five elements.
+/// Largest distance of two points, in steps: 10 element widths, when both are beyond the five
+/// elements.
 const N_DISTANCES: usize = 500;
 
 type Response = [f64; N_ELEMENTS];
 
-/// Values evenly spaced in their logarithm, both ends included.
+/// Values spaced evenly in their logarithm, both ends included.
 #[must_use]
 pub fn log_spaced(low: f64, high: f64, n: usize) -> Vec<f64> {
     let step = (high / low).powf(1.0 / (n.max(2) - 1) as f64);
@@ -44,11 +44,11 @@ pub fn spreads() -> Vec<f64> {
     log_spaced(0.05, 5.0, 25)
 }
 
-/// What can be told apart under one point spread.
+/// Acuity under one point spread.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Acuity {
     places: Vec<Response>,
-    /// Of each centre: the response to two points in one place and at each distance from it.
+    /// For each centre, the response to two coincident points and to two points at each distance.
     pairs: Vec<Vec<Response>>,
 }
 
@@ -70,8 +70,8 @@ impl Acuity {
         Self { places, pairs: pairs.collect() }
     }
 
-    /// How many different images a point gives while it moves over one element, at a force
-    /// resolution as a part of the impulse (section 2.4.1.1): 1 to 51.
+    /// The number of distinct images of a point that moves over one element, at a force
+    /// resolution as a fraction of the impulse (section 2.4.1.1): 1 to 51.
     #[must_use]
     pub fn representations(&self, force_resolution: f64) -> usize {
         let mut images: Vec<[i64; N_ELEMENTS]> =
@@ -81,8 +81,9 @@ impl Acuity {
         images.len()
     }
 
-    /// The mean distance (element widths) from which two points differ from one of twice the
-    /// force (section 2.4.1.2); `None` when they do not at some centre, however far apart.
+    /// The mean distance (element widths) from which two points are distinguished from one of
+    /// twice the force (section 2.4.1.2); `None` when they are not at some centre, at any
+    /// distance.
     #[must_use]
     pub fn two_point_distance(&self, force_resolution: f64) -> Option<f64> {
         let mut sum = 0.0;
@@ -95,15 +96,15 @@ impl Acuity {
     }
 }
 
-/// The thinnest of some coverings, by their spreads in element widths, that does not alias.
+/// The index of the thinnest covering that does not alias, by spreads in element widths.
 #[must_use]
 pub fn recommended(spreads: &[f64]) -> Option<usize> {
     let avoids = |index: &usize| spreads[*index] >= ALIASING_SPREAD;
     (0..spreads.len()).filter(avoids).min_by(|a, b| spreads[*a].total_cmp(&spreads[*b]))
 }
 
-/// The thickness of the covering that has a spread, both in element widths (equation 2.5
-/// inverted); `None` when no covering is so sharp.
+/// The thickness of the covering with a given spread, both in element widths (equation 2.5
+/// inverted); `None` for a spread below that of no covering.
 #[must_use]
 pub fn thickness_of_spread(sigma: f64) -> Option<f64> {
     let thickness = (sigma - SPREAD_OFFSET) / SPREAD_SLOPE;
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_uniform_response_tells_nothing() {
+    fn a_uniform_response_has_no_acuity() {
         // σ = 50: every element has about 0.008 of the impulse, below half of f = 0.1.
         let acuity = Acuity::of_spread(50.0);
         assert_eq!(acuity.representations(0.1), 1);
@@ -151,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn representations_by_hand_at_a_very_coarse_resolution() {
+    fn coarse_representations_match_hand_counted_ones() {
         // f = 0.5, σ = 0.3: an element shows 1 above 0.25, 2 above 0.75. The stimulated one
         // has Φ((1−μ)/σ) − Φ(−μ/σ): at μ = 0 0.4996, above 0.75 from Φ(μ/0.3) = 0.75
         // (μ = 0.2024) to 0.7976; the neighbour has Φ(−μ/σ), above 0.25 until the same μ. So
@@ -160,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_optimum_at_coarse_resolution_is_where_the_dissertation_has_it() {
+    fn the_coarse_optimum_agrees_with_the_dissertation() {
         // docs/equations.md: near σ ≈ 0.27–0.37 at coarse f; saturated at 51 where f is fine.
         let acuities: Vec<(f64, Acuity)> =
             spreads().into_iter().map(|sigma| (sigma, Acuity::of_spread(sigma))).collect();
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn the_aliasing_bound_and_the_thickness_behind_it() {
+    fn the_aliasing_bound_gives_a_thickness() {
         assert!((ALIASING_SPREAD - 0.955).abs() < 1e-3);
         assert_eq!(thickness_of_spread(ALIASING_SPREAD), None, "below what polyurethane gives");
         // 0.04 inch is 0.508 element widths: σ = 1.11 + 0.497 · 0.508 = 1.3625.
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grids_of_figure_2_6() {
+    fn the_grids_are_those_of_figure_2_6() {
         let f = force_resolutions();
         assert_eq!(f.len(), 25);
         assert!((f[0] - 1e-3).abs() < 1e-12 && (f[24] - 0.5).abs() < 1e-12);

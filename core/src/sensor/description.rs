@@ -1,8 +1,8 @@
-//! The description of a tactile array sensor: where its taxels are and how they respond.
+//! The description of a tactile array sensor: positions and responses of its taxels.
 //!
 //! Frame: origin at the centre of the covering's free surface, +z out of the sensor towards
-//! the object, +x along columns, +y along rows. Images are row-major in that order.
-//! Source: sections 2.1–2.5. Not here: fitting these numbers to a real sensor.
+//! the object, +x along columns, +y along rows. Images are row-major in that order. Source:
+//! sections 2.1–2.5. Not here: fitting these numbers to a real sensor.
 
 use thiserror::Error;
 
@@ -71,8 +71,8 @@ impl ForceCurve {
         &self.knots
     }
 
-    /// The pressure (pascal) at a displacement (metres); beyond the last knot the last
-    /// segment goes on, below 0 it is 0.
+    /// The pressure (pascal) at a displacement (metres), extrapolated by the last segment; 0
+    /// for a negative displacement.
     #[must_use]
     pub fn pressure(&self, displacement: f64) -> f64 {
         if displacement <= 0.0 {
@@ -84,8 +84,8 @@ impl ForceCurve {
         p0 + (p1 - p0) * (displacement - d0) / (d1 - d0)
     }
 
-    /// The displacement (metres) that gives `pressure` (pascal); the inverse of
-    /// [`ForceCurve::pressure`], on a flat segment its beginning.
+    /// The displacement (metres) that gives `pressure` (pascal), the inverse of
+    /// [`ForceCurve::pressure`]; on a flat segment its start.
     #[must_use]
     pub fn displacement(&self, pressure: f64) -> f64 {
         if pressure <= 0.0 {
@@ -98,7 +98,7 @@ impl ForceCurve {
     }
 }
 
-/// How the driver's image relates to the sensor frame's row-major order.
+/// Order of the driver's image relative to the sensor frame's row-major order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ImageOrder {
     /// The driver sends columns where we expect rows.
@@ -143,7 +143,7 @@ impl ImageOrder {
         sent
     }
 
-    /// Where the driver's image has the taxel of a row and column.
+    /// The index in the driver's image of the taxel of a row and column.
     fn place(self, row: usize, col: usize, rows: usize, cols: usize) -> usize {
         let row = if self.rows_reversed { rows - 1 - row } else { row };
         let col = if self.cols_reversed { cols - 1 - col } else { col };
@@ -151,24 +151,24 @@ impl ImageOrder {
     }
 }
 
-/// The numbers that describe a sensor, unchecked.
+/// The unchecked numbers of a sensor's description.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorParameters {
-    /// Where the taxels are.
+    /// The grid of taxels.
     pub grid: TaxelGrid,
-    /// Thickness of the covering, metres: the deepest indentation it takes.
+    /// Thickness of the covering, metres: its largest indentation.
     pub covering_thickness: f64,
     /// Standard deviation of the Gaussian point spread, metres.
     pub point_spread: f64,
     /// Blurred displacement to pressure.
     pub force_curve: ForceCurve,
-    /// No taxel reads more than this, pascal.
+    /// Upper limit of a reported value, pascal.
     pub saturation: f64,
     /// Standard deviation of a reading's additive noise, pascal.
     pub noise: f64,
-    /// Step of the analogue-to-digital converter, pascal; 0 is a continuous sensor.
+    /// Step of the analogue-to-digital converter, pascal; 0 for a continuous sensor.
     pub quantisation: f64,
-    /// How the driver's images are turned.
+    /// Order of the driver's images.
     pub image_order: ImageOrder,
 }
 
@@ -176,7 +176,7 @@ pub struct SensorParameters {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorDescription(SensorParameters);
 
-/// Why numbers do not describe a sensor. `field` names the parameter.
+/// Error of numbers that do not describe a sensor. `field` names the parameter.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SensorError {
     /// A count of rows or columns is out of range.
@@ -184,7 +184,7 @@ pub enum SensorError {
     Count {
         /// The parameter's name.
         field: &'static str,
-        /// What was given.
+        /// The given value.
         found: usize,
     },
     /// A number is not finite or not within its range.
@@ -195,7 +195,7 @@ pub enum SensorError {
     Range {
         /// The parameter's name.
         field: &'static str,
-        /// What was given.
+        /// The given value.
         found: f64,
         /// The smallest permitted value.
         low: f64,
@@ -208,13 +208,13 @@ pub enum SensorError {
          (displacement in m, pressure in Pa) that start at (0, 0) and rise"
     )]
     ForceCurve {
-        /// The first knot that is wrong.
+        /// The first invalid knot.
         knot: usize,
     },
 }
 
 impl SensorDescription {
-    /// Checks every parameter once; what holds a description need not check again.
+    /// Checks every parameter.
     ///
     /// # Errors
     /// [`SensorError`] names the first parameter that is out of range.
@@ -242,7 +242,7 @@ impl SensorDescription {
         Ok(Self(parameters))
     }
 
-    /// A DigiTacts-like sensor of `rows` × `cols` taxels within the 2 mm pitch of section
+    /// A sensor like DigiTacts of `rows` × `cols` taxels with the 2 mm pitch of section
     /// 2.1.1, under the 0.10 inch covering, 0–20 kPa.
     #[must_use]
     pub fn digitacts(rows: usize, cols: usize) -> Self {
@@ -304,7 +304,7 @@ impl SensorDescription {
         })
     }
 
-    /// The preset of a name, as the API and the command line know it.
+    /// The preset with the given name in the API and on the command line.
     #[must_use]
     pub fn preset_named(name: &str) -> Option<Self> {
         match name {
@@ -317,7 +317,7 @@ impl SensorDescription {
         }
     }
 
-    /// The names that [`SensorDescription::preset_named`] knows.
+    /// The names that [`SensorDescription::preset_named`] accepts.
     pub const PRESET_NAMES: [&'static str; 5] = [
         "digitacts-6x6",
         "digitacts-6x6-thin",
@@ -332,7 +332,7 @@ impl SensorDescription {
         &self.0
     }
 
-    /// Where the taxels are.
+    /// The grid of taxels.
     #[must_use]
     pub fn grid(&self) -> &TaxelGrid {
         &self.0.grid
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_wrong_parameter_is_named() {
+    fn the_first_invalid_parameter_is_named() {
         let mut parameters = SensorDescription::digitacts_6x6().parameters().clone();
         parameters.covering_thickness = f64::NAN;
         let error = SensorDescription::new(parameters).unwrap_err();

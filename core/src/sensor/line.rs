@@ -1,4 +1,4 @@
-//! Straight lines through measured points: the least-squares fit and how good it is.
+//! Straight lines through measured points: the least-squares fit and its quality.
 
 /// y = slope · x + offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,7 +9,7 @@ pub struct Line {
     pub offset: f64,
 }
 
-/// How well points lie on a line.
+/// Goodness of a line's fit to points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goodness {
     /// 1 − residual over total sum of squares; 1 when the points do not vary at all.
@@ -40,7 +40,7 @@ impl Line {
         self.slope * x + self.offset
     }
 
-    /// How well points lie on this line, fitted to them or not.
+    /// The goodness of this line's fit to points, whether it was fitted to them or not.
     #[must_use]
     pub fn goodness(&self, points: &[(f64, f64)]) -> Goodness {
         let n = points.len().max(1) as f64;
@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_through_three_points_by_hand() {
+    fn the_fit_to_three_points_matches_hand_computed_values() {
         // Means 2 and 3; s_xx = 2, s_xy = (−1)(−1) + 0 + (1)(2) = 3; slope 1.5, offset 0.
         // Residuals 0.5, −1, 0.5: left 1.5 of total 1 + 1 + 4 = 6.
         let points = [(1.0, 2.0), (2.0, 2.0), (3.0, 5.0)];
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn points_above_each_other_have_no_line() {
+    fn vertical_points_have_no_line() {
         assert_eq!(Line::fit(&[(1.0, 2.0), (1.0, 3.0)]), None);
         assert_eq!(Line::fit(&[(1.0, 2.0)]), None);
         assert_eq!(Line::fit(&[]), None);

@@ -1,15 +1,15 @@
-//! The point spread of a covering: how wide one indentation shows in the image.
+//! The point spread of a covering: the width of one indentation in the image.
 //!
 //! Source: section 2.3.2, equation 2.5, with units settled in `docs/equations.md`: both the
 //! spread and the covering's thickness count in element widths of the 2 mm DigiTacts pitch.
 
 use crate::units::MM;
 
-/// The pitch in which equation 2.5 counts, in metres.
+/// The element width of equation 2.5, in metres.
 pub const ELEMENT_WIDTH: f64 = 2.0 * MM;
 /// The spread without any covering, in element widths (equation 2.5).
 pub const SPREAD_OFFSET: f64 = 1.11;
-/// Element widths of spread an element width of covering (equation 2.5).
+/// Increase of the spread per element width of covering (equation 2.5).
 pub const SPREAD_SLOPE: f64 = 0.497;
 
 /// The standard deviation (metres) of the Gaussian point spread under a covering of

@@ -1,10 +1,10 @@
-//! Fitting a calibration to indentations: every taxel pressed at its centre to several depths.
+//! Fits a calibration to indentations: every taxel pressed at its centre to several depths.
 //!
-//! Source: section 2.2. A taxel is left out when it does not answer its own presses: dead when
-//! it answers none, cross-wired when it answers those of another taxel more. Under a blurring
-//! covering neighbours answer too, so a taxel's own responses are compared with each other
-//! (its gain cancels), never with those of its neighbours. Depths in metres, pressures in
-//! pascal, images row-major. Not here: applying the calibration (`calibration`).
+//! Source: section 2.2. A taxel is excluded when it does not respond to presses on it: dead
+//! when it responds to none, cross-wired when it responds more to those on another taxel.
+//! Under a blurring covering neighbours respond too, so a taxel's own responses are compared
+//! with each other (its gain cancels), never with those of its neighbours. Depths in metres,
+//! pressures in pascal, images row-major. Not here: applying the calibration (`calibration`).
 
 use thiserror::Error;
 
@@ -12,26 +12,26 @@ use super::calibration::{Calibration, CalibrationError, TaxelResponse, TaxelStat
 use super::description::TaxelGrid;
 use super::line::{Goodness, Line};
 
-/// A taxel whose slope is below this part of the median slope responds to nothing.
+/// Fraction of the median slope below which a taxel is dead.
 const DEAD_SHARE: f64 = 0.2;
-/// A response to another taxel's presses counts as more when it is by this part, and by
+/// Relative margin by which the response to another taxel's presses must be larger, besides
 /// [`CROSS_DEVIATIONS`] standard errors.
 const CROSS_MARGIN: f64 = 0.05;
-/// Standard errors of the difference of two slopes.
+/// Margin in standard errors of the difference of two slopes.
 const CROSS_DEVIATIONS: f64 = 3.0;
 
 /// One press at the centre of a taxel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Indentation {
-    /// Row-major index of the taxel that was pressed.
+    /// Row-major index of the pressed taxel.
     pub taxel: usize,
-    /// How deep, metres.
+    /// Depth, metres.
     pub depth: f64,
     /// The image, Pa, row-major; `None` for a taxel without a value.
     pub pressures: Vec<Option<f64>>,
 }
 
-/// A calibration and how well it fits what it was fitted to.
+/// A calibration and the quality of its fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResponseFit {
     /// The calibration.
@@ -42,68 +42,68 @@ pub struct ResponseFit {
     pub after: Goodness,
 }
 
-/// Why indentations give no calibration.
+/// Error of indentations that give no calibration.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ResponseError {
     /// A press names a taxel that does not exist.
     #[error("press {press} is of taxel {taxel}, expected below {n_taxels}")]
     Taxel {
-        /// The press's place in the list.
+        /// Index of the press.
         press: usize,
-        /// What was given.
+        /// The given index.
         taxel: usize,
-        /// How many taxels there are.
+        /// Number of taxels.
         n_taxels: usize,
     },
-    /// A depth is none.
+    /// A depth is out of range.
     #[error("press {press} is {depth} m deep, expected a finite number above 0")]
     Depth {
-        /// The press's place in the list.
+        /// Index of the press.
         press: usize,
-        /// What was given.
+        /// The given depth.
         depth: f64,
     },
     /// An image has the wrong size.
     #[error("press {press} has {found} taxels, expected {expected}")]
     Shape {
-        /// The press's place in the list.
+        /// Index of the press.
         press: usize,
         /// Values in the image.
         found: usize,
         /// Taxels of the sensor.
         expected: usize,
     },
-    /// A taxel was not pressed to two depths.
+    /// A taxel was not pressed to two different depths.
     #[error(
         "the taxel in row {row}, column {col} was not pressed to two different depths: press \
          every taxel, best to five depths"
     )]
     Depths {
-        /// Its row.
+        /// Row of the taxel.
         row: usize,
-        /// Its column.
+        /// Column of the taxel.
         col: usize,
     },
-    /// Hardly any taxel answers its own presses.
+    /// Fewer than half of the taxels respond to presses on them.
     #[error(
         "only {usable} of {n_taxels} taxels answer their own presses, expected at least half: \
          are the taxels numbered as in the sensor's frame?"
     )]
     Silent {
-        /// How many do.
+        /// Number of responding taxels.
         usable: usize,
-        /// How many taxels there are.
+        /// Number of taxels.
         n_taxels: usize,
     },
-    /// The fit does not rise.
+    /// The fitted responses do not rise.
     #[error(transparent)]
     Fit(#[from] CalibrationError),
 }
 
-/// Fits a calibration. Values at or above `saturation` (Pa) say nothing and are left out.
+/// Fits a calibration. Values at or above `saturation` (Pa) are left out.
 ///
 /// # Errors
-/// [`ResponseError`] names the first press or taxel that does not do.
+/// [`ResponseError`] names the first invalid press or taxel.
 pub fn fit_response(
     presses: &[Indentation],
     grid: &TaxelGrid,
@@ -145,7 +145,7 @@ pub fn fit_response(
     Ok(ResponseFit { calibration, before, after })
 }
 
-/// The places of each taxel's presses.
+/// The indices of each taxel's presses.
 fn by_taxel(presses: &[Indentation], grid: &TaxelGrid) -> Result<Vec<Vec<usize>>, ResponseError> {
     let n_taxels = grid.n_taxels();
     let mut by_taxel = vec![Vec::new(); n_taxels];
@@ -176,7 +176,7 @@ fn by_taxel(presses: &[Indentation], grid: &TaxelGrid) -> Result<Vec<Vec<usize>>
     }
 }
 
-/// What was measured, by the taxel that was pressed.
+/// The measurements, by pressed taxel.
 struct Measured<'a> {
     presses: &'a [Indentation],
     by_taxel: Vec<Vec<usize>>,
@@ -245,8 +245,8 @@ mod tests {
 
     const GRID: TaxelGrid = TaxelGrid { rows: 3, cols: 3, pitch: 2.0 * MM, taxel_width: 1.8 * MM };
 
-    /// Presses of every taxel to five depths; the taxel pressed reads `gain(taxel)` · depth,
-    /// the others the share of it that a blur of 1.36 pitches leaves them.
+    /// Presses of every taxel to five depths. The pressed taxel reads `gain(taxel)` · depth,
+    /// the others the share of it left by a blur of 1.36 pitches.
     fn presses(gain: impl Fn(usize) -> f64, wire: impl Fn(usize) -> usize) -> Vec<Indentation> {
         let mut presses = Vec::new();
         for taxel in 0..9 {
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn gains_are_found_and_taken_out() {
+    fn gains_are_recovered_and_removed() {
         // Gains 8, 9, 10, …, 16 MPa/m: the pooled slope is their mean, 12 MPa/m.
         let gain = |taxel: usize| (8.0 + taxel as f64) * 1e6;
         let fit = fit_response(&presses(gain, |taxel| taxel), &GRID, 20.0 * KPA).unwrap();
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn dead_and_cross_wired_taxels_are_told_apart_under_blur() {
+    fn dead_and_cross_wired_taxels_are_distinguished_under_blur() {
         let gain = |taxel: usize| if taxel == 2 { 1e4 } else { 1e7 };
         let wire = |taxel: usize| if taxel == 7 { 4 } else { taxel };
         let fit = fit_response(&presses(gain, wire), &GRID, 20.0 * KPA).unwrap();
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_named() {
+    fn missing_presses_are_refused_by_taxel() {
         let all = presses(|_| 1e7, |taxel| taxel);
         let without: Vec<_> = all.iter().filter(|press| press.taxel != 5).cloned().collect();
         let fit = |presses: &[Indentation]| fit_response(presses, &GRID, 20.0 * KPA).unwrap_err();

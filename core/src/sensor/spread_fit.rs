@@ -1,4 +1,4 @@
-//! Fitting the point spread to small indentations on a fine grid.
+//! Fits the point spread to small indentations on a fine grid.
 //!
 //! Source: section 2.3.2, equations 2.3–2.5 with the corrections in `docs/equations.md`: the
 //! forward model is E = S(D ∗ G), a flat cylinder blurred by a Gaussian that sums to 1 and
@@ -10,26 +10,26 @@ use thiserror::Error;
 
 use super::description::TaxelGrid;
 
-/// The spreads that are tried, in element widths.
+/// Range of candidate spreads, in element widths.
 const SPREADS: (f64, f64) = (0.1, 8.0);
-/// Spreads of the scan that brackets the maximum.
+/// Number of spreads in the scan that brackets the maximum.
 const N_SCANNED: usize = 36;
-/// Golden-section steps: each leaves 0.618 of the bracket, 40 of them 4e-9.
+/// Number of golden-section steps: each leaves 0.618 of the bracket, 40 of them 4e-9.
 const N_GOLDEN: usize = 40;
-/// Strips along x into which the indenter's disc is cut.
+/// Number of strips along x into which the indenter's disc is cut.
 const N_STRIPS: usize = 10;
 
-/// A flat cylinder, pressed with its end.
+/// A flat cylinder, pressed end first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Indenter {
-    /// Its diameter, metres.
+    /// Diameter, metres.
     pub diameter: f64,
 }
 
 /// One press of the grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpreadPress {
-    /// Where the indenter's axis met the covering, metres in the sensor frame: (x, y).
+    /// Position of the indenter's axis on the covering, metres in the sensor frame: (x, y).
     pub at: (f64, f64),
     /// The corrected image, Pa, row-major, without the response's offset; `None` for a taxel
     /// without a value.
@@ -41,15 +41,15 @@ pub struct SpreadPress {
 pub struct SpreadFit {
     /// Standard deviation of the Gaussian, metres.
     pub sigma: f64,
-    /// The same in element widths.
+    /// Standard deviation in element widths.
     pub sigma_in_widths: f64,
     /// Mean cosine of the measured and modelled images (equation 2.3, normalised).
     pub cosine: f64,
-    /// Mean Pearson correlation of the same.
+    /// Mean Pearson correlation of these images.
     pub pearson: f64,
 }
 
-/// Why presses give no point spread.
+/// Error of presses that give no point spread.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum SpreadError {
     /// There are no presses.
@@ -58,7 +58,7 @@ pub enum SpreadError {
     /// An image has the wrong size.
     #[error("press {press} has {found} taxels, expected {expected}")]
     Shape {
-        /// The press's place in the list.
+        /// Index of the press.
         press: usize,
         /// Values in the image.
         found: usize,
@@ -68,10 +68,10 @@ pub enum SpreadError {
     /// An image is zero or missing everywhere.
     #[error("press {press} shows nothing in any taxel that can be used")]
     Silent {
-        /// The press's place in the list.
+        /// Index of the press.
         press: usize,
     },
-    /// The best spread lies at the end of what is tried.
+    /// The best spread lies at an end of the range.
     #[error(
         "the best spread is {sigma} m, at the end of what is tried ({low} to {high} m): are the \
          places of the presses in metres in the sensor's frame?"
@@ -79,15 +79,15 @@ pub enum SpreadError {
     AtEnd {
         /// The spread.
         sigma: f64,
-        /// The smallest that is tried.
+        /// Lower end of the range.
         low: f64,
-        /// The largest that is tried.
+        /// Upper end of the range.
         high: f64,
     },
 }
 
-/// The image of a press one metre deep: blurred displacement averaged over each taxel, metres,
-/// row-major. `sigma` and the place `at` in metres. Multiply by the depth.
+/// The image of a press one metre deep: blurred displacement averaged over each taxel,
+/// metres, row-major; multiply it by the depth. `sigma` and the position `at` in metres.
 #[must_use]
 pub fn indentation_image(
     grid: &TaxelGrid,
@@ -147,7 +147,7 @@ pub fn cosine(a: &[f64], b: &[f64]) -> f64 {
     if norms > 0.0 { dot(a, b) / norms } else { 0.0 }
 }
 
-/// Pearson's correlation of two images; 0 when one is even.
+/// Pearson's correlation of two images; 0 when one is constant.
 #[must_use]
 pub fn pearson(a: &[f64], b: &[f64]) -> f64 {
     let centered = |values: &[f64]| -> Vec<f64> {
@@ -157,10 +157,10 @@ pub fn pearson(a: &[f64], b: &[f64]) -> f64 {
     cosine(&centered(a), &centered(b))
 }
 
-/// Fits the Gaussian's deviation to presses of `indenter` (equations 2.3–2.4).
+/// Fits the Gaussian's standard deviation to presses of `indenter` (equations 2.3–2.4).
 ///
 /// # Errors
-/// [`SpreadError`] names the press that does not do.
+/// [`SpreadError`] names the invalid press.
 pub fn fit_spread(
     grid: &TaxelGrid,
     indenter: Indenter,
@@ -185,7 +185,7 @@ pub fn fit_spread(
     })
 }
 
-/// Where a function of one maximum within `low ..= high` has it, by golden section.
+/// The maximum of a unimodal function within `low ..= high`, by golden section.
 pub fn golden_maximum(value: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
     let share = 0.5 * (5f64.sqrt() - 1.0);
     let (mut low, mut high) = (low, high);
@@ -259,7 +259,7 @@ mod tests {
     const INDENTER: Indenter = Indenter { diameter: 1.0 * MM };
 
     #[test]
-    fn a_wide_indenter_displaces_every_taxel_as_deep_as_it_is() {
+    fn a_wide_indenter_displaces_every_taxel_by_its_depth() {
         let image = indentation_image(&GRID, 1.0 * MM, Indenter { diameter: 0.2 }, (0.0, 0.0));
         assert!(image.iter().all(|value| (value - 1.0).abs() < 0.01), "{image:?}");
     }
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_exact_model_agrees_with_sampling_it_finely() {
+    fn the_exact_model_agrees_with_fine_sampling() {
         // The oracle: the disc and each taxel sampled 60 × 60 and 20 × 20, summed plainly.
         let (sigma, at) = (0.9 * MM, (0.4 * MM, -1.3 * MM));
         let image = indentation_image(&GRID, sigma, INDENTER, at);
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn the_spread_that_made_the_images_is_found() {
+    fn the_fit_recovers_the_spread_of_the_images() {
         for widths in [0.8, 1.3625, 2.372] {
             let sigma = widths * GRID.pitch;
             let mut presses = Vec::new();
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn presses_that_do_not_do_are_named() {
+    fn invalid_presses_are_refused_by_index() {
         let press = |values: Vec<Option<f64>>| SpreadPress { at: (0.0, 0.0), pressures: values };
         let fit = |presses: &[SpreadPress]| fit_spread(&GRID, INDENTER, presses).unwrap_err();
         assert_eq!(fit(&[]), SpreadError::Empty);
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn similarities_by_hand() {
+    fn similarities_match_hand_computed_values() {
         assert!((cosine(&[1.0, 0.0], &[1.0, 1.0]) - 0.5f64.sqrt()).abs() < 1e-12);
         assert!((pearson(&[1.0, 2.0, 3.0], &[5.0, 3.0, 1.0]) + 1.0).abs() < 1e-12);
     }

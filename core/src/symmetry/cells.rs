@@ -1,8 +1,8 @@
-//! Points in cubic cells: those near a place are found without looking at all of them.
+//! Points in cubic cells, for finding those near a position without visiting all.
 
 use glam::DVec3;
 
-/// The most cells along an axis.
+/// Maximum number of cells along an axis.
 const CELLS_MAX: f64 = 64.0;
 
 /// Points sorted into the cubic cells of a box.
@@ -10,7 +10,7 @@ pub(super) struct Cells {
     low: DVec3,
     per_metre: f64,
     counts: [usize; 3],
-    /// Where each cell begins in `points`; one more than there are cells.
+    /// Start of each cell in `points`; one more than there are cells.
     starts: Vec<u32>,
     points: Vec<u32>,
 }
@@ -43,7 +43,7 @@ impl Cells {
         cells
     }
 
-    /// Visits all points that are nearer than `reach`, and some that are farther away.
+    /// Visits all points nearer than `reach`, and some that are farther away.
     pub(super) fn each_near(&self, at: DVec3, mut visit: impl FnMut(usize)) {
         let place = self.place(at);
         let range = |axis: usize| {

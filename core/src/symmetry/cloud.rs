@@ -1,9 +1,9 @@
-//! The patches of one map, and how well they explain a patch that is laid onto them.
+//! The patches of one map, and the misfit of a moved patch to them.
 //!
-//! A patch is explained by the map patch that is nearest in three respects: height over that
+//! The best match of a patch is the map patch nearest in three respects: height over that
 //! patch's plane, distance along it, and angle between the normals, each in units of the
-//! map's own scatter. What the patches leave of each other when each is left out is then
-//! what a true symmetry leaves too: no tolerance is in metres or degrees.
+//! map's own scatter. A true symmetry has the same misfits as patches matched with themselves
+//! left out, so no tolerance is in metres or degrees.
 
 use glam::DVec3;
 
@@ -12,25 +12,25 @@ use crate::object::MapPatch;
 use crate::pose::Pose;
 use crate::units::{DEG, MM};
 
-/// A misfit counts as at most this many units: nothing of the map is there.
+/// Largest misfit, for a patch far from the map.
 const MISFIT_MAX: f64 = 15.0;
 
-/// No map is taken to be finer than this: a smooth plate in simulation, metres and rad.
+/// Smallest scatter of a map: a smooth plate in simulation, metres and rad.
 const HEIGHT_MIN: f64 = 0.02 * MM;
 const ANGLE_MIN: f64 = 2.0 * DEG;
 
-/// Half the distance to this neighbour counts as the spacing of touches: 0.56/√density.
+/// The neighbour whose distance, halved, is the spacing of touches: 0.56/√density.
 const SPACING_NEIGHBOUR: usize = 4;
 
-/// How far explanations are sought, in spacings of where touches are rare.
+/// Search radius, in spacings of the sparse regions.
 const REACH: f64 = 4.0;
 
-/// How blurred a map is seen.
+/// Resolution at which a map is compared.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Sight {
-    /// In units of its scatter, to decide.
+    /// In units of its scatter, for decisions.
     Sharp,
-    /// A third of a spacing and 20° at least, to find the way from afar.
+    /// At least a third of a spacing and 20°, for convergence from afar.
     Blurred,
 }
 
@@ -38,7 +38,7 @@ pub(super) enum Sight {
 pub(super) struct Cloud {
     pub(super) positions: Vec<DVec3>,
     pub(super) normals: Vec<DVec3>,
-    /// How well each normal is known, 0 to 1.
+    /// Confidence of each normal, 0 to 1.
     trusts: Vec<f64>,
     /// 1/spacing² of touches around each patch, 1/m².
     pub(super) along: Vec<f64>,
@@ -49,7 +49,7 @@ pub(super) struct Cloud {
     cells: Cells,
 }
 
-/// What explains a patch: the map patch, and the misfit in units of scatter.
+/// The best match of a patch: the map patch, and the misfit in units of scatter.
 #[derive(Clone, Copy)]
 pub(super) struct Explained {
     pub(super) by: Option<usize>,
@@ -95,19 +95,19 @@ impl Cloud {
         self.positions.len()
     }
 
-    /// What explains patch `patch` of this map after `motion` (object to object).
+    /// The best match of patch `patch` of this map after `motion` (object to object).
     pub(super) fn explain(&self, motion: &Pose, patch: usize) -> Explained {
         let (position, normal) =
             (*motion * self.positions[patch], motion.turn(self.normals[patch]));
         self.look_up(position, normal, self.trusts[patch], usize::MAX)
     }
 
-    /// What explains patch `patch` when it is left out itself.
+    /// The best match of patch `patch` with itself left out.
     pub(super) fn explain_left_out(&self, patch: usize) -> Explained {
         self.look_up(self.positions[patch], self.normals[patch], self.trusts[patch], patch)
     }
 
-    /// How much the angle between the normals of two patches counts, 1/rad².
+    /// Weight of the angle between the normals of two patches, 1/rad².
     pub(super) fn facing(&self, patch: usize, other: usize) -> f64 {
         self.facing * self.trusts[patch].min(self.trusts[other])
     }
@@ -135,7 +135,7 @@ impl Cloud {
     }
 }
 
-/// The `n` positions nearest to position `at`, itself excepted, nearest first.
+/// The `n` positions nearest to position `at`, except itself, nearest first.
 pub(super) fn nearest(positions: &[DVec3], at: usize, n: usize) -> Vec<usize> {
     let mut near: Vec<(f64, usize)> = Vec::with_capacity(n + 1);
     for (other, position) in positions.iter().enumerate() {
@@ -160,7 +160,7 @@ pub(super) fn quantile(values: &[f64], share: f64) -> f64 {
     *values.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
-/// At most `n` patches spread evenly over the map: each farthest from those before it.
+/// At most `n` patches spread evenly over the map, each farthest from those before it.
 pub(super) fn thinned(patches: &[MapPatch], n: usize) -> Vec<MapPatch> {
     let vector = |patch: &MapPatch| DVec3::from_array(patch.position.map(f64::from));
     let mut distances = vec![f64::INFINITY; patches.len()];

@@ -1,4 +1,4 @@
-//! The search in touches: turns that may be symmetries, laid onto the map, kept when they
+//! Search for symmetries in touches: candidate turns are fitted to the map and kept if they
 //! explain it.
 
 use std::f64::consts::PI;
@@ -17,49 +17,50 @@ use crate::object::MapPatch;
 use crate::pose::{Pose, rotation_angle};
 use crate::units::DEG;
 
-/// Patches of the blurred map, spread evenly.
+/// Number of patches of the blurred map, spread evenly.
 const EVEN: usize = 256;
 
-/// Patches that are looked at of larger maps.
+/// Maximum number of patches used of a large map.
 const PATCHES_MAX: usize = 1_500;
 
-/// Moments of touches that differ by less than this share of their sum count as equal.
+/// Share of their sum within which two moments of touches count as equal.
 const EQUAL_MOMENTS: f64 = 0.15;
 
-/// A turn is looked at closely when the blurred map fits this much worse than itself.
+/// Ratio of a turn's misfit on the blurred map to that of the map itself, below which it is
+/// examined.
 const PROMISING: f64 = 1.6;
 
-/// A turn is fitted to one patch in so many before it is fitted to all.
+/// A turn is fitted to one patch in this many before it is fitted to all.
 const SPARSE: usize = 5;
 
-/// A turn about a line is fitted in at most this many steps before it is judged: the line is known
-/// to a degree and half a millimetre.
+/// Steps of fitting a turn about a line before it is judged; the line is known to a degree
+/// and half a millimetre.
 const REFINEMENTS: usize = 6;
 
-/// Touched points that a turn may take into a sensor, in the mean over the motions of a
-/// hypothesis, beside those that are in one anyway and twice their scatter: not one, and of many
-/// touches one in five hundred. Chosen: where the object is no sensor stood, but arms are not
+/// Largest mean number, over the motions of a hypothesis, of touched points that a turn takes
+/// into a sensor, beyond those in one anyway and twice their scatter: none, and one in five
+/// hundred for many touches. Chosen: no object is where a sensor stood, but arms are not
 /// exact; simulated turns of whole objects (seeds 101 to 103) took none.
 const CONTRADICTING_MAX: f64 = 0.5;
 const CONTRADICTING_SHARE: f64 = 1.0 / 500.0;
 
-/// A turn that fits only so far from where it was expected is another one, rad.
+/// Angle beyond which a fitted turn is a different one than expected, rad.
 const STRAYED: f64 = 4.0 * DEG;
 
-/// An order that fits so much worse than another is not the object's ([`Judged::worse_than`]);
-/// near that it is unclear. Chosen.
+/// Excess over another order's fit above which an order is rejected ([`Judged::worse_than`]);
+/// near it the result is unclear. Chosen.
 const WORSE: f64 = 1.0;
 const NEARLY_WORSE: f64 = 0.8;
 const CLEARLY_WORSE: f64 = 1.1;
 
-/// To claim a symmetry takes this many times the touches that would show a feature at all: one
-/// touch of it may be a chance. Chosen.
+/// Factor of the touches that a claim of symmetry needs over those that would show a feature
+/// at all, since a single touch of it may be a chance. Chosen.
 const CLAIMED: f64 = 1.25;
 
-/// So many turns of a finite order are compared with those of a continuous one.
+/// Number of turns of a finite order that are compared with those of a continuous one.
 const RIVAL_TURNS: usize = 4;
 
-/// The most turns that are judged together.
+/// Maximum number of turns that are judged together.
 const TURNS_MAX: usize = 24;
 
 /// A map under search.
@@ -73,7 +74,7 @@ struct Search {
     spread: Spread,
 }
 
-/// What touches say of a symmetry.
+/// Finds the symmetry shown by touches.
 pub(super) fn discover(presses: &[Press]) -> Finding {
     let step = presses.len().div_ceil(PATCHES_MAX).max(1);
     let looked_at: Vec<Press> = presses.iter().step_by(step).copied().collect();
@@ -96,14 +97,14 @@ pub(super) fn discover(presses: &[Press]) -> Finding {
     let times = if symmetry.is_none() { 1.0 } else { CLAIMED };
     match search.presses.touches_needed(times) {
         0 if search.is_sure_of(&symmetry) => Finding::Settled(symmetry),
-        // Twice the touches halve the variance of what is unclear.
+        // Twice the touches halve the variance of an unclear decision.
         0 => Finding::Undetermined { touches_needed: looked_at.len() },
         touches_needed => Finding::Undetermined { touches_needed },
     }
 }
 
 impl Search {
-    /// Of all patches and of those that lie evenly.
+    /// A search over all patches and over evenly spread ones.
     fn new(patches: &[MapPatch], even: &[MapPatch], presses: Presses) -> Self {
         let sharp = Cloud::new(patches, Sight::Sharp);
         let blurred = Cloud::new(even, Sight::Blurred);
@@ -115,8 +116,7 @@ impl Search {
         Self { sharp, baseline, presses, usual, blurred, blurred_mean, spread }
     }
 
-    /// How some motions fit, taken together; `None` when a touch or many patches speak against
-    /// them.
+    /// The joint fit of some motions; `None` when a touch or many patches contradict them.
     fn judge(&self, motions: &[Pose]) -> Option<Judged> {
         let judged = self.baseline.judge(&self.sharp, motions)?;
         let both = motions.iter().flat_map(|motion| [*motion, motion.inverse()]);
@@ -127,7 +127,7 @@ impl Search {
         (mean < mean_max).then_some(judged)
     }
 
-    /// How turns fit where they fit best near by.
+    /// The joint fit of turns after each is fitted locally.
     fn judge_near(&self, turns: impl Iterator<Item = Pose>) -> Option<Judged> {
         self.judge(&turns.map(|turn| self.refined(turn)).collect::<Option<Vec<Pose>>>()?)
     }
@@ -136,7 +136,7 @@ impl Search {
         self.judge_near(angles(order).into_iter().map(|angle| line.turn(angle)))
     }
 
-    /// A turn as it fits best near by; `None` when no small change can make it a symmetry.
+    /// A turn fitted locally; `None` when no small change can make it a symmetry.
     fn refined(&self, turn: Pose) -> Option<Pose> {
         let motion = fit(&self.sharp, turn, REFINEMENTS, SPARSE);
         if self.baseline.is_hopeless(&self.sharp, &motion, SPARSE) {
@@ -146,14 +146,14 @@ impl Search {
         if motion.angle_to(&turn) < STRAYED {
             return Some(motion);
         }
-        // A turn that nothing fixes wanders off, as that of a ball does; where it leaves the middle
-        // is known all the same.
+        // An unconstrained turn drifts, as that of a ball does, but its effect on the centre
+        // is known.
         let center = self.spread.center;
         Some(Pose::from_parts(turn.rotation, motion * center - turn.turn(center)))
     }
 
-    /// Which finite orders about a line fit better than every turn does, the highest first, and by
-    /// how much.
+    /// The finite orders about a line that fit better than every turn does, the highest
+    /// first, with their margins.
     fn rivals(&self, line: &Line, every: &Judged) -> Vec<(u8, f64)> {
         let rival = |order: u8| {
             let few = angles(AxisOrder::Finite(order)).into_iter().take(RIVAL_TURNS);
@@ -228,7 +228,7 @@ impl Judge for Search {
         let fitted: Vec<Option<Verified>> = distinct
             .into_par_iter()
             .map(|motion| {
-                // Few patches find the way, and tell most turns from symmetries.
+                // A few patches suffice to converge and to reject most turns.
                 let motion = fit(&self.sharp, motion, 12, SPARSE);
                 if self.baseline.is_hopeless(&self.sharp, &motion, SPARSE) {
                     return None;
@@ -261,7 +261,7 @@ impl Judge for Search {
                 return Some(AxisOrder::Continuous);
             }
         }
-        // Turns that an object only nearly has fit worse than those that it has.
+        // Turns of a near symmetry fit worse than those of a true one.
         let fitting: Vec<(AxisOrder, Judged)> = (2..=ORDER_MAX)
             .rev()
             .map(AxisOrder::Finite)

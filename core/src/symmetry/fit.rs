@@ -1,8 +1,8 @@
-//! A map laid onto itself: the nearest motion under which its patches explain each other.
+//! Self-registration of a map: the nearest motion under which its patches match each other.
 //!
-//! Robust Gauss–Newton steps (Geman and McClure, 1987) from each moved patch to the patch
-//! that explains it: along that patch's normal, softly along the surface, which the map only
-//! samples, and by the normals; as contacts are laid onto a map when a pose is refined.
+//! Robust Gauss–Newton steps (Geman and McClure, 1987) from each moved patch to its match:
+//! along the match's normal, softly along the surface, which the map only samples, and by the
+//! normals, as in the refinement of a pose.
 
 use glam::{DQuat, DVec3};
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -11,11 +11,10 @@ use super::cloud::Cloud;
 use crate::pose::Pose;
 use crate::units::{DEG, MM};
 
-/// The misfit at which a patch has lost three quarters of its weight.
+/// Misfit at which a patch has lost three quarters of its weight.
 const OUTLIER: f64 = 3.0;
 
-/// Lays the map onto itself, from `motion` on (object to object), in at most `steps_max` steps
-/// of one patch in `stride`.
+/// Fits `motion` (object to object), in at most `steps_max` steps on one patch in `stride`.
 pub(super) fn fit(cloud: &Cloud, motion: Pose, steps_max: usize, stride: usize) -> Pose {
     let mut motion = motion;
     for _step in 0..steps_max {
@@ -29,9 +28,9 @@ pub(super) fn fit(cloud: &Cloud, motion: Pose, steps_max: usize, stride: usize) 
     motion
 }
 
-/// One step: how far to move (metres) and to turn about the object's origin (rad).
+/// One step: a translation (metres) and a rotation about the object's origin (rad).
 fn step(cloud: &Cloud, motion: &Pose, stride: usize) -> Option<(DVec3, DVec3)> {
-    // Directions that nothing fixes stay where they are: as if known to 20 mm and 30°.
+    // Free directions stay, as if known to 20 mm and 30°.
     let (position, rotation) = ((20.0 * MM).powi(-2), (30.0 * DEG).powi(-2));
     let free = Vector6::new(position, position, position, rotation, rotation, rotation);
     let (mut hessian, mut gradient) = (Matrix6::from_diagonal(&free), Vector6::zeros());

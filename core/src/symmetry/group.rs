@@ -1,4 +1,4 @@
-//! Finite groups of rotations: closed under composition, made exact, and read as axes.
+//! Finite groups of rotations: closed under composition, made exact, and decomposed into axes.
 
 use std::f64::consts::TAU;
 
@@ -7,15 +7,14 @@ use glam::{DQuat, DVec3, DVec4};
 use crate::pose::rotation_angle;
 use crate::units::DEG;
 
-/// The most rotations of a group: those of an icosahedron, or of a wheel of 30 teeth alike
-/// from both sides.
+/// Largest order of a group: an icosahedron's, or that of a wheel of 30 teeth with equal sides.
 pub(super) const ROTATIONS_MAX: usize = 60;
 
-/// Rotations nearer than this are one: below half of the 12° of such a wheel.
+/// Angle below which two rotations are one: less than half of the 12° of such a wheel.
 const SAME: f64 = 5.5 * DEG;
 
-/// Every product of the generators, the identity first; `None` when they are more than
-/// [`ROTATIONS_MAX`] or do not close.
+/// Every product of the generators, the identity first; `None` when there are more than
+/// [`ROTATIONS_MAX`] or they do not close.
 pub(super) fn closure(generators: &[DQuat]) -> Option<Vec<DQuat>> {
     let mut rotations = vec![DQuat::IDENTITY];
     let mut next = 0;
@@ -34,8 +33,8 @@ pub(super) fn closure(generators: &[DQuat]) -> Option<Vec<DQuat>> {
     exact(rotations)
 }
 
-/// The group that nearly closed rotations are nearest to (Grove, Karcher and Ruh, 1974): each
-/// becomes the mean of what the others say of it, gᵢ ← mean over j of gⱼ⁻¹ gⱼᵢ, whose error is
+/// The group nearest to nearly closed rotations (Grove, Karcher and Ruh, 1974): each becomes
+/// the mean of the estimates from the others, gᵢ ← mean over j of gⱼ⁻¹ gⱼᵢ, whose error is
 /// the square of the last.
 fn exact(mut rotations: Vec<DQuat>) -> Option<Vec<DQuat>> {
     let n = rotations.len();
@@ -64,7 +63,7 @@ fn exact(mut rotations: Vec<DQuat>) -> Option<Vec<DQuat>> {
     Some(rotations)
 }
 
-/// The rotation of the list that is the same.
+/// The index of the equal rotation in the list.
 fn find(rotations: &[DQuat], rotation: DQuat) -> Option<usize> {
     let apart = |other: &DQuat| rotation_angle(other.conjugate() * rotation);
     let (index, nearest) =
@@ -87,13 +86,13 @@ pub(super) fn axes(rotations: &[DQuat]) -> Vec<(DVec3, u8)> {
     axes
 }
 
-/// Of the two directions of an axis the one whose largest component is positive.
+/// The one of an axis's two directions whose largest component is positive.
 pub(super) fn upward(direction: DVec3) -> DVec3 {
     let largest = direction.abs().max_position();
     if direction[largest] < 0.0 { -direction } else { direction }
 }
 
-/// The rotations about an axis of finite order, the identity left out.
+/// The rotations about an axis of finite order, without the identity.
 pub(super) fn about(direction: DVec3, order: u8) -> impl Iterator<Item = DQuat> {
     let turn =
         move |k: u8| DQuat::from_axis_angle(direction, TAU * f64::from(k) / f64::from(order));
@@ -148,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_that_do_not_belong_together_make_no_group() {
+    fn inconsistent_axes_make_no_group() {
         let third = |axis| step_about(axis, 3);
         assert_eq!(closure(&[third(DVec3::Z), third(DVec3::new(1.0, 0.0, 2.0))]), None);
     }

@@ -1,4 +1,4 @@
-//! A line in the object frame that an object may be turned about.
+//! A line in the object frame, the candidate axis of a symmetry.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -13,8 +13,8 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// The line that a motion turns about, the point nearest to `near`; what it moves along
-    /// the line is left out. `None` for a motion that does not turn.
+    /// The axis of a motion, its point nearest to `near`; the translation along the axis is
+    /// dropped. `None` for a motion that does not turn.
     pub(super) fn of_turn(motion: &Pose, near: DVec3) -> Option<Self> {
         let direction = motion.rotation.xyz().try_normalize()?;
         // (I − R) off = moved has its solution across the line: off = moved/2 + cot(θ/2)/2 · u × moved.
@@ -36,8 +36,8 @@ impl Line {
     }
 }
 
-/// The point with the least sum of weighted squared distances from lines; where that leaves
-/// a choice, the one nearest to the origin. Metres.
+/// The point with the least sum of weighted squared distances from lines; the one nearest to
+/// the origin where that is ambiguous. Metres.
 pub(super) fn nearest_point(lines: &[(Line, f64)]) -> DVec3 {
     let total: f64 = lines.iter().map(|line| line.1).sum();
     let mut matrix = DMat3::from_diagonal(DVec3::splat(1e-9 * total.max(f64::MIN_POSITIVE)));
@@ -50,7 +50,7 @@ pub(super) fn nearest_point(lines: &[(Line, f64)]) -> DVec3 {
     matrix.inverse() * sum
 }
 
-/// How well a turn fixes its line: most for half turns.
+/// Accuracy of the line that a turn defines: largest for half turns.
 pub(super) fn lever(motion: &Pose) -> f64 {
     (0.5 * rotation_angle(motion.rotation)).sin().powi(2)
 }

@@ -1,9 +1,9 @@
-//! Poses modulo symmetry: which poses look the same, and how far apart two are then.
+//! Poses modulo symmetry: equality and distance of poses of a symmetric object.
 //!
 //! A symmetry turns the object before it is placed: the orbit of `session_from_object` is
-//! `session_from_object · turn` over all turns. Every turn leaves the centre where it is, so
-//! positions are compared there, and orientations at the turn that brings them closest; that
-//! is a pseudo-metric on each, zero between poses of one orbit.
+//! `session_from_object · turn` over all turns. Every turn fixes the centre, so positions are
+//! compared there, and orientations at the turn that brings them closest. Each is a
+//! pseudo-metric, zero between poses of one orbit.
 
 use glam::{DQuat, DVec3};
 
@@ -11,7 +11,7 @@ use super::{AxisOrder, Symmetry, group};
 use crate::pose::{Pose, rotation_angle};
 
 impl Symmetry {
-    /// Whether the object only looks like itself.
+    /// Whether the object has no symmetry.
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.axes.is_empty()
@@ -22,7 +22,7 @@ impl Symmetry {
     pub fn seen_from(&self, origin: DVec3) -> Self {
         let Some(first) = self.axes.first() else { return Self::NONE };
         let moved = self.center - origin;
-        // Along a single axis nothing fixes the centre: it is where the origin is nearest.
+        // Along a single axis the centre is free: it is the point nearest to the origin.
         let center = if self.axes.len() == 1 {
             moved.reject_from_normalized(first.direction)
         } else {
@@ -33,8 +33,8 @@ impl Symmetry {
         Self::through(center, &axes)
     }
 
-    /// How far apart two poses are modulo the symmetry: the distance between the places of the
-    /// centre (metres) and the least angle between the orientations (rad, 0 to π). Without a
+    /// The distance of two poses modulo the symmetry: between the positions of the centre
+    /// (metres) and the smallest angle between the orientations (rad, 0 to π). Without a
     /// symmetry these are the distances of the poses themselves.
     #[must_use]
     pub fn distance(&self, a: &Pose, b: &Pose) -> (f64, f64) {
@@ -42,16 +42,15 @@ impl Symmetry {
         (moved, rotation_angle(self.least_turn(a.rotation.conjugate() * b.rotation)))
     }
 
-    /// Whether two poses look the same to within a distance of the centre (metres) and an angle
-    /// (rad).
+    /// Whether two poses are equal modulo the symmetry, within a distance of the centre
+    /// (metres) and an angle (rad).
     #[must_use]
     pub fn look_alike(&self, a: &Pose, b: &Pose, distance: f64, angle: f64) -> bool {
-        // Far poses are the usual case, and are told apart without looking at any turn.
+        // Far poses are the usual case, and are rejected without trying any turn.
         (*a * self.center).distance(*b * self.center) <= distance && self.distance(a, b).1 <= angle
     }
 
-    /// Of the poses that look like `pose` the one whose orientation is nearest to that of
-    /// `reference`.
+    /// The pose of the orbit of `pose` whose orientation is nearest to that of `reference`.
     #[must_use]
     pub fn nearest_to(&self, pose: &Pose, reference: &Pose) -> Pose {
         let rotation =
@@ -59,22 +58,22 @@ impl Symmetry {
         self.placed_as(pose, rotation)
     }
 
-    /// One pose for all that look alike: the one turned least.
+    /// The representative of an orbit: the pose with the smallest rotation.
     #[must_use]
     pub fn canonical(&self, pose: &Pose) -> Pose {
         self.nearest_to(pose, &Pose::IDENTITY)
     }
 
-    /// The poses that look like `pose`, itself first, at most 60. Beside a continuous axis
-    /// these are `pose` and, if the object can be turned over, `pose` turned over; all turns of
-    /// each about the axis look the same too.
+    /// The orbit of `pose`, itself first, at most 60 poses. With a continuous axis these are
+    /// `pose` and, if the object can be turned over, `pose` turned over; all turns of each
+    /// about the axis are equal to it.
     #[must_use]
     pub fn orbit(&self, pose: &Pose) -> Vec<Pose> {
         let turned = |turn: DQuat| self.placed_as(pose, pose.rotation * turn);
         self.turns().into_iter().map(turned).collect()
     }
 
-    /// The finite turns, the identity first; those about continuous axes are left out.
+    /// The finite turns, the identity first, without those about continuous axes.
     fn turns(&self) -> Vec<DQuat> {
         let mut turns = vec![DQuat::IDENTITY];
         for axis in &self.axes {
@@ -85,7 +84,7 @@ impl Symmetry {
         turns
     }
 
-    /// Of `rotation · turn` over all turns the one of the least angle.
+    /// The rotation of least angle among `rotation · turn` over all turns.
     fn least_turn(&self, rotation: DQuat) -> DQuat {
         let mut continuous = self.axes.iter().filter(|axis| axis.order == AxisOrder::Continuous);
         let (axis, second) = (continuous.next(), continuous.next());
@@ -100,14 +99,14 @@ impl Symmetry {
         self.turns().into_iter().map(straightened).reduce(least).unwrap_or(rotation)
     }
 
-    /// The pose of another orientation that has the centre where `pose` has it.
+    /// The pose with the given orientation and the centre of `pose`.
     fn placed_as(&self, pose: &Pose, rotation: DQuat) -> Pose {
         Pose::from_parts(rotation, *pose * self.center - rotation * self.center)
     }
 }
 
-/// Of `rotation · turn` over all turns about `axis` the one of the least angle. The scalar part
-/// is w cos(α/2) − (v · axis) sin(α/2): largest at tan(α/2) = −(v · axis)/w.
+/// The rotation of least angle among `rotation · turn` over all turns about `axis`. The
+/// scalar part is w cos(α/2) − (v · axis) sin(α/2): largest at tan(α/2) = −(v · axis)/w.
 fn without_twist(rotation: DQuat, axis: DVec3) -> DQuat {
     let half = (-rotation.xyz().dot(axis)).atan2(rotation.w);
     rotation * DQuat::from_axis_angle(axis, 2.0 * half)
@@ -129,7 +128,7 @@ mod tests {
         Symmetry::through(CENTER, axes)
     }
 
-    /// Groups of every kind that may be found.
+    /// Groups of every kind that a search can find.
     fn kinds() -> Vec<Symmetry> {
         let tilted = DVec3::new(1.0, 2.0, -0.5).normalize();
         let (across, other) = tilted.any_orthonormal_pair();
@@ -150,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_letter_turned_by_half_is_where_it_was_and_a_quarter_turn_is_a_quarter_turn() {
+    fn a_half_turn_of_a_letter_is_no_distance_a_quarter_turn_is() {
         let half = symmetry(&[(DVec3::Z, AxisOrder::Finite(2))]);
         let turned = |angle: f64| {
             let rotation = DQuat::from_rotation_z(angle);
@@ -167,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn seen_from_elsewhere_the_same_turns_look_the_same() {
+    fn a_shifted_origin_keeps_the_orbits() {
         let origin = DVec3::new(5.0, 9.0, -1.0) * MM;
         let old_from_new = Pose::from_parts(DQuat::IDENTITY, origin);
         for kind in kinds() {
@@ -186,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_look_alike_within_a_distance_and_an_angle_of_any_turn() {
+    fn look_alike_compares_within_distance_and_angle_of_any_turn() {
         let half = symmetry(&[(DVec3::Z, AxisOrder::Finite(2))]);
         let turned = |angle: f64, off: f64| {
             let rotation = DQuat::from_rotation_z(angle);
@@ -199,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spindle_counts_its_tilt_alone() {
+    fn only_a_spindles_tilt_counts() {
         let spindle = symmetry(&[(DVec3::Z, AxisOrder::Continuous)]);
         let tilted = DQuat::from_rotation_x(0.3) * DQuat::from_rotation_z(2.0);
         let (_, angle) = spindle.distance(&Pose::IDENTITY, &Pose::from_parts(tilted, DVec3::ZERO));
@@ -207,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn orbits_have_as_many_poses_as_the_group() {
+    fn orbits_have_the_size_of_the_group() {
         let n: Vec<usize> = kinds().iter().map(|kind| kind.orbit(&random_pose(1)).len()).collect();
         assert_eq!(n, [1, 5, 4, 1, 2, 1]);
     }
@@ -222,7 +221,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn poses_of_one_orbit_are_at_distance_nothing(seed in 0u64..300, angle in 0.0..6.0_f64) {
+        fn poses_of_one_orbit_have_distance_zero(seed in 0u64..300, angle in 0.0..6.0_f64) {
             let pose = random_pose(seed);
             for kind in kinds() {
                 let mut alike = kind.orbit(&pose);
@@ -241,7 +240,7 @@ mod tests {
         }
 
         #[test]
-        fn distances_are_symmetric_and_keep_the_triangle(seed in 0u64..300) {
+        fn distances_are_symmetric_and_obey_the_triangle_inequality(seed in 0u64..300) {
             let [a, b, c] = [0, 1, 2].map(|n| random_pose(1_000 + 3 * seed + n));
             for kind in kinds() {
                 let (ab, ba) = (kind.distance(&a, &b), kind.distance(&b, &a));
@@ -253,7 +252,7 @@ mod tests {
         }
 
         #[test]
-        fn the_nearest_pose_is_as_near_as_the_distance_says(seed in 0u64..300) {
+        fn nearest_to_attains_the_distance(seed in 0u64..300) {
             let (a, b) = (random_pose(seed), random_pose(seed + 5_000));
             for kind in kinds() {
                 let near = kind.nearest_to(&b, &a);

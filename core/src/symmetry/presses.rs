@@ -1,9 +1,8 @@
-//! What touches would have shown: where the sensor stood, nothing else was, and where it never
-//! stood, a handle may be.
+//! Free space and coverage of touches, as evidence for or against a symmetry.
 //!
-//! A turn that takes a touched point into the space that the sensor filled at another touch is
-//! no symmetry: there was no object. And touches settle a symmetry only when they lie so
-//! densely that a feature as large as a contact would have been touched.
+//! A turn that takes a touched point into the space that the sensor occupied at another touch
+//! is not a symmetry: no object was there. Touches settle a symmetry only when they are so
+//! dense that a feature as large as a contact, such as a handle, would have been touched.
 
 use std::f64::consts::PI;
 
@@ -17,37 +16,38 @@ use crate::units::MM;
 /// One touch of an object.
 #[derive(Clone, Copy, Debug)]
 pub struct Press {
-    /// The patch that it left on the map.
+    /// The patch of the touch in the map.
     pub patch: MapPatch,
-    /// Where the sensor stood; its z points at the object. Object frame.
+    /// Pose of the sensor; its z points at the object. Object frame.
     pub object_from_sensor: Pose,
     /// Half the sides of the array along the sensor's x and y, metres.
     pub half: DVec2,
 }
 
-/// How far behind its face the sensor is taken to be solid, metres. Chosen: the housing that the
+/// Depth of the solid part behind the sensor's face, metres. Chosen: the housing that the
 /// simulator collides, and less than any arm that carries a sensor.
 const HOUSING: f64 = 10.0 * MM;
 
-/// How far into the sensor a point may come: coverings give way, and turns are known to about a
-/// degree. Metres. Derived: the deepest presses are 1 mm, and half a degree at 40 mm is 0.4 mm.
+/// Tolerated depth of a point in the sensor: coverings yield, and turns are known to about a
+/// degree. Metres. Derived: the deepest presses are 1 mm, and half a degree at 40 mm is 0.4
+/// mm.
 const GIVES_WAY: f64 = 1.5 * MM;
 
-/// This share of each half side of the array counts: at the edge the turn's error shows.
+/// Share of each half side of the array that counts: at the edge the turn's error shows.
 const MIDDLE: f64 = 0.85;
 
-/// A feature is as large as a contact: a disc of three quarters of the array's side. A touch
-/// within its radius shows it.
+/// Size of a feature as large as a contact: a disc of three quarters of the array's side. A
+/// touch within its radius shows it.
 const FEATURE: f64 = 0.75;
 
-/// The share of the surface on which a feature may have been missed.
+/// Largest share of the surface on which a feature may have been missed.
 const MISSED_MAX: f64 = 0.02;
 
-/// The neighbour whose distance tells how densely touches lie, and the density from it: within
-/// the distance to the k-th neighbour lie k touches, of which the last is on the rim.
+/// The neighbour k for estimating the density of touches: within its distance lie k touches,
+/// of which the last is on the rim.
 const NEIGHBOUR: usize = 6;
 
-/// The presses of an object, by place.
+/// The presses of an object, by position.
 pub(super) struct Presses {
     positions: Vec<DVec3>,
     normals: Vec<DVec3>,
@@ -79,7 +79,7 @@ impl Presses {
         }
     }
 
-    /// How many of the touched points a motion (object to object) takes into a sensor.
+    /// The number of touched points that a motion (object to object) takes into a sensor.
     pub(super) fn contradicting(&self, motion: &Pose) -> usize {
         let is_inside = |point: DVec3| {
             let mut inside = false;
@@ -98,16 +98,17 @@ impl Presses {
         self.positions.iter().filter(|position| is_inside(*motion * **position)).count()
     }
 
-    /// How many more touches it takes until touches `times` rarer would miss a feature as large
-    /// as a contact on less than [`MISSED_MAX`] of the surface; 0 when these do.
+    /// Number of further touches needed until touches `times` rarer would miss a feature as
+    /// large as a contact on less than [`MISSED_MAX`] of the surface; 0 when no more are
+    /// needed.
     pub(super) fn touches_needed(&self, times: f64) -> usize {
         let n = self.positions.len();
         if n <= NEIGHBOUR {
             return super::PATCHES_MIN;
         }
-        // The surface that each touch stands for, and how many touches a feature there has.
+        // The surface that each touch represents, and the number of touches a feature there has.
         let of_touch = |at: usize| {
-            // Touches of the other side of a wall say nothing of this one.
+            // Touches on the other side of a wall say nothing about this one.
             let mut squares: Vec<f64> = (0..n)
                 .filter(|other| *other != at && self.normals[*other].dot(self.normals[at]) > 0.0)
                 .map(|other| self.positions[other].distance_squared(self.positions[at]))
@@ -150,7 +151,7 @@ mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
 
-    /// Touches all round a cylinder about z with a radius of 20 mm and a height of 80 mm.
+    /// Touches all around a cylinder about z with a radius of 20 mm and a height of 80 mm.
     fn cylinder(n: usize, stream: &mut Stream) -> Presses {
         let touch = |_| {
             let (angle, up) = (stream.uniform(0.0, TAU), stream.uniform(-40.0, 40.0));
@@ -169,11 +170,11 @@ mod tests {
     }
 
     #[test]
-    fn more_touches_are_needed_where_they_are_rare() {
+    fn more_touches_are_needed_where_they_are_sparse() {
         let mut stream = Stream::new(2, Purpose::Shape, 0);
         assert_eq!(cylinder(600, &mut stream).touches_needed(1.0), 0);
-        // 10,053 mm² and features of 254 mm²: exp(−254 n/10,053) = 0.02 at n = 155 if touches
-        // were even, and more because they are not.
+        // 10,053 mm² and features of 254 mm²: exp(−254 n/10,053) = 0.02 at n = 155 for
+        // uniform touches, and more because they are not uniform.
         let few = cylinder(100, &mut stream);
         let (once, thrice) = (100 + few.touches_needed(1.0), 100 + few.touches_needed(3.0));
         assert!((155..400).contains(&once), "{once}");

@@ -1,8 +1,8 @@
-//! Where symmetries may be: turns about the axes that the spread of a surface leaves possible.
+//! Candidate turns: about the axes that the second moment of a surface permits.
 //!
 //! Every axis of a symmetry runs through the centroid of the surface and is an eigenvector of
-//! its second moment: a principal axis, any direction across the one that differs when two
-//! moments are equal, or any direction at all when three are.
+//! its second moment: a principal axis, any direction across the distinct one when two
+//! moments are equal, or any direction at all when all three are.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,7 +14,7 @@ use super::line::Line;
 use crate::pose::Pose;
 use crate::units::DEG;
 
-/// The prime orders tried about principal axes; one of them divides every order up to 30.
+/// Prime orders tried about principal axes; one of them divides every order up to 30.
 const PRIMES: [u8; 10] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29];
 
 /// Prime orders tried about any direction: those of polyhedra and of squat wheels.
@@ -23,11 +23,11 @@ const PRIMES_ANYWHERE: [u8; 6] = [2, 3, 5, 7, 11, 13];
 /// Directions of a half sphere, about 7° apart.
 const DIRECTIONS: usize = 420;
 
-/// How many of them are kept for each order, and how far apart, rad.
+/// Number of directions kept for each order, and their smallest distance, rad.
 const KEPT: usize = 8;
 const KEPT_APART: f64 = 12.0 * DEG;
 
-/// Half turns about directions across an axis are tried at most this far apart, rad.
+/// Largest angle between neighbouring half turns across an axis, rad.
 pub(super) const ACROSS_STEP: f64 = 8.0 * DEG;
 
 /// The centroid of a surface (metres) and its principal axes.
@@ -35,12 +35,12 @@ pub(super) struct Spread {
     pub(super) center: DVec3,
     /// Axes and their moments, least first.
     axes: [(DVec3, f64); 3],
-    /// Moments that differ by less than this share of their sum count as equal.
+    /// Share of their sum within which two moments count as equal.
     equal_within: f64,
 }
 
 impl Spread {
-    /// The spread of points that lie evenly over the surface; moments that differ by less than
+    /// The spread of points that are uniform on the surface; moments that differ by less than
     /// the share `equal_within` of their sum count as equal.
     pub(super) fn new(points: &[DVec3], equal_within: f64) -> Self {
         let n = points.len() as f64;
@@ -61,8 +61,8 @@ impl Spread {
         Self { center, axes, equal_within }
     }
 
-    /// The turns to try, about lines through the centroid. `rate` says how badly a turn fits
-    /// at a glance.
+    /// The candidate turns, about lines through the centroid. `rate` is a fast estimate of a
+    /// turn's misfit.
     pub(super) fn turns(&self, rate: &(dyn Fn(&Pose) -> f64 + Sync)) -> Vec<Pose> {
         let line = |direction| Line { point: self.center, direction };
         let mut turns: Vec<Pose> = Vec::new();

@@ -1,9 +1,9 @@
 //! The symmetry of a known shape, such as a mesh: exact, without touches and without a seed.
 //!
-//! A turn is a symmetry when it moves no part of the surface as large as a touch resolves off
-//! the surface by more than a touch resolves, or, where nothing fits the mesh that well, by
-//! more than coarse meshes miss their own form. So a handle, a notch and an engraved line
-//! count, and the facets of a round body that touch cannot feel do not.
+//! A turn is a symmetry when no part of the surface as large as the resolution of touch moves
+//! off the surface by more than that resolution, or, where nothing fits the mesh that well,
+//! by more than the error of coarse meshes. A handle, a notch and an engraved line therefore
+//! count; the facets of a round body that touch cannot feel do not.
 
 use std::f64::consts::TAU;
 
@@ -19,45 +19,45 @@ use super::seeds::Spread;
 use crate::pose::{Pose, rotation_angle};
 use crate::units::{DEG, MM};
 
-/// No less deep a difference counts, metres. Chosen: heights of touches scatter by about this.
+/// Smallest difference that counts, metres. Chosen: heights of touches scatter by about this.
 const DEPTH: f64 = 0.1 * MM;
 
-/// And no less than this share of the largest dimension. Chosen: [`DEPTH`] for 80 mm.
+/// Smallest difference as a share of the largest dimension. Chosen: [`DEPTH`] for 80 mm.
 const DEPTH_SHARE: f64 = 1.0 / 800.0;
 
-/// A deeper one always counts, as a share of the largest dimension: 0.4 mm for 80 mm. Fitted to
-/// the built-in objects, whose grids of 1 mm miss the forms they were made with by up to
-/// 0.29 mm (tested in `palpate_sim::symmetry`); a mug's handle is 17 mm off.
+/// Difference that always counts, as a share of the largest dimension: 0.4 mm for 80 mm.
+/// Fitted to the built-in objects, whose grids of 1 mm miss the forms they were made with by
+/// up to 0.29 mm (tested in `palpate_sim::symmetry`); a mug's handle is 17 mm off.
 const DEPTH_MAX_SHARE: f64 = 1.0 / 200.0;
 
-/// In between, a turn counts when it fits worse than the best by at most this factor. Chosen.
+/// Between the two, largest ratio of a turn's misfit to the best. Chosen.
 const COARSE: f64 = 1.5;
 
-/// The radius of a part that counts, as a share of the largest dimension: a taxel's pitch of
-/// 2 mm for objects of 80 mm. The surface is averaged over it, so that the rounding of a sharp
-/// edge by a coarse mesh is no feature.
+/// Radius of a part that counts, as a share of the largest dimension: a taxel's pitch of 2 mm
+/// for objects of 80 mm. The surface is averaged over it, so that a sharp edge rounded by a
+/// coarse mesh is not a feature.
 const PART_SHARE: f64 = 1.0 / 40.0;
 
-/// Flat sides count as a round when they are more than [`ORDER_MAX`] and leave it by at most
-/// this share of the largest dimension. Derived: where a round is the largest dimension, 31
-/// sides leave it by ½ (1 − cos(π/31)) = 1/389 of that.
+/// Flat sides count as round when there are more than [`ORDER_MAX`] and they leave the round
+/// by at most this share of the largest dimension. Derived: where a round is the largest
+/// dimension, 31 sides leave it by ½ (1 − cos(π/31)) = 1/389 of that.
 const FINE_SHARE: f64 = 1.0 / 389.0;
 
-/// The most sides of a round that are looked for; more leave it by less than [`DEPTH_SHARE`].
+/// Maximum number of sides of a round that are searched; more leave it by less than
+/// [`DEPTH_SHARE`].
 const SIDES_MAX: u16 = 180;
 
-/// Moments that differ by less than this share of their sum count as equal. Chosen: true
-/// symmetries have equal moments to a thousandth (points are drawn evenly); accidents cost time.
+/// Share of their sum within which two moments count as equal. Chosen: true symmetries have
+/// equal moments to a thousandth (points are uniform); accidents cost time.
 const EQUAL_MOMENTS: f64 = 0.02;
 
-/// Points for a glance at a turn, and for fitting it.
+/// Number of points for a fast estimate of a turn, and for fitting it.
 const GLANCED: usize = 128;
 const FITTED: usize = 768;
 
-/// A surface to be turned in front of itself.
+/// A surface whose symmetry is sought.
 pub struct Shape<'a> {
-    /// Points spread evenly over the surface in an order that spreads too: the first few lie
-    /// all over it. Metres, object frame.
+    /// Points uniform on the surface, as is every prefix of the list. Metres, object frame.
     pub points: &'a [DVec3],
     /// The point of the surface nearest to a point, and the normal there.
     pub nearest: &'a (dyn Fn(DVec3) -> (DVec3, DVec3) + Sync),
@@ -109,7 +109,7 @@ impl Judge for Search<'_> {
                 let motion = self.fit(turn);
                 let line = Line::of_turn(&motion, self.spread.center)?;
                 let angle = rotation_angle(motion.rotation);
-                // A line has no sense of direction; its turns do.
+                // A line has no orientation; its turns have.
                 let motion = line.turn(angle);
                 if angle < ANGLE_MIN || !self.may_be_symmetry(&motion, self.depth) {
                     return None;
@@ -137,13 +137,13 @@ impl Judge for Search<'_> {
 }
 
 impl Search<'_> {
-    /// How far a motion takes a point off the surface, metres.
+    /// The distance by which a motion takes a point off the surface, metres.
     fn off(&self, motion: &Pose, point: DVec3) -> f64 {
         let moved = *motion * point;
         moved.distance((self.shape.nearest)(moved).0)
     }
 
-    /// How far a few points are taken off the surface in the mean, metres.
+    /// The mean distance by which a few points are taken off the surface, metres.
     fn glance(&self, motion: &Pose) -> f64 {
         let points = &self.shape.points[..self.shape.points.len().min(GLANCED)];
         points.iter().map(|point| self.off(motion, *point)).sum::<f64>() / points.len() as f64
@@ -154,12 +154,12 @@ impl Search<'_> {
         self.may_be_symmetry(motion, depth) && self.worst_part(motion) <= depth
     }
 
-    /// If no part is off by more, all are not in the mean; twice that for few points.
+    /// A necessary condition: the mean of a few points is below twice the depth.
     fn may_be_symmetry(&self, motion: &Pose, depth: f64) -> bool {
         self.glance(motion) <= 2.0 * depth
     }
 
-    /// How far the part of the surface that comes off farthest is off in the mean, metres.
+    /// The mean distance of the part of the surface that is taken off farthest, metres.
     fn worst_part(&self, motion: &Pose) -> f64 {
         let points = self.shape.points;
         let off: Vec<f64> = points.iter().map(|point| self.off(motion, *point)).collect();
@@ -176,8 +176,8 @@ impl Search<'_> {
         points.iter().map(of_part).fold(0.0, f64::max)
     }
 
-    /// The motion next to `motion` that lays the shape onto itself best: Gauss–Newton steps
-    /// from each moved point to the plane of the surface nearest to it.
+    /// The motion near `motion` that fits the shape to itself best: Gauss–Newton steps from
+    /// each moved point to the nearest plane of the surface.
     fn fit(&self, motion: Pose) -> Pose {
         let mut motion = motion;
         for _step in 0..12 {
@@ -193,7 +193,7 @@ impl Search<'_> {
         motion
     }
 
-    /// One step: how far to move (metres) and to turn about the centre (rad).
+    /// One step: a translation (metres) and a rotation about the centre (rad).
     fn step(&self, motion: &Pose) -> Option<(DVec3, DVec3)> {
         let points = &self.shape.points[..self.shape.points.len().min(FITTED)];
         let found: Vec<(DVec3, DVec3, f64)> = points
@@ -204,10 +204,10 @@ impl Search<'_> {
                 (moved - self.spread.center, normal, (at - moved).dot(normal))
             })
             .collect();
-        // What is far off beside the rest counts little (Geman and McClure, 1987).
+        // Outliers count little (Geman and McClure, 1987).
         let mean = found.iter().map(|(_, _, off)| off.abs()).sum::<f64>() / found.len() as f64;
         let scale = (3.0 * mean).max(self.depth);
-        // Directions that nothing fixes stay where they are.
+        // Free directions stay.
         let n = found.len() as f64;
         let free = Vector6::new(1.0, 1.0, 1.0, 0.0, 0.0, 0.0) * (1e-6 * n)
             + Vector6::new(0.0, 0.0, 0.0, 1.0, 1.0, 1.0) * (1e-6 * n * self.shape.size.powi(2));

@@ -1,4 +1,4 @@
-//! Symmetries of bodies whose symmetry is known, from noisy and irregular patches.
+//! Tests on bodies of known symmetry, from noisy and irregular patches.
 
 use std::f64::consts::TAU;
 
@@ -91,7 +91,7 @@ fn mug(n: usize, stream: &mut Stream) -> Surface {
     points
 }
 
-/// A map of points (mm): noise of 0.1 mm and 4° as touches have it, anywhere in the frame.
+/// A map of points (mm), with the noise of touches, 0.1 mm and 4°, at any pose in the frame.
 fn map(points: &Surface, pose: &Pose, stream: &mut Stream) -> Vec<MapPatch> {
     let patch = |(at, normal): &(DVec3, DVec3)| {
         let noise = DVec3::new(stream.normal(), stream.normal(), stream.normal());
@@ -106,7 +106,7 @@ fn map(points: &Surface, pose: &Pose, stream: &mut Stream) -> Vec<MapPatch> {
     points.iter().map(patch).collect()
 }
 
-/// Presses of a sensor of 12 mm on each patch. One that stands askew by 4° about either axis
+/// Presses of a sensor of 12 mm on each patch. A sensor tilted by 4° about either axis
 /// touches with an edge: its middle is 0.6 mm off.
 fn presses(patches: &[MapPatch]) -> Vec<Press> {
     let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
@@ -147,13 +147,13 @@ fn body(name: &str, n: usize, stream: &mut Stream) -> Surface {
     }
 }
 
-/// Samples a body with two seeds, in two poses, and expects axes with orders, and the
-/// directions of those that the body's frame gives.
+/// Samples a body with two seeds, in two poses, and checks the orders of its axes, and the
+/// directions of the axes given by the body's frame.
 #[track_caller]
 fn check(name: &str, n: usize, directions: &[DVec3], orders: &[(AxisOrder, usize)]) {
     for seed in [101, 102] {
         let mut stream = Stream::new(seed, Purpose::Shape, 0);
-        // To claim a symmetry takes more touches than to see one.
+        // A claim of symmetry needs more touches than its detection.
         let points = body(name, 1_500.min(2 * n), &mut stream);
         let pose = Pose::from_parts(stream.rotation(), stream.direction() * 10.0 * MM);
         let found = symmetry_of(&map(&points, &pose, &mut stream));
@@ -202,7 +202,7 @@ fn a_cube_has_all_its_thirteen_axes() {
 }
 
 #[test]
-fn a_cylinder_is_continuous_and_can_be_turned_over_however_long_it_is() {
+fn cylinders_are_continuous_and_turn_over_at_any_length() {
     for name in ["cylinder", "squat cylinder"] {
         check(name, 600, &[DVec3::Z], &[(AxisOrder::Continuous, 1), (TWO, 1)]);
     }
@@ -215,18 +215,18 @@ fn an_egg_is_continuous_and_a_ball_in_every_direction() {
 }
 
 #[test]
-fn a_handle_leaves_a_mug_no_symmetry_and_an_l_has_none() {
+fn a_mug_with_a_handle_and_an_l_have_no_symmetry() {
     check("mug", 600, &[], &[]);
     check("L", 500, &[], &[]);
 }
 
 #[test]
-fn wheels_have_as_many_turns_as_teeth_on_both_sides() {
+fn wheels_have_as_many_turns_as_teeth() {
     check("wheel of 5", 700, &[DVec3::Z], &[(AxisOrder::Finite(5), 1), (TWO, 5)]);
 }
 
 #[test]
-fn a_fine_wheel_has_all_its_turns_or_none_that_are_sure() {
+fn a_fine_wheel_has_all_its_turns_or_is_undetermined() {
     for (seed, n) in [(101, 900), (102, 900), (101, 1_500), (102, 1_500)] {
         let mut stream = Stream::new(seed, Purpose::Shape, 0);
         let points = body("wheel of 12", n, &mut stream);
@@ -253,7 +253,7 @@ fn the_answer_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn too_few_or_equal_patches_have_no_symmetry() {
+fn few_or_equal_patches_have_no_symmetry() {
     let patch =
         MapPatch { position: [0.01, 0.0, 0.0], normal: [1.0, 0.0, 0.0], normal_confidence: 1.0 };
     for n in [0, PATCHES_MIN - 1, 200] {

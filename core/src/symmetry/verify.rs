@@ -1,63 +1,63 @@
-//! Whether motions are symmetries of a map: they explain the patches as they explain each other.
+//! Test whether motions are symmetries of a map: their misfits are those of patches left out.
 //!
-//! Each patch is left out and explained by the rest; under a true symmetry a moved patch is
-//! one more touch of the same surface, so its misfit has the same distribution. Misfits count
-//! relative to what is usual around a patch: more on thin rods than on plates. All motions of a
-//! hypothesis, and their inverses, are judged together: a patch that lies on a feature is
-//! misfitted by every one of them, one that is merely noisy by few. Two things are asked of the
-//! mean over the motions: its mean over all patches, and its mean over each place, which is what
-//! a handle or a notch spoils. A single motion is left early when too many patches are
-//! unexplained.
+//! Each patch is left out and matched with the rest. Under a true symmetry a moved patch is
+//! one more touch of the same surface, so its misfit has the same distribution. Misfits are
+//! relative to the usual one around a patch: larger on thin rods than on plates. All motions
+//! of a hypothesis, and their inverses, are judged together: a patch on a feature misfits
+//! under every one of them, a noisy patch under few. Two statistics of the mean over the
+//! motions decide: its mean over all patches, and its mean over each place, which a handle or
+//! a notch raises. A single motion is abandoned early when too many patches are unexplained.
 
 use super::cloud::{Cloud, quantile};
 use crate::pose::Pose;
 
-/// The share of patches that counts as explained when each is left out.
+/// Share of patches that count as explained when each is left out.
 const EXPLAINED: f64 = 0.97;
 
-/// How many standard errors the mean may be above that of patches left out: those of true
-/// symmetries are at most 5 above it. Fitted: `palpate experiment symmetry`, seeds 101 to 103.
+/// Largest excess of the mean over that of patches left out, in standard errors; true
+/// symmetries exceed it by at most 5. Fitted: `palpate experiment symmetry`, seeds 101 to
+/// 103.
 const MEAN_ERRORS: f64 = 6.0;
 
-/// How many standard errors more than 3 % of the patches may be unexplained.
+/// Standard errors by which the share of unexplained patches may exceed 3 %.
 const SHARE_ERRORS: f64 = 4.0;
 
-/// A turn that is not quite fitted yet may leave so many times as many unexplained.
+/// Factor of unexplained patches permitted for a turn that is not fitted yet.
 const HOPELESS: f64 = 3.0;
 
-/// A hypothesis whose excess is below this is not refuted clearly. Chosen.
+/// Excess below which a hypothesis is not refuted clearly. Chosen.
 pub(super) const UNCLEAR: f64 = 1.5;
 
-/// How many patches of one side make a place, the middle one included: fewer than a feature as
+/// Number of patches of one side in a place, the middle one included: fewer than a feature as
 /// large as a contact has where 300 touches cover an object of 80 mm.
 const PLACE: usize = 8;
 
-/// How much more than when left out a place may be misfitted in the mean over all motions: those
-/// of true symmetries reach 2.0, features as large as a contact exceed it from about five touches
-/// on. Fitted as [`MEAN_ERRORS`].
+/// Largest ratio of a place's misfit, in the mean over all motions, to that of patches left
+/// out: true symmetries reach 2.0, features as large as a contact exceed it from about five
+/// touches on. Fitted as [`MEAN_ERRORS`].
 const PLACE_EXCESS_MAX: f64 = 2.2;
 
-/// Patches around each patch that tell how well it can be explained at all.
+/// Number of patches around each patch from which its usual misfit is estimated.
 const AROUND: usize = 16;
 
-/// Patches belong to one side of a wall when their normals have this cosine.
+/// Smallest cosine of the normals of patches on one side of a wall.
 const SAME_SIDE: f64 = 0.5;
 
-/// No place is usually misfitted by less than this, in units of scatter.
+/// Smallest usual misfit of a place, in units of scatter.
 const USUAL_MIN: f64 = 0.5;
 
-/// A relative misfit counts as at most this much.
+/// Largest relative misfit that counts.
 const RELATIVE_MAX: f64 = 4.0;
 
-/// Turns that an object only nearly has misfit its patches by this much more than those that it
-/// has, in relative misfits, whose mean is about 1. Fitted as [`MEAN_ERRORS`]: any turn of a round
-/// object misfits by up to 0.06 more than the best finite order, of one of sixteen sides by 0.09.
+/// Excess of the relative misfits (mean about 1) of a near symmetry's turns over those of a
+/// true one. Fitted as [`MEAN_ERRORS`]: any turn of a round object misfits by up to 0.06 more
+/// than the best finite order, of one of sixteen sides by 0.09.
 const WORSE_SHARE: f64 = 0.07;
 
-/// Differences of so many standard errors are beyond chance.
+/// Standard errors beyond which a difference is not chance.
 const CHANCE: f64 = 4.0;
 
-/// What the patches of a map leave of each other.
+/// Misfits of a map's patches when each is left out.
 pub(super) struct Baseline {
     /// The patches around each patch, and itself.
     places: Vec<Vec<usize>>,
@@ -65,23 +65,24 @@ pub(super) struct Baseline {
     usual: Vec<f64>,
     /// The mean relative misfit of each place.
     of_places: Vec<f64>,
-    /// Of the relative misfits: mean, variance, and up to where a patch is explained.
+    /// Mean, variance and limit of explanation of the relative misfits.
     mean: f64,
     variance: f64,
     explained: f64,
 }
 
-/// How some motions fit, taken together.
+/// Joint fit of some motions.
 pub(super) struct Judged {
-    /// How badly: 1 at the bound, up to which they are symmetries.
+    /// Misfit; symmetries are at most 1.
     pub(super) excess: f64,
     /// The relative misfit of each patch, in the mean over the motions.
     misfits: Vec<f64>,
 }
 
 impl Judged {
-    /// How much worse these motions fit than others do, patch by patch: 1 when the difference of
-    /// the means is as large as [`WORSE_SHARE`] of what patches left out leave, and beyond chance.
+    /// Excess of these motions' misfit over another's, patch by patch: 1 when the difference
+    /// of the means is as large as [`WORSE_SHARE`] of that of patches left out, and beyond
+    /// chance.
     pub(super) fn worse_than(&self, other: &Self) -> f64 {
         let differences: Vec<f64> =
             self.misfits.iter().zip(&other.misfits).map(|(a, b)| a - b).collect();
@@ -109,8 +110,8 @@ impl Baseline {
         Self { places, usual, of_places, mean, variance, explained }
     }
 
-    /// What some motions (object to object) and their inverses, taken together, leave of the
-    /// patches; `None` when one of them leaves too many unexplained.
+    /// The joint misfit of some motions (object to object) and their inverses; `None` when
+    /// one of them leaves too many patches unexplained.
     pub(super) fn judge(&self, cloud: &Cloud, motions: &[Pose]) -> Option<Judged> {
         let mut misfits = vec![0.0; cloud.len()];
         let share = 0.5 / motions.len() as f64;
@@ -123,14 +124,14 @@ impl Baseline {
         Some(Judged { excess: self.excess(&misfits), misfits })
     }
 
-    /// Whether so many of the patches are unexplained under `motion`, by one in `stride` of
-    /// them, that no small change makes it a symmetry.
+    /// Whether `motion` leaves too many patches unexplained, on one in `stride` of them, for
+    /// any small change to make it a symmetry.
     pub(super) fn is_hopeless(&self, cloud: &Cloud, motion: &Pose, stride: usize) -> bool {
         self.explained_by(cloud, motion, stride, HOPELESS).is_none()
     }
 
-    /// The relative misfits under `motion` of one patch in `stride`; `None` as soon as `factor`
-    /// times too many are unexplained: most motions are told from symmetries by few patches.
+    /// The relative misfits under `motion` of one patch in `stride`; `None` as soon as
+    /// `factor` times too many are unexplained: a few patches suffice to reject most motions.
     fn explained_by(
         &self,
         cloud: &Cloud,
@@ -151,7 +152,7 @@ impl Baseline {
         Some(misfits)
     }
 
-    /// How relative misfits compare, 1 at the bound.
+    /// The excess of relative misfits, 1 at the bound.
     fn excess(&self, misfits: &[f64]) -> f64 {
         let n = misfits.len() as f64;
         let mean = misfits.iter().sum::<f64>() / n;
@@ -180,7 +181,7 @@ fn around(cloud: &Cloud, at: usize, n: usize, cosine: f64) -> Vec<usize> {
     near.into_iter().map(|entry| entry.1).collect()
 }
 
-/// A misfit relative to what is usual around its patch.
+/// A misfit relative to the usual one around its patch.
 fn relative(misfit: f64, usual: f64) -> f64 {
     (misfit / usual).min(RELATIVE_MAX)
 }

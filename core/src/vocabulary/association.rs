@@ -1,4 +1,4 @@
-//! Pruned soft association: only the classes that a feature may really belong to.
+//! Pruned soft association of a feature with its likely classes.
 //!
 //! Source: equations 5.15–5.19 with the readings of `docs/equations.md`: class priors are
 //! uniform, so the pruned likelihoods normalise to the posterior.
@@ -11,16 +11,16 @@ use crate::descriptor::affinity;
 pub struct Association {
     /// The class.
     pub class: ClassIdx,
-    /// Pr(class given feature), over the classes that were not pruned.
+    /// Pr(class given feature), over the remaining classes.
     pub weight: f64,
 }
 
-/// How strictly unlikely classes are pruned away.
+/// Pruning of unlikely classes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssociationRule {
-    /// T_a of equation 5.18: classes below this share of the best likelihood are dropped.
+    /// T_a of equation 5.18: fraction of the best likelihood below which classes are dropped.
     pub threshold: f64,
-    /// No more than this many classes are kept.
+    /// Maximum number of classes.
     pub max_classes: usize,
 }
 
@@ -36,7 +36,7 @@ pub fn spreads(features: &[Vec<f64>], medoids: &[Vec<f64>], membership: &[usize]
     spreads_above(MIN_SPREAD, features, medoids, membership)
 }
 
-/// The same with another floor.
+/// Like [`spreads`], with another floor.
 #[must_use]
 pub fn spreads_above(
     floor: f64,
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_spread_is_the_mean_square_of_what_is_missing_to_one() {
+    fn the_spread_is_the_mean_square_of_one_less_the_affinity() {
         // Affinities 0.9 and 0.7 to the medoid: (0.01 + 0.09) / 2 = 0.05.
         let features = [at_affinity(0.9), at_affinity(0.7)];
         let spreads = spreads(&features, &[vec![1.0, 0.0]], &[0, 0]);
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn likelihoods_below_the_threshold_are_pruned_and_the_rest_sums_to_one() {
+    fn pruned_likelihoods_are_renormalised() {
         // ψ = 0.02 for all. Affinities 1, 0.95, 0.5 give likelihoods 1, e^−0.0625 = 0.9394,
         // e^−6.25 = 0.0019; at T_a = 0.75 two stay: 1/1.9394 = 0.5156 and 0.4844.
         let medoids = [vec![1.0, 0.0, 0.0], vec![0.95, 0.3, 0.08], vec![0.5, 0.8, 0.3]];

@@ -1,15 +1,15 @@
-//! Bags of features: how often touches of an object fall into each appearance class.
+//! Bags of features: histograms of an object's touches over the appearance classes.
 //!
 //! Source: section 4.3.1.2 (equations 4.1–4.4) and its reading as a maximum of likelihood
 //! (4.18–4.22); smoothing and per-feature responsibilities as in `docs/equations.md`. Each
-//! reading has mass 1, whatever the number of its features and of an object's readings.
-//! Not here: what the classes are (`kmeans`, `gmm`).
+//! reading has mass 1, whatever the number of its features and of an object's readings. Not
+//! here: the classes (`kmeans`, `gmm`).
 
 use super::gmm::Mixture;
 use super::kmeans::KMeans;
 use crate::log_prob;
 
-/// The classes of a vocabulary, and how features belong to them.
+/// The classes of a vocabulary, and the membership of features in them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Clustering {
     /// A feature belongs to the class of the nearest centre.
@@ -67,8 +67,8 @@ impl Clustering {
         log_prob::normalize(&self.log_joint(feature))
     }
 
-    /// How common the classes are where shares were made from densities: Pr(g_i), by which a
-    /// share is divided to be a likelihood. Hard classes have 1 each.
+    /// Prior probabilities Pr(g_i) of the classes whose shares come from densities; a share
+    /// divided by its prior is a likelihood. 1 for every hard class.
     #[must_use]
     pub fn priors(&self) -> Vec<f64> {
         match self {
@@ -78,7 +78,7 @@ impl Clustering {
     }
 }
 
-/// The mass that readings have in each class; every reading adds 1 in all.
+/// Mass of the readings in each class; every reading adds 1 in total.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClassHistogram {
     /// Mass of each class, at least 0.
@@ -96,15 +96,15 @@ impl ClassHistogram {
         Self { mass }
     }
 
-    /// How many readings it holds.
+    /// Number of readings.
     #[must_use]
     pub fn total(&self) -> f64 {
         self.mass.iter().sum()
     }
 
-    /// Pr(c_i|O): the histogram with `smoothing` readings more in every class, summing to 1.
+    /// Pr(c_i|O): the histogram with `smoothing` more readings in every class, summing to 1.
     ///
-    /// One reading is 1/n of an object's n readings, the default; 0 leaves empty classes at
+    /// One reading, the default, is 1/n of an object's n readings; 0 leaves empty classes at
     /// probability 0. Without any mass all classes are equal.
     #[must_use]
     pub fn probabilities(&self, smoothing: f64) -> Vec<f64> {
@@ -116,7 +116,7 @@ impl ClassHistogram {
     }
 }
 
-/// The shares of a reading: the mean over its features, so that it has mass 1.
+/// The shares of a reading: the mean over its features, with mass 1.
 #[must_use]
 pub fn reading_shares(features: &[Vec<f64>]) -> Vec<f64> {
     let n_classes = features.first().map_or(0, Vec::len);
@@ -125,8 +125,8 @@ pub fn reading_shares(features: &[Vec<f64>]) -> Vec<f64> {
     shares
 }
 
-/// Equation 4.17 as printed: joint densities of all features (given as logs) are summed, so
-/// that features in dense regions decide alone. Sums to 1.
+/// Equation 4.17 as printed: sums joint densities of all features (given as logs), so that
+/// features in dense regions dominate. Sums to 1.
 #[must_use]
 pub fn joint_shares(n_classes: usize, log_joints: &[Vec<f64>]) -> Vec<f64> {
     let logs: Vec<f64> = (0..n_classes)
@@ -136,23 +136,23 @@ pub fn joint_shares(n_classes: usize, log_joints: &[Vec<f64>]) -> Vec<f64> {
 }
 
 /// Equations 4.2 and 4.3: the divergence of `known` from `observed`, both summing to 1, in
-/// nats; infinite where something observed is impossible.
+/// nats; infinite where an observed class is impossible.
 #[must_use]
 pub fn divergence(observed: &[f64], known: &[f64]) -> f64 {
     let terms = observed.iter().zip(known).filter(|(p, _)| **p > 0.0);
     terms.map(|(p, q)| p * (p / q).ln()).sum()
 }
 
-/// Equation 4.22 for one reading: Σ_i Pr(c_i|Z) ln Pr(c_i|O). Times the number of readings
-/// it is the log-likelihood; its negative is what equation 4.4 minimises.
+/// Equation 4.22 for one reading: Σ_i Pr(c_i|Z) ln Pr(c_i|O). Times the number of readings it
+/// is the log-likelihood; equation 4.4 minimises its negative.
 #[must_use]
 pub fn log_likelihood(observed: &[f64], known: &[f64]) -> f64 {
     let terms = observed.iter().zip(known).filter(|(p, _)| **p > 0.0);
     terms.map(|(p, q)| p * q.ln()).sum()
 }
 
-/// ln of a feature's likelihood ratio: ln Σ_i Pr(g_i|x) Pr(c_i|O) / Pr(g_i), which is
-/// ln Pr(x|O) − ln Pr(x) when an object is a mixture of the same Gaussians in its own shares.
+/// ln of a feature's likelihood ratio: ln Σ_i Pr(g_i|x) Pr(c_i|O) / Pr(g_i), which is ln
+/// Pr(x|O) − ln Pr(x) when an object is a mixture of the same Gaussians with its own weights.
 /// With hard classes it is equation 4.19.
 #[must_use]
 pub fn log_mixture_ratio(shares: &[f64], known: &[f64], priors: &[f64]) -> f64 {
@@ -204,7 +204,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn least_divergence_is_most_likelihood(
+        fn least_divergence_is_greatest_likelihood(
             counts in prop::collection::vec(0_u32..9, 5),
             known in prop::collection::vec(prop::collection::vec(0.05..1.0_f64, 5), 2..6),
         ) {
@@ -218,7 +218,7 @@ mod tests {
                     counts.iter().zip(known).map(|(k, p)| f64::from(*k) * p.ln()).sum()
                 };
                 prop_assert!((product(&a) - n * log_likelihood(&observed, &a)).abs() < 1e-9);
-                // Equations 4.1 and 4.18 order any two objects alike, by the same margin.
+                // Equations 4.1 and 4.18 order any two objects equally, by the same margin.
                 let less = divergence(&observed, &b) - divergence(&observed, &a);
                 prop_assert!((n * less - (product(&a) - product(&b))).abs() < 1e-9);
             }
@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn smoothing_adds_readings_and_sizes_cancel() {
-        // (3 + 1) and (0 + 1) of 5; ten times as many readings, unsmoothed, say the same.
+        // (3 + 1) and (0 + 1) of 5; ten times as many readings, unsmoothed, give the same.
         let few = ClassHistogram { mass: vec![3.0, 0.0] };
         assert_eq!(few.probabilities(1.0), [0.8, 0.2]);
         let many = ClassHistogram { mass: vec![30.0, 10.0] };
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn several_features_have_the_mass_of_one_reading() {
+    fn several_features_of_a_reading_have_mass_one() {
         let four = vec![vec![1.0, 0.0], vec![0.0, 1.0], vec![1.0, 0.0], vec![1.0, 0.0]];
         assert_eq!(reading_shares(&four), [0.75, 0.25]);
         let histogram = ClassHistogram::of(2, &[reading_shares(&four), vec![0.0, 1.0]]);
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn printed_joint_densities_let_one_dense_touch_decide() {
+    fn printed_joint_densities_let_one_dense_touch_dominate() {
         // Three features of class 0 with small densities, one of class 1 with a large one.
         let logs = [vec![-9.0, -40.0], vec![-9.0, -40.0], vec![-9.0, -40.0], vec![-40.0, 9.0]];
         assert!(joint_shares(2, &logs)[1] > 0.999);

@@ -1,12 +1,12 @@
-//! The choice of k: the vocabulary that recognises a validation set best.
+//! The choice of k: the vocabulary with the best recognition of a validation set.
 //!
 //! Source: section 4.4.2.1: accuracy decides, ties are broken by reliability, "the total
 //! probability weight allocated to correct classes". Not here: fitting the candidates.
 
-/// How well one number of classes did on the validation set.
+/// Result of one number of classes on the validation set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClassCount {
-    /// How many classes it was.
+    /// Number of classes.
     pub n_classes: usize,
     /// Share of the trials whose most likely object was the true one.
     pub accuracy: f64,

@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 pub struct Discriminant {
     /// The mean of the objects' means.
     pub mean: Vec<f64>,
-    /// One axis a row, the most telling first.
+    /// One axis a row, the most discriminating first.
     pub axes: Vec<Vec<f64>>,
 }
 
@@ -27,12 +27,12 @@ impl Discriminant {
     }
 }
 
-/// The axes that tell objects apart; every object counts alike, whatever its number of
+/// The axes that separate objects; every object has equal weight, whatever its number of
 /// features. At most `n_axes`, and fewer than there are objects.
 ///
 /// `shrinkage` (0 to 1) moves the covariance within objects towards a multiple of the
-/// identity, which few features need. `None` when no axis tells anything: fewer than two
-/// objects with features, or features that do not vary.
+/// identity, which is needed for few features. `None` when no axis separates objects: fewer
+/// than two objects with features, or features that do not vary.
 #[must_use]
 pub fn find_discriminants(
     objects: &[Vec<Vec<f64>>],
@@ -55,7 +55,7 @@ pub fn find_discriminants(
         between.ger(1.0 / n_objects as f64, &offset, &offset, 1.0);
     }
     let variance = within.trace() / dimension as f64;
-    // A tiny share keeps directions without any variance from deciding.
+    // A small amount keeps directions without any variance from deciding.
     let share = shrinkage.clamp(1e-6, 1.0);
     within *= 1.0 - share;
     within += DMatrix::identity(dimension, dimension) * (share * variance);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn the_axis_is_where_objects_differ_and_not_where_touches_scatter() {
+    fn the_axis_separates_objects_not_scatter_within_them() {
         let found = find_discriminants(&objects(), 5, 0.0).unwrap();
         assert_eq!(found.axes.len(), 1); // two objects differ along one axis
         // Within an object the projection has deviation 1: objects are 10 apart.
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_tell_apart_has_no_axes() {
+    fn objects_that_do_not_differ_have_no_axes() {
         assert_eq!(find_discriminants(&objects()[..1], 5, 0.1), None);
         assert_eq!(find_discriminants(&vec![vec![vec![1.0, 2.0]; 5]; 3], 5, 0.1), None);
         assert_eq!(find_discriminants(&[], 5, 0.1), None);

@@ -13,13 +13,13 @@ use thiserror::Error;
 use crate::log_prob;
 pub use fit::{Covariances, MixtureConfig, MixtureFit, fit_mixture, fit_mixture_while};
 
-/// How far weights that sum to 1 may miss it by rounding.
+/// Rounding tolerance of weights that sum to 1.
 const WEIGHTS_TOLERANCE: f64 = 1e-12;
 
 /// One Gaussian of a mixture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Component {
-    /// Its share of the features, above 0.
+    /// Weight of the component, above 0.
     pub weight: f64,
     /// Its mean.
     pub mean: Vec<f64>,
@@ -27,38 +27,38 @@ pub struct Component {
     pub covariance: Vec<f64>,
 }
 
-/// Why numbers are not a mixture.
+/// Error of numbers that are not a mixture.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum MixtureError {
-    /// No component at all.
+    /// There is no component.
     #[error("a mixture of 0 components, expected at least 1")]
     Empty,
-    /// A weight is not a share.
+    /// A weight is not positive and finite.
     #[error("component {component} has weight {found}, expected more than 0 and at most 1")]
     Weight {
-        /// Which component.
+        /// Index of the component.
         component: usize,
         /// Its weight.
         found: f64,
     },
-    /// A mean or covariance of another size.
+    /// A mean or covariance has the wrong size.
     #[error("component {component} does not have {expected} dimensions like the first")]
     Dimension {
-        /// Which component.
+        /// Index of the component.
         component: usize,
         /// Dimensions of the first component.
         expected: usize,
     },
-    /// A covariance that no data can have.
+    /// A covariance is not positive definite.
     #[error("the covariance of component {component} is not positive definite")]
     Covariance {
-        /// Which component.
+        /// Index of the component.
         component: usize,
     },
 }
 
-/// A component ready to be evaluated: ln of its density is
-/// `log_scale` − ½ ‖`whitening`·x − `whitened_mean`‖².
+/// A component prepared for evaluation: ln of its density is `log_scale` − ½ ‖`whitening`·x −
+/// `whitened_mean`‖².
 #[derive(Clone, Debug, PartialEq)]
 struct Whitened {
     /// The inverse of the covariance's Cholesky factor, lower triangular.
@@ -77,10 +77,10 @@ pub struct Mixture {
 
 impl Mixture {
     /// A mixture of components; their weights are normalised to sum to 1. Weights that do so
-    /// but for rounding stay, so that a stored mixture comes back bit by bit.
+    /// but for rounding are kept, so that a stored mixture is restored bit by bit.
     ///
     /// # Errors
-    /// [`MixtureError`] names the first component that is none.
+    /// [`MixtureError`] names the first invalid component.
     pub fn new(mut components: Vec<Component>) -> Result<Self, MixtureError> {
         let expected = components.first().ok_or(MixtureError::Empty)?.mean.len();
         for (component, part) in components.iter().enumerate() {
@@ -185,7 +185,7 @@ mod tests {
         let unit = [1.0, 0.0, 0.0, 1.0];
         let parts = vec![component(0.5, [0.0, 0.0], unit), component(0.5, [2.0, 0.0], unit)];
         let mixture = Mixture::new(parts).unwrap();
-        // Half way the shares are even; exp(−½·1e6) is 0 in f64, the shares are not.
+        // Half way the shares are equal; exp(−½·1e6) is 0 in f64, the shares are not.
         for far in [0.0, 1_000.0] {
             let shares = mixture.responsibilities(&[1.0, far]);
             assert!((shares[0] - 0.5).abs() < 1e-9, "{shares:?}");
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_mixture_is_refused_by_name() {
+    fn invalid_components_are_refused_by_index() {
         let unit = [1.0, 0.0, 0.0, 1.0];
         assert_eq!(Mixture::new(Vec::new()), Err(MixtureError::Empty));
         let weightless = vec![component(1.0, [0.0; 2], unit), component(0.0, [0.0; 2], unit)];

@@ -8,17 +8,17 @@ use rayon::prelude::*;
 
 use crate::rng::{Purpose, Stream};
 
-/// Features of one parallel piece of work; fixed, so that sums have one order.
+/// Number of features of one parallel task; fixed, so that sums have one order.
 const CHUNK: usize = 512;
 
-/// How k-means runs.
+/// Configuration of k-means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KMeansConfig {
-    /// k: how many classes; fewer come back when there are fewer different features.
+    /// k, the number of classes; fewer are returned when there are fewer distinct features.
     pub n_classes: usize,
-    /// Independent starts; the cheapest result stays.
+    /// Independent starts; the result of least cost is kept.
     pub n_starts: usize,
-    /// A start ends after this many passes even if features still change their class.
+    /// Maximum passes of a start, even if features still change their class.
     pub max_passes: usize,
 }
 
@@ -30,7 +30,7 @@ impl KMeansConfig {
     }
 }
 
-/// Centres of classes, and how well they fit.
+/// Centres of the classes, and the cost of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KMeans {
     /// The centres, each the mean of the features nearest to it.
@@ -85,8 +85,8 @@ pub(crate) fn one_start(
     KMeans { centers, cost }
 }
 
-/// Greedy k-means++: the first centre even, each next one the best of a few that are drawn
-/// with probability ∝ squared distance (Arthur and Vassilvitskii, section 7).
+/// Greedy k-means++: the first centre uniform, each next one the best of a few drawn with
+/// probability ∝ squared distance (Arthur and Vassilvitskii, section 7).
 fn spread_out(features: &[Vec<f64>], k: usize, stream: &mut Stream) -> Vec<Vec<f64>> {
     let n_trials = 2 + (k as f64).ln() as usize;
     let first = features[stream.index(features.len())].clone();
@@ -126,7 +126,7 @@ fn draw(distances: &[f64], total: f64, stream: &mut Stream) -> usize {
     drawn.unwrap_or_else(|| farthest(distances))
 }
 
-/// Which class every feature belongs to, and its squared distance from the centre.
+/// The class of every feature, and its squared distance from the centre.
 struct Pass {
     classes: Vec<usize>,
     distances: Vec<f64>,
@@ -137,8 +137,7 @@ fn assign(features: &[Vec<f64>], centers: &[Vec<f64>]) -> Pass {
     Pass { classes, distances }
 }
 
-/// The mean of each class; a class without members moves to the feature that lies farthest
-/// from its own centre.
+/// The mean of each class; an empty class moves to the feature farthest from its own centre.
 fn means(pass: &Pass, features: &[Vec<f64>], centers: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let dimension = features[0].len();
     let empty = || (vec![0usize; centers.len()], vec![vec![0.0; dimension]; centers.len()]);
@@ -174,7 +173,7 @@ fn means(pass: &Pass, features: &[Vec<f64>], centers: &[Vec<f64>]) -> Vec<Vec<f6
     sums
 }
 
-/// Removes centres that no feature is nearest to (fewer different features than classes).
+/// Removes centres that are nearest to no feature (fewer distinct features than classes).
 fn drop_unused(features: &[Vec<f64>], centers: &mut Vec<Vec<f64>>) {
     let mut used = vec![false; centers.len()];
     assign(features, centers).classes.into_iter().for_each(|class| used[class] = true);
@@ -227,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn two_pairs_have_their_middles_as_centers() {
+    fn the_centers_of_two_pairs_are_their_middles() {
         let features = vec![vec![0.0], vec![2.0], vec![10.0], vec![14.0]];
         let mut found = k_means(&features, &KMeansConfig::with_classes(2), 3);
         found.centers.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -236,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn restarts_start_again() {
+    fn restarts_are_independent() {
         // One cloud in twelve classes: single starts end in different local optima, and the
         // best of many is the best of the single ones.
         let features = scattered(240, 1, 1);
@@ -265,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_class_that_lost_all_members_moves_to_the_farthest_feature() {
+    fn an_empty_class_moves_to_the_farthest_feature() {
         let features = vec![vec![0.0], vec![1.0], vec![9.0]];
         let centers = vec![vec![0.0], vec![100.0]];
         let moved = means(&assign(&features, &centers), &features, &centers);
@@ -279,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_threads_does_not_change_a_bit() {
+    fn the_result_does_not_depend_on_threads() {
         let features = scattered(2_000, 5, 3);
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -1,19 +1,19 @@
 //! Classes made of objects: one Gaussian for each training object, one covariance for all.
 //!
-//! Beyond the dissertation, whose classes do not know which object a touch came from. Shares
-//! of a feature are then the posterior of linear discriminant analysis (Fisher, 1936), and a
-//! histogram says as what an object's touches are taken: for few readings of an array that
-//! sees whole objects. Not here: the axes (`discriminant`).
+//! Beyond the dissertation, whose classes do not know the object of a touch. The shares of a
+//! feature are then the posterior of linear discriminant analysis (Fisher, 1936), and a
+//! histogram gives the objects that an object's touches are classified as. For few readings
+//! of an array that sees whole objects. Not here: the axes (`discriminant`).
 
 use nalgebra::DMatrix;
 
 use super::gmm::{Component, Mixture, MixtureError};
 
-/// The share by which the covariance moves towards a multiple of the identity: it keeps
-/// directions without variance from deciding.
+/// Shrinkage of the covariance towards a multiple of the identity, which keeps directions
+/// without variance from deciding.
 const SHRINKAGE: f64 = 1e-3;
 
-/// One component for each object that has features, by their mean; objects weigh alike.
+/// One component for each object with features, at their mean; all objects have equal weight.
 ///
 /// # Errors
 /// [`MixtureError`] when there is no feature, or features do not vary within objects.
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn components_are_the_objects_with_the_scatter_within_them() {
+    fn components_have_the_objects_means_and_pooled_scatter() {
         // Offsets ±1 along x in both objects, ±2 along y in the second: variances 1 and 2.
         let square = |x: f64, y: f64| vec![vec![x - 1.0, y], vec![x + 1.0, y]];
         let second = vec![vec![9.0, 3.0], vec![11.0, 3.0], vec![9.0, 7.0], vec![11.0, 7.0]];
@@ -65,13 +65,13 @@ mod tests {
             assert!((found - expected).abs() < 1e-3, "{found} and {expected}");
         }
         assert_eq!(first.covariance, second.covariance);
-        // Half way along x at equal distances along y: the covariance decides alike.
+        // Half way along x at equal distances along y: the covariance gives equal shares.
         let shares = mixture.responsibilities(&[5.0, 2.5]);
         assert!((shares[0] - 0.5).abs() < 1e-9);
     }
 
     #[test]
-    fn nothing_and_features_without_scatter_are_no_classes() {
+    fn no_features_or_no_scatter_are_refused() {
         assert_eq!(labelled_mixture(&[]), Err(MixtureError::Empty));
         let still = vec![vec![vec![1.0, 2.0]; 3]; 2];
         assert_eq!(labelled_mixture(&still), Err(MixtureError::Covariance { component: 0 }));

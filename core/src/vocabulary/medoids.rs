@@ -1,13 +1,13 @@
-//! k-medoids by FasterPAM: the vocabulary's centres are features that really occurred.
+//! k-medoids by FasterPAM: the vocabulary's centres are observed features.
 //!
-//! Source: Partitioning Around Medoids as section 5.3.2 asks for (Kaufman and Rousseeuw,
-//! 1990), with the eager swaps of Schubert and Rousseeuw (2021), which reach the same kind
-//! of optimum in O(n²) a pass. Deterministic from a stream.
+//! Source: Partitioning Around Medoids as in section 5.3.2 (Kaufman and Rousseeuw, 1990),
+//! with the eager swaps of Schubert and Rousseeuw (2021), which reach the same kind of
+//! optimum in O(n²) a pass. Deterministic from a stream.
 
 use crate::descriptor::affinity;
 use crate::rng::Stream;
 
-/// Independent starts; the cheapest result stays.
+/// Independent starts; the result of least cost is kept.
 const N_STARTS: usize = 5;
 
 /// Dissimilarities between all pairs of a set, row-major.
@@ -43,11 +43,12 @@ struct Near {
     second_distance: f32,
 }
 
-/// Chooses `k` of the features as medoids so that the sum of 1 − affinity to the nearest one
-/// is a local optimum under swaps, the best of five starts; returns their indices, ascending.
+/// Chooses `k` of the features as medoids such that the sum of 1 − affinity to the nearest
+/// one is a local optimum under swaps, the best of five starts; returns their indices,
+/// ascending.
 ///
-/// Fewer features than `k` are all medoids. Work is O(n²) a pass; give it a sub-sample of a
-/// few thousand (as CLARA does) when there are more.
+/// If there are fewer features than `k`, all are medoids. Work is O(n²) a pass; for more than
+/// a few thousand features pass a sub-sample (as CLARA does).
 #[must_use]
 pub fn choose_medoids(features: &[Vec<f64>], k: usize, stream: &mut Stream) -> Vec<usize> {
     let n = features.len();
@@ -132,7 +133,7 @@ fn assign(distances: &Distances, medoids: &[usize]) -> Vec<Near> {
     near
 }
 
-/// What the cost rises by when a medoid goes without a successor.
+/// The increase of the cost when each medoid is removed.
 fn removal_losses(near: &[Near], k: usize) -> Vec<f64> {
     let mut losses = vec![0.0; k];
     for entry in near {
@@ -141,7 +142,7 @@ fn removal_losses(near: &[Near], k: usize) -> Vec<f64> {
     losses
 }
 
-/// The medoid that the candidate replaces best, and how much the cost falls.
+/// The medoid that the candidate replaces best, and the decrease of the cost.
 fn best_swap(
     distances: &Distances,
     near: &[Near],

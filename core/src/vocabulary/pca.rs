@@ -1,23 +1,23 @@
-//! Principal components: features in the few directions in which they vary most.
+//! Principal components: features projected onto their directions of largest variance.
 //!
-//! Source: section 4.3.1.1.1; the share of the variance that stays is settled in
-//! `docs/equations.md`. Nothing is whitened. Not here: normalising what is projected
-//! (`descriptor::normalize`), which inner products of projections need.
+//! Source: section 4.3.1.1.1; the kept share of the variance is settled in
+//! `docs/equations.md`. Nothing is whitened. Not here: normalising projections
+//! (`descriptor::normalize`), which inner products need.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use thiserror::Error;
 
 use crate::descriptor::FeatureMatrix;
 
-/// Components with less than this share of the largest variance are rounding errors.
+/// Fraction of the largest variance below which a component is a rounding error.
 const VARIANCE_MIN: f64 = 1e-12;
 
-/// How many components stay.
+/// Number of components to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Keep {
     /// The fewest that together hold this share of the variance, above 0 and up to 1.
     Share(f64),
-    /// So many, or all there are if there are fewer.
+    /// This number, or all if there are fewer.
     Number(usize),
 }
 
@@ -28,40 +28,40 @@ impl Default for Keep {
     }
 }
 
-/// Why features have no principal components.
+/// Error of features without principal components.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum PcaError {
-    /// Too few features to vary.
+    /// There are too few features.
     #[error("{found} features, expected at least 2")]
     TooFew {
-        /// How many came.
+        /// Number of features.
         found: usize,
     },
-    /// All features are the same.
+    /// All features are equal.
     #[error("all features are equal, expected some that differ")]
     Equal,
-    /// A value is not a number.
+    /// A value is not finite.
     #[error("feature {row} has a value that is not finite")]
     NotFinite {
         /// The first row with such a value.
         row: usize,
     },
-    /// No such share can be kept.
+    /// The share is out of range.
     #[error("share of variance is {found}, expected above 0 and up to 1")]
     Share {
-        /// What was asked for.
+        /// The given share.
         found: f64,
     },
-    /// Nothing would be left.
+    /// No component would be kept.
     #[error("0 components, expected at least 1")]
     NoComponent,
 }
 
-/// An affine map onto principal components and back.
+/// An affine map to principal components and back.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pca {
     mean: Vec<f64>,
-    /// One direction of norm 1 after the other, by falling variance.
+    /// Directions of norm 1, one after the other, by falling variance.
     components: Vec<f64>,
     variances: Vec<f64>,
     total_variance: f64,
@@ -74,8 +74,8 @@ impl Pca {
     /// products, which span the same directions. A component's largest entry is positive.
     ///
     /// # Errors
-    /// [`PcaError`] for fewer than two features, features that are equal or not finite, and
-    /// for a share or a number that would keep nothing.
+    /// [`PcaError`] for fewer than two features, features that are equal or not finite, and for a share
+    /// or a number that would keep nothing.
     pub fn fit(features: &FeatureMatrix, keep: Keep) -> Result<Self, PcaError> {
         check(features, keep)?;
         let (n, dimension) = (features.n_rows(), features.dimension());
@@ -107,8 +107,8 @@ impl Pca {
         Ok(Self { mean, components, variances: spectrum[..order.len()].to_vec(), total_variance })
     }
 
-    /// A fit that was stored: its mean, its components one after the other, their variances
-    /// by falling size, and the variance of everything. `None` when these do not fit together.
+    /// Restores a fit from its mean, its components one after the other, their variances in
+    /// falling order, and the total variance. `None` when these are inconsistent.
     #[must_use]
     pub fn from_parts(
         mean: Vec<f64>,
@@ -125,13 +125,13 @@ impl Pca {
         fits.then_some(Self { mean, components, variances, total_variance })
     }
 
-    /// How many values a feature has.
+    /// Length of a feature.
     #[must_use]
     pub fn dimension(&self) -> usize {
         self.mean.len()
     }
 
-    /// How many components were kept.
+    /// Number of components.
     #[must_use]
     pub fn n_components(&self) -> usize {
         self.variances.len()
@@ -155,19 +155,19 @@ impl Pca {
         &self.variances
     }
 
-    /// The variance of the features in all directions.
+    /// The total variance of the features.
     #[must_use]
     pub fn total_variance(&self) -> f64 {
         self.total_variance
     }
 
-    /// The share of the variance that the components hold, up to 1.
+    /// The share of the variance in the components, up to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         (self.variances.iter().sum::<f64>() / self.total_variance).min(1.0)
     }
 
-    /// The coordinates of features along the components; owners stay.
+    /// The coordinates of features along the components, with the same owners.
     ///
     /// # Panics
     /// When the features have another dimension.
@@ -191,7 +191,7 @@ impl Pca {
         values
     }
 
-    /// The feature at coordinates along the components: the nearest to what was projected.
+    /// The feature at coordinates along the components, the nearest to the projected one.
     ///
     /// # Panics
     /// When there is not one coordinate for each component.
@@ -233,7 +233,7 @@ fn check(features: &FeatureMatrix, keep: Keep) -> Result<(), PcaError> {
     }
 }
 
-/// How many of the falling variances stay, at least one.
+/// Number of the falling variances to keep, at least one.
 fn n_kept(variances: &[f64], total: f64, keep: Keep) -> usize {
     match keep {
         Keep::Number(n) => n.min(variances.len()),
@@ -250,8 +250,8 @@ fn n_kept(variances: &[f64], total: f64, keep: Keep) -> usize {
     }
 }
 
-/// The direction or its opposite, so that the largest entry (of equal ones the first) is
-/// positive.
+/// The direction or its opposite, whichever has a positive largest entry (the first of equal
+/// ones).
 fn with_sign(direction: &mut [f64]) -> &[f64] {
     let largest = direction.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
     let first = direction.iter().find(|value| value.abs() > largest * (1.0 - 1e-9));
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn the_share_decides_how_many_stay() {
+    fn the_share_sets_the_number_of_components() {
         // The long arm holds 200 of 250.
         let n = |keep| Pca::fit(&cross(), keep).unwrap().n_components();
         assert_eq!([n(Keep::Share(0.79)), n(Keep::Share(0.81))], [1, 2]);
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_features_than_dimensions_have_at_most_one_component_less_than_features() {
+    fn few_features_have_at_most_one_component_less() {
         // Two features: the only direction is from one to the other, (2, 0, −1, 2)/3.
         let two = matrix(&[&[3.0, 1.0, 0.0, 5.0], &[1.0, 1.0, 1.0, 3.0]]);
         let pca = Pca::fit(&two, Keep::Share(1.0)).unwrap();
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_components_is_refused() {
+    fn features_without_components_are_refused() {
         let fit = |rows: &[&[f64]], keep| Pca::fit(&matrix(rows), keep).unwrap_err();
         assert_eq!(fit(&[&[1.0]], Keep::default()), PcaError::TooFew { found: 1 });
         assert_eq!(fit(&[[0.1, 0.2].as_slice(); 5], Keep::default()), PcaError::Equal);
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn stored_parts_make_the_same_fit_and_broken_ones_none() {
+    fn stored_parts_restore_the_fit_and_broken_ones_are_refused() {
         let pca = Pca::fit(&cross(), Keep::default()).unwrap();
         let parts = |variances: Vec<f64>| {
             let (mean, components) = (pca.mean().to_vec(), pca.components().to_vec());
@@ -374,7 +374,7 @@ mod tests {
         }
 
         #[test]
-        fn the_order_of_features_decides_no_sign(seed in 0..1000_u64) {
+        fn signs_do_not_depend_on_the_order_of_features(seed in 0..1000_u64) {
             let features = random(20, 5, seed);
             let mut rows = features.to_rows();
             rows.reverse();

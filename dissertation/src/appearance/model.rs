@@ -1,8 +1,8 @@
-//! What chapter 4 knows of the objects: in which classes of appearance their touches fall.
+//! The appearance model of chapter 4: histograms of objects' touches over appearance classes.
 //!
-//! One part of a catalogue, trained when asked for. The vocabulary is shared; an object's
-//! part depends on its own readings and the vocabulary alone. Poses play no role.
-//! Not here: learning (`train::appearance`), beliefs (`appearance`).
+//! One part of a catalogue, trained on request. The vocabulary is shared; an object's part
+//! depends on its own readings and the vocabulary alone. Poses are not used. Not here:
+//! training (`train`), beliefs (`appearance`).
 
 use std::sync::Arc;
 
@@ -17,41 +17,41 @@ use palpate_core::vocabulary::pca::Pca;
 
 use palpate_core::object::ObjectIdx;
 
-/// What features are made of.
+/// Source of the features.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AppearanceSource {
     /// The image of a reading.
     Image {
-        /// How images are described.
+        /// Descriptor of the images.
         descriptor: DescriptorKind,
         /// Rows of the images.
         rows: usize,
         /// Columns of the images.
         cols: usize,
     },
-    /// A vector that clients send with a reading: a code of their own.
+    /// A vector that clients send with a reading: their own feature.
     External {
         /// Its length.
         dimension: usize,
     },
 }
 
-/// Classes of appearance: from features to shares.
+/// Classes of appearance, from features to shares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppearanceVocabulary {
-    /// What features are made of.
+    /// Source of the features.
     pub source: AppearanceSource,
     /// The first reduction: principal components.
     pub pca: Pca,
-    /// The second reduction, when asked for: axes that tell the training objects apart.
+    /// The second reduction, if requested: axes that separate the training objects.
     pub discriminant: Option<Discriminant>,
     /// The classes, in the reduced space.
     pub clustering: Clustering,
-    /// How well each candidate for the number of classes did on held-back readings.
+    /// Result of each candidate for the number of classes on held-out readings.
     pub choices: Vec<ClassCount>,
 }
 
-/// How a reading belongs to the classes, feature by feature.
+/// Membership of a reading in the classes, feature by feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadingClasses {
     /// Shares of each feature in the classes; they sum to 1.
@@ -74,7 +74,7 @@ impl AppearanceVocabulary {
     }
 
     /// The features of an image, before any reduction; `None` when it has another shape or
-    /// features are the clients'.
+    /// the features are the clients'.
     #[must_use]
     pub fn describe(&self, image: &TactileImage) -> Option<FeatureMatrix> {
         match self.source {
@@ -103,8 +103,8 @@ impl AppearanceVocabulary {
     }
 
     /// The classes' centres as images of norm about 1, as in figure 4.7; `None` where
-    /// features lose what is needed: all but Vectorize and Moment-Normalised, and
-    /// discriminant axes.
+    /// features cannot be inverted: all but Vectorize and Moment-Normalised, and discriminant
+    /// axes.
     #[must_use]
     pub fn class_images(&self) -> Option<Vec<TactileImage>> {
         let AppearanceSource::Image { descriptor, rows, cols } = self.source else {
@@ -120,7 +120,7 @@ impl AppearanceVocabulary {
             .collect()
     }
 
-    /// True when the parts fit each other: what storage checks.
+    /// Whether the parts fit each other; checked when a model is loaded.
     #[must_use]
     pub fn is_consistent(&self) -> bool {
         let reduced = self
@@ -135,35 +135,35 @@ impl AppearanceVocabulary {
     }
 }
 
-/// What training knows of one object's appearance.
+/// Appearance of one object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectAppearance {
     /// The mass of its training readings in each class.
     pub histogram: ClassHistogram,
     /// Equation 4.17 as printed for the same readings: summed joint densities.
     pub joint: Vec<f64>,
-    /// Readings that made no histogram: they calibrate and report.
+    /// Held-out readings, which calibrate and report; the histogram excludes them.
     pub held_back: Vec<ReadingClasses>,
 }
 
-/// How histograms are compared.
+/// Rule for comparing histograms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AppearanceRule {
-    /// Each object is a mixture of the vocabulary's Gaussians in its own shares; with hard
-    /// classes the same as [`AppearanceRule::Divergence`].
+    /// Each object is a mixture of the vocabulary's Gaussians with its own weights; with hard
+    /// classes equal to [`AppearanceRule::Divergence`].
     Mixture,
     /// The rule of least divergence (equations 4.1–4.4, 4.18–4.22), on responsibilities.
     Divergence,
-    /// The same on histograms of summed joint densities, as equation 4.17 is printed.
+    /// Least divergence on histograms of summed joint densities, as equation 4.17 is printed.
     LiteralJoint,
 }
 
-/// The histograms of all objects, ready to compare readings with.
+/// The histograms of all objects, prepared for comparison with readings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectShares {
     /// Pr(c_i|O_j), smoothed: one row an object.
     pub known: Vec<Vec<f64>>,
-    /// Pr(c_i) by which shares were made.
+    /// Pr(c_i), the priors in the shares.
     pub priors: Vec<f64>,
 }
 
@@ -175,7 +175,7 @@ impl ObjectShares {
         Self { known, priors: clustering.priors() }
     }
 
-    /// The same from equation 4.17 as printed, smoothed alike.
+    /// The histograms from equation 4.17 as printed, with the same smoothing.
     #[must_use]
     pub fn joint(objects: &[Arc<ObjectAppearance>], smoothing: f64) -> Self {
         let smooth = |object: &Arc<ObjectAppearance>| {
@@ -188,8 +188,8 @@ impl ObjectShares {
         Self { known, priors: vec![1.0; n_classes] }
     }
 
-    /// ln Pr(reading|object) up to a constant, for each object; features of one reading
-    /// share its mass of 1.
+    /// ln Pr(reading|object) up to a constant, for each object; features of one reading share
+    /// its mass of 1.
     #[must_use]
     pub fn log_likelihoods(&self, reading: &ReadingClasses, rule: AppearanceRule) -> Vec<f64> {
         let n = reading.shares.len().max(1) as f64;
@@ -204,7 +204,7 @@ impl ObjectShares {
     }
 }
 
-/// Two objects whose touches look nearly the same.
+/// Two objects of nearly equal appearance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearDuplicate {
     /// The earlier object.
@@ -215,34 +215,34 @@ pub struct NearDuplicate {
     pub affinity: f64,
 }
 
-/// What held-back readings say of a model (figures 4.9 and 4.10).
+/// Results on held-out readings (figures 4.9 and 4.10).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AppearanceReport {
-    /// How many readings a trial drew.
+    /// Number of readings in a trial.
     pub n_readings: usize,
     /// Mean probability of each object (column) when the row's object is touched; a row
-    /// without held-back readings is all zeros.
+    /// without held-out readings is all zeros.
     pub confusion: Vec<Vec<f64>>,
     /// Correlation of the objects' histograms, independent of test data.
     pub affinity: Vec<Vec<f64>>,
-    /// Share of the trials whose most likely object was the true one.
+    /// Fraction of the trials whose most likely object was the true one.
     pub accuracy: f64,
-    /// Pairs of objects that are nearly the same, most alike first.
+    /// Pairs of objects that are nearly equal, most similar first.
     pub near_duplicates: Vec<NearDuplicate>,
 }
 
 /// The appearance of all objects of a catalogue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppearanceModel {
-    /// The classes that all objects share.
+    /// The shared classes.
     pub vocabulary: Arc<AppearanceVocabulary>,
     /// The objects, in the order of the catalogue.
     pub objects: Vec<Arc<ObjectAppearance>>,
-    /// Readings added to every class of every histogram.
+    /// Number of readings added to every class of every histogram.
     pub smoothing: f64,
-    /// The power of the likelihoods (of the rule of least divergence) that fits held-back
+    /// Exponent of the likelihoods (of the rule of least divergence) that fits held-out
     /// readings best: touches are correlated.
     pub exponent: f64,
-    /// What held-back readings say.
+    /// Results on held-out readings.
     pub report: AppearanceReport,
 }

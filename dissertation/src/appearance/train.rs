@@ -1,7 +1,7 @@
-//! Learning appearance: a vocabulary once, a histogram for each object, a report of all.
+//! Training of appearance: a vocabulary, a histogram for each object, and a report.
 //!
 //! Source: sections 4.3.1.1.1 and 4.4.2.1; reductions, smoothing and bounds as in
-//! `docs/equations.md`. Every set keeps a share of its readings back: they choose the number
+//! `docs/equations.md`. A share of every set's readings is held out: they choose the number
 //! of classes, calibrate the exponent and make the report, and no histogram contains them.
 
 mod features;
@@ -29,7 +29,7 @@ use palpate_core::vocabulary::pca::{Keep, Pca, PcaError};
 pub use trials::{CONFUSED_SHARE, NEAR_DUPLICATE};
 use trials::{count, fit_exponent, report};
 
-/// Which clustering makes the classes.
+/// Clustering of the classes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClusteringMethod {
     /// k-means: hard classes.
@@ -38,44 +38,44 @@ pub enum ClusteringMethod {
     Mixture,
     /// A Gaussian mixture with one covariance for all, beyond print: for few readings.
     SharedMixture,
-    /// One Gaussian for each training object, beyond print: `n_classes` plays no role.
+    /// One Gaussian for each training object, beyond print; ignores `n_classes`.
     PerObject,
 }
 
-/// How discriminant axes are found, beyond the dissertation.
+/// Search for discriminant axes, beyond the dissertation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiscriminantConfig {
     /// At most this many axes.
     pub n_axes: usize,
-    /// 0 to 1: how far the covariance within objects moves towards the identity.
+    /// Shrinkage of the covariance within objects towards the identity, 0 to 1.
     pub shrinkage: f64,
 }
 
-/// How appearance is learnt.
+/// Configuration of training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppearanceConfig {
-    /// How images are described; sets of clients' own features need none.
+    /// Descriptor of the images; clients' own features need none.
     pub descriptor: DescriptorKind,
-    /// Principal components are kept until they hold this share of the variance.
+    /// Share of the variance in the principal components that are kept.
     pub variance_share: f64,
     /// Discriminant axes after the principal components; `None` as printed.
     pub discriminant: Option<DiscriminantConfig>,
-    /// Which clustering makes the classes.
+    /// Clustering of the classes.
     pub clustering: ClusteringMethod,
-    /// Candidates for the number of classes; the validation readings choose.
+    /// Candidates for the number of classes; the held-out readings choose.
     pub n_classes: Vec<usize>,
     /// Independent starts of a clustering.
     pub n_starts: usize,
-    /// Readings added to every class of a histogram: 1 is 1/n of an object's n readings.
+    /// Number of readings added to every class of a histogram: 1 is 1/n of an object's n readings.
     pub smoothing: f64,
-    /// The share of every object's readings that is held back.
+    /// Share of every object's readings that is held out.
     pub held_back_share: f64,
-    /// How many held-back readings a trial of the report draws.
+    /// Number of held-out readings in a trial of the report.
     pub report_readings: usize,
 }
 
 impl Default for AppearanceConfig {
-    /// The resolutions of `docs/equations.md`.
+    /// The settings of `docs/equations.md`.
     fn default() -> Self {
         Self {
             descriptor: DescriptorKind::Mnti,
@@ -91,19 +91,19 @@ impl Default for AppearanceConfig {
     }
 }
 
-/// What an object's appearance is learnt from.
+/// Training data of one object's appearance.
 #[derive(Clone, Copy, Debug)]
 pub enum AppearanceSet<'a> {
-    /// Readings; their poses play no role.
+    /// Readings; their poses are not used.
     Readings(TrainingSet<'a>),
-    /// Feature vectors of the clients' own, one a reading.
+    /// The clients' own features, one per reading.
     Features(&'a [Vec<f64>]),
 }
 
-/// Why appearance cannot be learnt.
+/// Error of data from which appearance cannot be learnt.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum AppearanceTrainError {
-    /// No reading of any object touched anything.
+    /// No reading touched an object.
     #[error("no training reading touched anything, expected at least one")]
     NothingTouched,
     /// A number of the configuration is out of range.
@@ -111,14 +111,14 @@ pub enum AppearanceTrainError {
     Range {
         /// The field.
         field: &'static str,
-        /// What was given.
+        /// The given value.
         found: f64,
         /// The smallest permitted value.
         low: f64,
         /// The largest permitted value.
         high: f64,
     },
-    /// No candidate for the number of classes.
+    /// There is no candidate for the number of classes.
     #[error("n_classes is empty, expected at least one candidate")]
     NoCandidate,
     /// An image has another shape than the vocabulary's.
@@ -128,12 +128,12 @@ pub enum AppearanceTrainError {
         rows: usize,
         /// Columns of the vocabulary's images.
         cols: usize,
-        /// Rows that came.
+        /// Rows of the image.
         found_rows: usize,
-        /// Columns that came.
+        /// Columns of the image.
         found_cols: usize,
     },
-    /// A feature has another length, or something that is not a finite number.
+    /// A feature has another length, or a value that is not finite.
     #[error("feature {feature} is not {dimension} finite numbers like the others")]
     Feature {
         /// The first such feature of its set.
@@ -144,21 +144,22 @@ pub enum AppearanceTrainError {
     /// The features do not vary, or are too few.
     #[error(transparent)]
     Pca(#[from] PcaError),
-    /// Features do not vary within objects, so that no class has a width.
+    /// The features do not vary within objects, so that no class has a width.
     #[error(transparent)]
     Mixture(#[from] MixtureError),
-    /// Whoever hears how far it is said stop.
+    /// The progress function stopped the training.
     #[error("learning was told to stop")]
     Stopped,
-    /// Images and clients' own features in one vocabulary.
+    /// The sets mix images and clients' own features.
     #[error("some sets are readings and others are features, expected one kind")]
     MixedSources,
 }
 
-/// The most classes that can be asked for.
+/// Maximum number of classes that can be requested.
 pub const MAX_APPEARANCE_CLASSES: usize = 1_000;
 
-/// Hears how many candidates for the number of classes are done, often, and may stop it.
+/// Progress function: receives the number of finished candidates for the number of classes,
+/// often, and may stop the training.
 pub type Hear<'a> = dyn Fn(usize) -> ControlFlow<()> + Sync + 'a;
 
 /// Learns the classes from the readings of all objects together.
@@ -174,7 +175,7 @@ pub fn learn_appearance_vocabulary(
     learn_appearance_vocabulary_heard(sets, config, seed, &|_| ControlFlow::Continue(()))
 }
 
-/// As [`learn_appearance_vocabulary`], with somebody who hears how far it is.
+/// Like [`learn_appearance_vocabulary`], with a progress function.
 ///
 /// # Errors
 /// The same, and [`AppearanceTrainError::Stopped`].
@@ -228,7 +229,7 @@ pub fn learn_appearance_vocabulary_heard(
     Ok(AppearanceVocabulary { choices, ..best })
 }
 
-/// The appearance of one object in a vocabulary, its own or of a catalogue that it joins.
+/// The appearance of one object in a vocabulary, its own or that of a catalogue that it joins.
 ///
 /// # Errors
 /// [`AppearanceTrainError`] when the set does not fit the vocabulary.
@@ -245,7 +246,7 @@ pub fn object_histogram(
     Ok(appearance(&split, vocabulary))
 }
 
-/// Puts objects and their vocabulary together: calibrates the exponent and makes the report.
+/// Builds a model of objects and their vocabulary: calibrates the exponent and makes the report.
 #[must_use]
 pub fn appearance_model(
     vocabulary: Arc<AppearanceVocabulary>,
@@ -287,7 +288,7 @@ fn reduce(pca: &Pca, discriminant: Option<&Discriminant>, feature: &[f64]) -> Ve
     discriminant.map_or_else(|| principal.clone(), |axes| axes.project(&principal))
 }
 
-/// Makes classes of the objects' reduced features.
+/// Clusters the objects' reduced features into classes.
 fn cluster(
     objects: &[Vec<Vec<f64>>],
     n_classes: usize,

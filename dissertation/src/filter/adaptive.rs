@@ -1,17 +1,17 @@
-//! The adaptive histogram: bins of poses that are split where the evidence is, and only there.
+//! The adaptive histogram: bins of poses that are split only where the evidence is.
 //!
-//! Chapter 3's histogram filter spends the same on every bin. Here a bin far behind the best
-//! one sleeps: it is credited with what a typical reading gives and wakes up when the best
-//! has fallen back to it, so that nothing is lost for good. The best bins are split in
-//! halves along their widest axes and their children scored on all readings, best first,
-//! within a budget a reading. Scores are in the log domain; bins of one depth have one size.
-//! Not here: what a reading says about a bin (a [`BinLikelihood`]).
+//! Chapter 3's histogram filter spends the same effort on every bin. Here a bin far behind
+//! the best one sleeps: it is credited with the score of a typical reading and wakes up when
+//! the best has fallen back to it, so that no pose is lost for good. The best bins are split
+//! in halves along their widest axes and their children scored on all readings, best first,
+//! within a budget per reading. Scores are in the log domain; bins of one depth have one
+//! size. Not here: the likelihood of a reading in a bin (a [`BinLikelihood`]).
 
 mod division;
 
 pub use division::Division;
 
-/// What a filter asks of a measurement model with poses of `D` axes.
+/// Measurement model for poses of `D` axes.
 pub trait BinLikelihood<const D: usize> {
     /// ln of the density of reading `reading` for `object` somewhere within the bin of this
     /// center and depth; the unit may differ between readings but not between bins.
@@ -23,45 +23,45 @@ pub trait BinLikelihood<const D: usize> {
         reading: usize,
     ) -> f64;
 
-    /// What [`BinLikelihood::log_likelihood`] gives a pose that explains the reading well
-    /// enough: bins in play that do worse all fall back against sleeping ones.
+    /// [`BinLikelihood::log_likelihood`] of a pose that explains the reading well enough.
+    /// When all active bins are worse, they fall back against sleeping ones.
     fn expected(&self, reading: usize) -> f64;
 
-    /// A cheap stand-in for [`BinLikelihood::log_likelihood`], right in what it puts far behind.
+    /// A cheap approximation of [`BinLikelihood::log_likelihood`], reliable for bins far behind.
     fn screen(&mut self, object: u32, center: &[f64; D], depth: usize, reading: usize) -> f64;
 }
 
-/// How far the filter looks and how much it may spend.
+/// Thresholds and budgets of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effort {
-    /// Bins this far behind the best are evaluated, nats.
+    /// Distance behind the best within which bins are evaluated, nats.
     pub keep: f64,
-    /// Bins this far behind the best are split, nats.
+    /// Distance behind the best within which bins are split, nats.
     pub split: f64,
-    /// No reading counts more than this against a bin, nats.
+    /// Largest penalty of one reading for a bin, nats.
     pub floor: f64,
-    /// When more bins than this are in play, the best of a screening are evaluated, this many.
+    /// With more active bins than this, only this many, the best of a screening, are evaluated.
     pub screened_max: usize,
-    /// The exponent of the screening where it decides, 0 to 1.
+    /// Exponent of the screening's score for the bins that are not evaluated, 0 to 1.
     pub screen_temper: f64,
-    /// The most evaluations that splitting may cost a reading.
+    /// Maximum evaluations that splitting may cost per reading.
     pub evaluations_max: usize,
-    /// The most bins that are kept.
+    /// Maximum number of bins.
     pub bins_max: usize,
 }
 
 /// A bin of poses of one object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bin<const D: usize> {
-    /// Which object.
+    /// The object.
     pub object: u32,
-    /// How often it was split off.
+    /// Number of splits from the first bins.
     pub depth: u32,
-    /// How many readings it has been scored on; the others count as typical.
+    /// Number of readings it has been scored on; the others count as typical.
     pub n_scored: u32,
-    /// The middle of the bin, in the axes' own units.
+    /// Centre of the bin, in the axes' own units.
     pub center: [f64; D],
-    /// ln of the likelihood relative to typical readings, and of the object's prior.
+    /// ln of the likelihood relative to typical readings, plus ln of the object's prior.
     pub score: f64,
 }
 
@@ -71,7 +71,7 @@ pub struct AdaptiveHistogram<const D: usize> {
     division: Division<D>,
     log_prior: Vec<f64>,
     bins: Vec<Bin<D>>,
-    /// What a typical reading gives the bins in play, by reading.
+    /// The score of a typical reading for the active bins, by reading.
     typical: Vec<f64>,
 }
 
@@ -98,7 +98,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         Self { division, log_prior: log_prior.to_vec(), bins, typical: Vec::new() }
     }
 
-    /// How the poses are divided.
+    /// The division of the poses.
     #[must_use]
     pub fn division(&self) -> &Division<D> {
         &self.division
@@ -116,7 +116,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         bin.score + self.division.log_share(bin.depth as usize)
     }
 
-    /// Takes the next reading into account; the model knows it under the next index.
+    /// Adds the next reading, which the model knows under the next index.
     pub fn add(&mut self, model: &mut impl BinLikelihood<D>, effort: &Effort) {
         let reading = self.typical.len();
         let best = self.best_score();
@@ -144,7 +144,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         self.limit(effort);
     }
 
-    /// The best of many bins by a screening; the others are scored by it.
+    /// Screens many bins and returns the best; the others keep the screening's score.
     fn screen(
         &mut self,
         active: Vec<usize>,
@@ -175,7 +175,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         chosen
     }
 
-    /// What the bin that explains everything best got from this reading; −∞ without any.
+    /// The score of this reading in the bin that explains all readings best; −∞ without any.
     fn typical_of(&self, scored: &[(usize, f64)]) -> f64 {
         let total = |entry: &(usize, f64)| self.bins[entry.0].score + entry.1;
         let best = scored.iter().max_by(|a, b| total(a).total_cmp(&total(b)));
@@ -197,7 +197,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         complete.map(|bin| bin.score).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Scores sleeping bins on what they missed while they are within reach of the best.
+    /// Scores sleeping bins on their missed readings while they are within reach of the best.
     fn wake(&mut self, model: &mut impl BinLikelihood<D>, effort: &Effort) {
         let mut best = self.best_complete();
         for at in 0..self.bins.len() {
@@ -207,8 +207,8 @@ impl<const D: usize> AdaptiveHistogram<D> {
         }
     }
 
-    /// Scores a bin on the readings it has not seen, as long as it is within reach of `best`;
-    /// its score when that is complete, else −∞.
+    /// Scores a bin on its missed readings while it is within reach of `best`; its score when
+    /// that is complete, else −∞.
     fn score(
         &self,
         bin: &mut Bin<D>,
@@ -228,7 +228,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         bin.score
     }
 
-    /// Splits the most massive bins, in rounds, as far as the budget goes.
+    /// Splits the bins of the largest mass, in rounds, within the budget.
     fn split(&mut self, model: &mut impl BinLikelihood<D>, effort: &Effort) {
         let mut left = effort.evaluations_max;
         let mut best = self.best_complete();
@@ -259,8 +259,8 @@ impl<const D: usize> AdaptiveHistogram<D> {
         }
     }
 
-    /// The better half of the bins that may be split, most massive first; no more than `left`
-    /// evaluations are enough for.
+    /// The better half of the splittable bins, largest mass first, limited to what `left`
+    /// evaluations pay for.
     fn worth_splitting(&self, best: f64, left: usize, effort: &Effort) -> Vec<usize> {
         let depth_max = self.division.depth_max();
         let worth = |bin: &Bin<D>| {
@@ -270,8 +270,8 @@ impl<const D: usize> AdaptiveHistogram<D> {
         };
         let bins = self.bins.iter().enumerate().filter(|(_, bin)| worth(bin));
         let mut order: Vec<(f64, usize)> = bins.map(|(at, bin)| (self.log_mass(bin), at)).collect();
-        // Only half at a time, so that children compete with what is left. A split has at least
-        // two children; one more bin than can be paid for ends the rounds.
+        // Only half at a time, so that children compete with the rest. A split has at least
+        // two children; the first bin beyond the budget ends the rounds.
         let affordable = left / (2 * self.typical.len().max(1)) + 1;
         let n = order.len().div_ceil(2).min(affordable);
         let by_mass = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
@@ -283,7 +283,7 @@ impl<const D: usize> AdaptiveHistogram<D> {
         order.into_iter().map(|entry| entry.1).collect()
     }
 
-    /// Forgets the worst bins when there are too many.
+    /// Drops the worst bins when there are too many.
     fn limit(&mut self, effort: &Effort) {
         if self.bins.len() > effort.bins_max {
             self.bins.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.object.cmp(&b.object)));

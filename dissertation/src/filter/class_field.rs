@@ -1,7 +1,7 @@
-//! What every taxel class says at every place of one planar map, for single look-ups.
+//! Log-likelihoods of the taxel classes at every position of one planar map, for single look-ups.
 //!
-//! Values are relative to an unmapped place. Not here: planes for whole
-//! rows of bins (`planes`).
+//! Values are relative to an unmapped position. Not here: planes for whole rows of bins
+//! (`planes`).
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -16,7 +16,7 @@ const FIELD_SAMPLE: f64 = 0.2 * MM;
 /// Classes of a taxel.
 pub(super) const N_CLASSES: usize = 3;
 
-/// ln Pr(class | place) less ln Pr(class | a place the map does not know), for one object.
+/// ln Pr(class | position) less ln Pr(class | an unmapped position), for one object.
 #[derive(Clone, Debug)]
 pub(super) struct Relative<'a> {
     map: &'a OccupancyGrid,
@@ -38,7 +38,7 @@ impl<'a> Relative<'a> {
         self.mean_at(std::iter::once(place))
     }
 
-    /// The mean probability over several places, relative to one that the map does not know.
+    /// The mean probability over several positions, relative to an unmapped one.
     pub(super) fn mean_at(&self, places: impl Iterator<Item = DVec2>) -> [f32; N_CLASSES] {
         let (mut sums, mut n) = ([0.0; N_CLASSES], 0.0);
         for place in places {
@@ -52,7 +52,7 @@ impl<'a> Relative<'a> {
     }
 }
 
-/// How far from the object's origin a map says anything, metres.
+/// Distance from the object's origin beyond which a map has no cells, metres.
 pub(super) fn radius(map: &OccupancyGrid) -> f64 {
     let shape = map.shape();
     let low = shape.min().truncate() - 0.5 * shape.cell();

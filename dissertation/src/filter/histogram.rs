@@ -15,22 +15,22 @@ use palpate_core::log_prob::log_sum_exp;
 use palpate_core::pose::Pose;
 use palpate_core::stop::Stop;
 
-/// A sparse angle whose bins are fewer than this share of all is looked up bin by bin.
+/// Fraction of active bins below which a sparse angle is looked up bin by bin.
 const SPARSE_SHARE: f64 = 0.125;
 
-/// How an object's planar poses are divided: equal boxes along x, y and angle (Table 3.1).
+/// Division of an object's planar poses: equal boxes along x, y and angle (Table 3.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarBins {
     /// Bins along x, y and the angle, each at least 1.
     pub n: [usize; 3],
-    /// The middle of the box in which the object's origin lies, session frame, metres.
+    /// Centre of the box of the object's origin, session frame, metres.
     pub center: DVec2,
     /// Half the box's sides, metres, positive.
     pub half: DVec2,
 }
 
 impl PlanarBins {
-    /// Bins of an object.
+    /// Number of bins of an object.
     #[must_use]
     pub fn count(&self) -> usize {
         self.n.iter().product()
@@ -58,7 +58,7 @@ impl PlanarBins {
     }
 }
 
-/// What a filter's bins are compared with: planes of every object, shared by all sessions.
+/// Planes of every object, shared by all sessions.
 #[derive(Clone, Debug)]
 pub struct HistogramModel {
     maps: Vec<OccupancyGrid>,
@@ -69,9 +69,10 @@ pub struct HistogramModel {
 }
 
 impl HistogramModel {
-    /// Prepares planar maps (object frames) for bins of these sides and number of angles.
-    /// Sides below [`SAMPLE_MIN`](super::planes::SAMPLE_MIN) take no more memory than that side.
-    /// `share` says what a bin stands for; the literal extent always takes its centre.
+    /// Plans planar maps (object frames) for bins of these sides and number of angles. Sides
+    /// below [`SAMPLE_MIN`](super::planes::SAMPLE_MIN) take no more memory than that side.
+    /// `share` is the part of a bin that represents it; the literal extent always takes its
+    /// centre.
     #[must_use]
     pub fn new(
         maps: Vec<OccupancyGrid>,
@@ -92,45 +93,45 @@ impl HistogramModel {
     }
 
     /// Bytes of the planes that one of `maps` adds to [`HistogramModel::new`] for these bins,
-    /// without making any.
+    /// without creating any.
     #[must_use]
     pub fn bytes_of(map: &OccupancyGrid, bins: &PlanarBins) -> usize {
         ObjectPlanes::bytes_of(map, bins.sides(), bins.n[2])
     }
 }
 
-/// Which bins a press is held against.
+/// The bins in which a press is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Extent {
-    /// All of them, each at its exact centre, one by one: equation 3.14 as printed.
+    /// All bins at their exact centres, one by one: equation 3.14 as printed.
     Literal,
-    /// All of them, by planes.
+    /// All bins, by planes.
     Exhaustive,
-    /// Those that are at most `nats` behind the best, by planes.
+    /// The bins at most `nats` behind the best, by planes.
     Sparse {
         /// ln of the ratio at which a bin is left out, positive.
         nats: f64,
-        /// When left-out bins come back.
+        /// Return of left-out bins.
         reseed: Reseed,
     },
 }
 
-/// When bins that were left out come back.
+/// Return of left-out bins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reseed {
     /// Never.
     Never,
-    /// When every bin that is left explains a press worse than a map that knows nothing: all
-    /// presses are then held against all bins again.
+    /// When every active bin explains a press worse than an unmapped position: all presses
+    /// are then evaluated in all bins again.
     WhenWorseThanNothing,
 }
 
 /// The bins of one object and angle.
 #[derive(Clone, Debug)]
 struct Slab {
-    /// Of the bins in `active`, or of all; natural logarithms, the best of all slabs near 0.
+    /// Natural logarithms of the bins in `active`, or of all; the best of all slabs is near 0.
     logs: Vec<f32>,
-    /// The bins that are left, ascending; `None` for all.
+    /// The active bins, ascending; `None` for all.
     active: Option<Vec<u32>>,
 }
 
@@ -147,7 +148,7 @@ pub struct PlanarHistogram {
 }
 
 impl PlanarHistogram {
-    /// Bytes of the bins and of the presses, without the planes that it shares.
+    /// Bytes of the bins and of the presses, without the shared planes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let slab = |slab: &Slab| {
@@ -161,7 +162,7 @@ impl PlanarHistogram {
     /// A uniform belief. `exponent` tempers every press (1 is as printed).
     ///
     /// # Panics
-    /// When the bins' sides or angles are not those that the model was prepared for.
+    /// When the bins' sides or angles are not those of the model.
     #[must_use]
     pub fn new(
         model: Arc<HistogramModel>,
@@ -175,7 +176,7 @@ impl PlanarHistogram {
         Self { model, bins, extent, exponent, slabs, presses: Vec::new(), stop: Stop::never() }
     }
 
-    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub fn heed(&mut self, stop: &Stop) {
         self.stop = stop.clone();
     }
@@ -199,7 +200,7 @@ impl PlanarHistogram {
         }
     }
 
-    /// Natural logarithms of the objects' probabilities, not normalised: equation 3.15's sums.
+    /// Natural logarithms of the objects' unnormalised probabilities: equation 3.15's sums.
     #[must_use]
     pub fn log_identities(&self) -> Vec<f64> {
         let of_object = |slabs: &[Slab]| {
@@ -209,7 +210,7 @@ impl PlanarHistogram {
     }
 
     /// The mode of one object: its best bin's centre and logarithm (equations 3.16–3.17);
-    /// `None` when no bin of it is left.
+    /// `None` when no bin of it is active.
     #[must_use]
     pub fn mode(&self, object: usize) -> Option<(Pose, f64)> {
         let n_angles = self.bins.n[2];
@@ -217,14 +218,14 @@ impl PlanarHistogram {
         let all = slabs.flat_map(|(angle, slab)| {
             slab.logs.iter().enumerate().map(move |(idx, log)| (angle, slab, idx, *log))
         });
-        // The first of equals, so that the answer does not depend on what was left out.
+        // The first of equals, so that the answer does not depend on the left-out bins.
         let (angle, slab, idx, log) = all.reduce(|a, b| if b.3 > a.3 { b } else { a })?;
         let bin = slab.active.as_ref().map_or(idx, |active| active[idx] as usize);
         let pose = self.bins.session_from_object(angle * self.bins.n[0] * self.bins.n[1] + bin);
         Some((pose, f64::from(log)))
     }
 
-    /// The bins of one object that are left, with their logarithms (as [`Self::mode`]'s).
+    /// The active bins of one object, with their logarithms (as [`Self::mode`]'s).
     #[must_use]
     pub fn logs(&self, object: usize) -> Vec<(usize, f64)> {
         let ([x, y, n_angles], mut left) = (self.bins.n, Vec::new());
@@ -237,14 +238,14 @@ impl PlanarHistogram {
         left
     }
 
-    /// How many bins are left, of all objects.
+    /// Number of active bins of all objects.
     #[must_use]
     pub fn n_active(&self) -> usize {
         self.slabs.iter().map(|slab| slab.logs.len()).sum()
     }
 
-    /// Adds a press to all bins that are left and brings the best to 0; whether some bin
-    /// explains it better than a map that knows nothing.
+    /// Adds a press to all active bins and normalises the best to 0; returns whether some bin
+    /// explains it better than an unmapped position.
     fn multiply(&mut self, press: &ClassifiedPress) -> bool {
         let (mut best, mut explained) = (f32::NEG_INFINITY, false);
         let mut sums = Vec::new();
@@ -310,7 +311,7 @@ fn sum_literally(
     }));
 }
 
-/// The same for the bins that are left, by planes, relative to a map that knows nothing.
+/// ln Pr(press) of the active bins, by planes, relative to an unmapped position.
 fn sum_by_planes(
     model: &HistogramModel,
     bins: &PlanarBins,

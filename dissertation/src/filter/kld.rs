@@ -1,13 +1,13 @@
-//! How many particles a belief needs: the size of Fox (2003), by the bins it occupies.
+//! Number of particles by the bins that a belief occupies (KLD sampling, Fox 2003).
 
 use rustc_hash::FxHashSet;
 
 use super::particle::Particle;
 
-/// When the number of particles follows the belief.
+/// Parameters of the adaptive number of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KldSize {
-    /// The error that is allowed, as Kullback–Leibler divergence, nats.
+    /// Permitted error as Kullback–Leibler divergence, nats.
     pub error: f64,
     /// The normal quantile of the confidence: 2.33 for 99 %.
     pub quantile: f64,
@@ -15,12 +15,12 @@ pub struct KldSize {
     pub edge: f64,
     /// Side of a bin of the rotation vector, radians.
     pub angle: f64,
-    /// The fewest particles.
+    /// Minimum number of particles.
     pub min: usize,
 }
 
 impl KldSize {
-    /// How many particles represent as many bins as `particles` occupy, at most `max`.
+    /// Number of particles needed for the bins that `particles` occupy, at most `max`.
     #[must_use]
     pub fn wanted(&self, particles: &[Particle], max: usize) -> usize {
         let bin = |particle: &Particle| {
@@ -51,7 +51,7 @@ mod tests {
     use palpate_core::units::{DEG, MM};
 
     #[test]
-    fn the_bound_by_hand() {
+    fn the_bound_matches_a_hand_computed_value() {
         let size =
             KldSize { error: 0.05, quantile: 2.33, edge: 4.0 * MM, angle: 20.0 * DEG, min: 50 };
         // k − 1 = 100: 2/900 = 0.0022222, root 1 − 0.0022222 + 0.0471405·2.33 = 1.107615,

@@ -1,4 +1,4 @@
-//! The particle filter of chapter 3: samples of identity and pose, weighted and drawn again.
+//! The particle filter of chapter 3: weighted samples of identity and pose.
 //!
 //! Source: section 3.3.3, equations 3.9–3.13 as corrected; weights in the log domain. A state
 //! is an object and its `session_from_object`, planar or solid. Noise moves a particle in the
@@ -15,47 +15,47 @@ use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 
-/// Nodes of equation 3.12's grid at which the density is evaluated: the heaviest.
+/// Number of nodes of equation 3.12's grid at which the density is evaluated: the heaviest.
 const MODE_CANDIDATES: usize = 64;
 
-/// Where the object may be: what particles are drawn from.
+/// The region of possible poses, from which particles are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PoseRegion {
     /// In the plane: a box of translations, and every angle about z.
     Planar {
-        /// The middle of the box, metres; its z is that of all particles.
+        /// Centre of the box, metres; its z is that of all particles.
         center: DVec3,
         /// Half its sides along x and y, metres; z is ignored.
         half: DVec3,
     },
     /// In space: a box around a pose.
     Solid {
-        /// The middle.
+        /// The centre.
         center: Pose,
         /// Half its sides, metres.
         half: DVec3,
-        /// The largest rotation from the middle, radians; π is every rotation.
+        /// Largest rotation from the centre, radians; π permits every rotation.
         angle_max: f64,
     },
 }
 
-/// How particles are drawn again.
+/// Resampling method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resampling {
-    /// Every particle independently, as printed.
+    /// Independent draws, as printed.
     Multinomial,
-    /// At equal distances from one random start: least variance.
+    /// Equidistant draws from one random start: least variance.
     Systematic,
 }
 
-/// When random particles are mixed in.
+/// Injection of random particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Injection {
     /// Never.
     None,
-    /// This share of every new set, within 0..1.
+    /// This fraction of every new set, within 0..1.
     Share(f64),
-    /// As the likelihood falls behind what it was (Augmented MCL, Gutmann et al. 1998).
+    /// As much as the likelihood falls below its average (Augmented MCL, Gutmann et al. 1998).
     Augmented {
         /// The rate of the slow average, below that of the fast.
         slow: f64,
@@ -64,24 +64,24 @@ pub enum Injection {
     },
 }
 
-/// How the filter works.
+/// Configuration of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParticleOptions {
-    /// Particles over all objects; the most, when the size adapts.
+    /// Number of particles over all objects; the maximum, when the number adapts.
     pub n: usize,
-    /// Deviation of the noise along each axis, metres.
+    /// Standard deviation of the noise along each axis, metres.
     pub translation_noise: f64,
-    /// Deviation of the noise about each axis (z alone in the plane), radians.
+    /// Standard deviation of the noise about each axis (z alone in the plane), radians.
     pub rotation_noise: f64,
-    /// How particles are drawn again.
+    /// Resampling method.
     pub resampling: Resampling,
-    /// Particles are drawn again when their effective number is below this share; 1 is always.
+    /// Resamples when the effective fraction of particles is below this; 1 is always.
     pub resample_below: f64,
-    /// How the number follows the belief; `None` keeps it.
+    /// Adaptive number of particles; `None` keeps it.
     pub size: Option<KldSize>,
-    /// When random particles are mixed in.
+    /// Injection of random particles.
     pub injection: Injection,
-    /// The likelihood's exponent; 1 is as printed.
+    /// Exponent of the likelihood; 1 is as printed.
     pub exponent: f64,
 }
 
@@ -105,11 +105,11 @@ impl ParticleOptions {
 /// One hypothesis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle {
-    /// The object, by its position.
+    /// Index of the object.
     pub object: usize,
-    /// Its pose.
+    /// Pose of the object.
     pub session_from_object: Pose,
-    /// Natural logarithm of its weight; of all particles, the weights sum to 1.
+    /// Natural logarithm of the weight; the weights of all particles sum to 1.
     pub log_weight: f64,
 }
 
@@ -132,8 +132,8 @@ impl ParticleFilter {
         size_of::<Self>() + self.particles.capacity() * size_of::<Particle>()
     }
 
-    /// Particles drawn uniformly from all objects and the region. Everything random comes
-    /// from `seed`.
+    /// Particles drawn uniformly from all objects and the region. `seed` determines all
+    /// randomness.
     ///
     /// # Panics
     /// When there is no object or no particle.
@@ -148,12 +148,12 @@ impl ParticleFilter {
         Self { options, region, n_objects, seed, step: 0, particles, averages: None }
     }
 
-    /// One time step: noise, weights by `log_likelihood` of an object and its pose, and a new
-    /// drawing when the last reading left too few effective particles.
+    /// One time step: noise, weights by `log_likelihood` of an object and its pose, and
+    /// resampling first when the last reading left too few effective particles.
     pub fn add(&mut self, log_likelihood: impl Fn(usize, &Pose) -> f64 + Sync) {
         self.step += 1;
         let mut stream = Stream::new(self.seed, Purpose::Particles, self.step);
-        // The set was weighted by the last reading; it is drawn from before the next, so that
+        // The set was weighted by the last reading; it is resampled before the next, so that
         // answers can use the weights (equation 3.10).
         if self.step > 1 {
             self.resample(&mut stream);
@@ -190,14 +190,14 @@ impl ParticleFilter {
         sums
     }
 
-    /// The number of equally weighted particles that would know as much: 1/Σw².
+    /// The effective number of particles: 1/Σw².
     #[must_use]
     pub fn effective(&self) -> f64 {
         self.particles.iter().map(|p| (2.0 * p.log_weight).exp()).sum::<f64>().recip()
     }
 
     /// The pose of `object` with the largest density under conical kernels of `reach` metres
-    /// and `turn` radians (equations 3.11–3.13); `None` when no particle names the object.
+    /// and `turn` radians (equations 3.11–3.13); `None` when the object has no particle.
     ///
     /// In the plane, candidates are the 64 heaviest nodes of the printed grid of 0.5 mm and
     /// 0.04π; in space, the 64 heaviest particles.
@@ -206,7 +206,7 @@ impl ParticleFilter {
         let of_object = || self.particles.iter().filter(|p| p.object == object);
         let mut nodes: Vec<(Pose, f64)> =
             of_object().map(|p| (self.node(&p.session_from_object), p.log_weight.exp())).collect();
-        // Equal nodes have equal bits; 0 is added so that −0 is 0.
+        // Equal nodes have equal bits; 0 is added so that −0 becomes 0.
         let key = |pose: &Pose| {
             let [x, y, z] = pose.translation.to_array();
             let [i, j, k, w] = pose.rotation.to_array();
@@ -234,7 +234,7 @@ impl ParticleFilter {
         rated.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, pose)| pose)
     }
 
-    /// The grid's node next to a planar pose; a solid pose itself.
+    /// The grid node nearest to a planar pose; a solid pose itself.
     fn node(&self, pose: &Pose) -> Pose {
         let PoseRegion::Planar { .. } = self.region else {
             return *pose;
@@ -249,7 +249,7 @@ impl ParticleFilter {
 
     fn resample(&mut self, stream: &mut Stream) {
         if self.effective() >= self.options.resample_below * self.particles.len() as f64 {
-            // With a share of 1, equal weights alone need no drawing.
+            // With a fraction of 1, only equal weights need no resampling.
             return;
         }
         let n_injected_share = self.injected_share();
@@ -284,7 +284,7 @@ impl ParticleFilter {
         }
     }
 
-    /// Follows the mean likelihood by a slow and a fast average, as logarithms.
+    /// Updates the slow and the fast average of the mean likelihood, as logarithms.
     fn note_likelihood(&mut self, log_mean: f64) {
         let Injection::Augmented { slow, fast } = self.options.injection else {
             return;
@@ -297,7 +297,7 @@ impl ParticleFilter {
     }
 }
 
-/// A particle drawn uniformly; its weight is to be set.
+/// A particle drawn uniformly, with its weight unset.
 fn drawn(region: &PoseRegion, n_objects: usize, stream: &mut Stream) -> Particle {
     let object = stream.index(n_objects);
     let within = |half: DVec3, stream: &mut Stream| {

@@ -1,10 +1,10 @@
-//! What every taxel class says at every place of a planar map, laid out for fast sums.
+//! Log-likelihoods of the taxel classes over a planar map, laid out for fast sums.
 //!
 //! Translation of an object is a pure shift of its map, so one rotated copy of the class
-//! log-likelihoods an angle serves all translations: a taxel adds one window of its class's
+//! log-likelihoods per angle serves all translations: a taxel adds one window of its class's
 //! plane. Planes are sampled `m` times a bin and stored by phase, so that a window is
-//! contiguous. Values are relative to an unmapped place.
-//! Not here: beliefs (`histogram`, `particle`).
+//! contiguous. Values are relative to an unmapped position. Not here: beliefs (`histogram`,
+//! `particle`).
 
 use std::f64::consts::TAU;
 
@@ -15,27 +15,27 @@ use super::class_field::{N_CLASSES, Relative, radius};
 use crate::occupancy::{ClassTable, ClassifiedPress, ContactClass, OccupancyGrid};
 use palpate_core::units::MM;
 
-/// The largest distance between samples of a plane, metres; a taxel is looked up within half
-/// of it along each axis.
+/// Largest distance between samples of a plane, metres; a taxel is looked up within half of
+/// it along each axis.
 pub const SAMPLE_MAX: f64 = 0.4 * MM;
 
-/// The smallest distance between samples of a plane, metres: bins that are narrower share
-/// samples. Chosen: a tenth of a map's usual cell, so that a look-up is as good as exact, and a
-/// plane's size is bounded whatever a client asks for.
+/// Smallest distance between samples of a plane, metres; narrower bins share samples. Chosen:
+/// a tenth of a map's usual cell, so that a look-up is nearly exact and a plane's size is
+/// bounded for any request.
 pub const SAMPLE_MIN: f64 = 0.1 * MM;
 
-/// What a bin stands for.
+/// The part of a bin that represents it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BinShare {
-    /// Its centre, as printed: a coarse bin contradicts the truth that lies off its centre.
+    /// Its centre, as printed: a coarse bin contradicts a truth that lies off its centre.
     Center,
     /// All of it: a taxel's probability is the mean over the bin's extent along x, y and
-    /// angle, by 27 places (the centre and a third of the sides to each side of it).
+    /// angle, at 27 points (the centre and a third of the sides to each side of it).
     Extent,
 }
 
 impl BinShare {
-    /// The steps along one axis of unit length at which a bin is sampled.
+    /// The sample offsets along one axis of unit length.
     fn steps(self) -> &'static [f64] {
         match self {
             Self::Center => &[0.0],
@@ -44,7 +44,7 @@ impl BinShare {
     }
 }
 
-/// How many samples of a plane lie in one bin, and how far they are apart.
+/// Number of samples of a plane per bin, and their distance.
 #[derive(Clone, Copy, Debug)]
 struct Phases {
     per_bin: usize,
@@ -67,7 +67,7 @@ impl Phases {
     }
 }
 
-/// How the planes of one object are laid out.
+/// Memory layout of the planes of one object.
 #[derive(Clone, Copy, Debug)]
 struct Layout {
     radius: f64,
@@ -97,14 +97,14 @@ impl Layout {
         self.row() * self.y.per_bin * self.slots[1]
     }
 
-    /// The phase and the slot (which may lie outside) of the sample next to a place.
+    /// The phase and the slot (which may lie outside) of the sample nearest to a coordinate.
     fn place(&self, along: f64, axis: Phases) -> (usize, i64) {
         let sample = ((along + self.radius) / axis.step).round() as i64;
         let per_bin = axis.per_bin as i64;
         (sample.rem_euclid(per_bin) as usize, sample.div_euclid(per_bin))
     }
 
-    /// Where the sample next to a place is stored along one axis; `None` outside.
+    /// Index of the sample nearest to a coordinate along one axis; `None` outside.
     fn stored(&self, along: f64, axis: Phases, n_slots: usize) -> Option<usize> {
         let (phase, slot) = self.place(along, axis);
         (0..n_slots as i64).contains(&slot).then(|| phase * n_slots + slot as usize)
@@ -120,7 +120,7 @@ pub(super) struct ObjectPlanes {
     unknown: [f64; N_CLASSES],
 }
 
-/// A window of a plane for the first bin: what one taxel adds to all bins of an angle.
+/// A window of a plane for the first bin: the values that one taxel adds to all bins of an angle.
 struct Window<'a> {
     plane: &'a [f32],
     /// Slot of the first bin along x and y; may lie outside.
@@ -153,7 +153,7 @@ impl ObjectPlanes {
                 // Sample = slot · per_bin + phase, stored phase first.
                 let col = at_x % slots[0] * x.per_bin + at_x / slots[0];
                 let line = at_y % slots[1] * y.per_bin + at_y / slots[1];
-                // Samples count the translation less the taxel's place.
+                // Samples count the translation less the taxel's position.
                 let shift = DVec2::new(col as f64 * x.step, line as f64 * y.step) - radius;
                 let moved = share
                     .steps()
@@ -181,7 +181,7 @@ impl ObjectPlanes {
         plane.saturating_mul(n_angles * N_CLASSES * size_of::<f32>())
     }
 
-    /// ln Pr(press) under a map that knows nothing: what all values are relative to.
+    /// ln Pr(press) at unmapped positions, the reference of all values.
     pub(super) fn unknown(&self, press: &ClassifiedPress) -> f64 {
         press.taxels().iter().map(|(_, class)| self.unknown[*class as usize]).sum()
     }
@@ -202,8 +202,8 @@ impl ObjectPlanes {
         &self.values[start..start + size]
     }
 
-    /// Adds what a press says to all bins of an angle. `first_bin` is the translation of the
-    /// first (metres), `n` the bins along x and y, x fastest in `sums`.
+    /// Adds the log-likelihood of a press to all bins of an angle. `first_bin` is the
+    /// translation of the first (metres), `n` the bins along x and y, x fastest in `sums`.
     pub(super) fn add_all(
         &self,
         angle: usize,
@@ -236,7 +236,7 @@ impl ObjectPlanes {
         }
     }
 
-    /// [`Self::add_all`] for bins that share samples: every bin takes the sample next to it.
+    /// [`Self::add_all`] for bins that share samples: every bin takes the nearest sample.
     fn gather_all(
         &self,
         angle: usize,
@@ -267,7 +267,7 @@ impl ObjectPlanes {
         }
     }
 
-    /// The same for some bins of an angle: `sums[i]` belongs to the bin `bins[i]`.
+    /// [`Self::add_all`] for some bins of an angle: `sums[i]` belongs to the bin `bins[i]`.
     pub(super) fn add_some(
         &self,
         angle: usize,
@@ -303,7 +303,7 @@ impl ObjectPlanes {
     }
 }
 
-/// The angle on which the k-th of n bins of the full turn is centred, radians.
+/// Centre of the k-th of n angles of the full turn, radians.
 pub(super) fn center_of_angle(k: usize, n: usize) -> f64 {
     (k as f64 + 0.5) * TAU / n as f64
 }

@@ -1,7 +1,7 @@
 //! Bins over six-dimensional poses: a cubic lattice of positions times a grid of rotations.
 //!
-//! Source: section 5.5.1.2. The lattice has no border (a bin is named by where it lies), so a
-//! robot's base may be anywhere; the workspace only sets how many bins the prior spreads over.
+//! Source: section 5.5.1.2. The lattice is unbounded (a bin is named by its coordinates), so
+//! a robot's base may be anywhere; the workspace only sets the number of bins of the prior.
 
 use glam::DVec3;
 
@@ -12,14 +12,14 @@ use palpate_core::pose::Pose;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PoseBin(pub u64);
 
-/// How poses are divided into bins.
+/// Division of poses into bins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseBins {
     /// Edge of a translation bin, metres.
     pub edge: f64,
     /// The rotations.
     pub rotations: RotationGrid,
-    /// Edge of the cube in which the object may be, metres.
+    /// Edge of the cube of possible positions, metres.
     pub workspace: f64,
 }
 

@@ -1,10 +1,10 @@
-//! The sparse histogram filter over one object's poses: only bins that evidence named exist.
+//! The sparse histogram filter over one object's poses, with bins only where there is evidence.
 //!
 //! Source: sections 5.2 and 5.4.4, equations 5.12–5.14, in the log domain. A pair of readings
 //! gives a distribution over poses ([`PairEvidence`]); beliefs are products of such
-//! distributions. Two rules: the dissertation's strict product, where a missed match removes
-//! a pose for ever, and a mixture with the prior, where nothing ever dies (the default).
-//! Not here: which poses a pair names (`patch_pair`), and probabilities of identity.
+//! distributions. Two rules: the dissertation's strict product, where a missed match excludes
+//! a pose for ever, and a mixture with the prior, which excludes nothing (the default). Not
+//! here: the poses of a pair (`patch_pair`), and probabilities of identity.
 
 use glam::{DQuat, DVec3};
 use rustc_hash::FxHashMap;
@@ -13,19 +13,19 @@ use super::pose_bins::{PoseBin, PoseBins};
 use palpate_core::log_prob::log_sum_exp;
 use palpate_core::pose::Pose;
 
-/// How the distributions of several pairs are multiplied.
+/// Product of the distributions of several pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ProductRule {
-    /// As printed: a bin that a pair does not name is impossible.
+    /// As printed: a bin without evidence from a pair is impossible.
     Strict,
-    /// Each pair is a mixture: `floor` of it is the prior, the rest is the pair's own.
+    /// Each pair is a mixture of the prior, with weight `floor`, and its own distribution.
     Floored {
-        /// The share of the prior, within 0..1.
+        /// Weight of the prior, within 0..1.
         floor: f64,
     },
 }
 
-/// Weighted poses within one bin: enough for their mean.
+/// Sums of the weighted poses within one bin, for their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseSum {
     weight: f32,
@@ -70,7 +70,7 @@ impl PoseSum {
     }
 }
 
-/// What one pair of readings says about one object's poses.
+/// Evidence of one pair of readings for one object's poses.
 #[derive(Clone, Debug, Default)]
 pub struct PairEvidence {
     bins: FxHashMap<PoseBin, PoseSum>,
@@ -91,7 +91,7 @@ impl PairEvidence {
     }
 }
 
-/// One bin of a belief: its log evidence and where in the bin the evidence lies.
+/// One bin of a belief: its log evidence and the mean pose of the evidence.
 #[derive(Clone, Copy, Debug, Default)]
 struct BinBelief {
     log: f32,
@@ -108,13 +108,13 @@ pub struct SparseHistogram {
 }
 
 impl SparseHistogram {
-    /// Bytes of the bins, about: the table's control bytes are one a bin.
+    /// Approximate bytes of the bins; the table's control bytes are one per bin.
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + self.bins.capacity() * (size_of::<(PoseBin, BinBelief)>() + 1)
     }
 
-    /// A uniform belief that will keep at most about `capacity` bins.
+    /// A uniform belief that keeps at most about `capacity` bins.
     #[must_use]
     pub fn new(rule: ProductRule, capacity: usize) -> Self {
         Self { bins: FxHashMap::default(), rule, capacity, has_evidence: false }
@@ -161,8 +161,8 @@ impl SparseHistogram {
         self.bins = product;
     }
 
-    /// Forgets everything: the belief is the prior again (re-seeding after a strict product
-    /// has left nothing, section 5.6.1).
+    /// Resets the belief to the prior (re-seeding after a strict product has excluded
+    /// everything, section 5.6.1).
     pub fn reset(&mut self) {
         self.bins.clear();
         self.has_evidence = false;
@@ -174,8 +174,8 @@ impl SparseHistogram {
         self.has_evidence && self.rule == ProductRule::Strict && self.bins.is_empty()
     }
 
-    /// Drops the least likely bins when there are more than the capacity; they fall back to
-    /// the floor. Ties are decided by the bin's name, so the result depends on nothing else.
+    /// Drops the least likely bins above the capacity; they fall back to the floor. Ties are
+    /// decided by the bin's name, so the result depends on nothing else.
     pub fn prune(&mut self) {
         if self.bins.len() <= self.capacity {
             return;
@@ -189,8 +189,8 @@ impl SparseHistogram {
         self.bins.retain(|bin, belief| !by_evidence(&(belief.log, *bin), &last).is_gt());
     }
 
-    /// ln of the evidence for this object: the sum over all its poses, named or not, given
-    /// `log_count`, ln of the number of bins; 0 before any evidence.
+    /// ln of the evidence for this object: the sum over all its poses, with and without bins,
+    /// given `log_count`, ln of the number of bins; 0 before any evidence.
     #[must_use]
     pub fn log_evidence(&self, log_count: f64) -> f64 {
         let mut logs: Vec<f64> = self.bins.values().map(|b| f64::from(b.log) - log_count).collect();
@@ -202,8 +202,8 @@ impl SparseHistogram {
         log_sum_exp(logs.into_iter().chain([unnamed]))
     }
 
-    /// The best `n` bins: ln of each one's share of [`SparseHistogram::log_evidence`]'s sum
-    /// (not normalised), its name and its mean pose; best first.
+    /// The best `n` bins, best first: ln of each one's unnormalised share of the sum of
+    /// [`SparseHistogram::log_evidence`], its name and its mean pose.
     #[must_use]
     pub fn best(&self, n: usize, log_count: f64) -> Vec<(f64, PoseBin, Pose)> {
         let mut order: Vec<(f32, PoseBin)> =
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_strict_product_keeps_only_what_every_pair_names() {
+    fn a_strict_product_keeps_bins_that_every_pair_supports() {
         let mut belief = SparseHistogram::new(ProductRule::Strict, 100);
         belief.multiply(&evidence(&[(1.0 * MM, 0.5), (20.0 * MM, 0.5)]), 1.0, 0.0, 1.0);
         belief.multiply(&evidence(&[(1.0 * MM, 0.25), (90.0 * MM, 0.75)]), 1.0, 0.0, 1.0);
@@ -263,9 +263,9 @@ mod tests {
 
     #[test]
     fn a_floored_product_forgives_one_missed_match() {
-        // Two bins; prior 1/10 each. Pair 1 names A and B alike, pair 2 only B, pairs 3 and 4
-        // only A: with floor 0.1, A = 5.5·1·… relative to the prior, by hand:
-        // named alone: 1 + 9·10 = 91; named by halves: 1 + 9·5 = 46; unnamed: 1.
+        // Two bins; prior 1/10 each. Pair 1 names A and B equally, pair 2 only B, pairs 3 and
+        // 4 only A. With floor 0.1, relative to the prior, by hand: named alone: 1 + 9·10 =
+        // 91; named by halves: 1 + 9·5 = 46; unnamed: 1.
         let mut belief = SparseHistogram::new(ProductRule::Floored { floor: 0.1 }, 100);
         let prior = 0.1_f64.ln();
         let (a, b) = (1.0 * MM, 50.0 * MM);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_lies_where_the_evidence_lies_in_the_bin() {
+    fn a_bins_mean_is_the_mean_of_its_evidence() {
         let mut belief = SparseHistogram::new(ProductRule::Floored { floor: 0.1 }, 100);
         belief.multiply(&evidence(&[(1.0 * MM, 3.0), (5.0 * MM, 1.0)]), 0.25, -3.0, 1.0);
         let best = belief.best(1, 0.0);

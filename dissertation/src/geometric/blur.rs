@@ -1,13 +1,13 @@
-//! Blurring a solid map: what a coarse bin sees of it.
+//! Blurring of a solid map to the resolution of a coarse bin.
 //!
-//! Probabilities of occupancy are averaged under a Gaussian, not log-odds: a place that is
-//! surely full half of the time is as likely full as not.
+//! Probabilities of occupancy, not log-odds, are averaged under a Gaussian: a position that
+//! is certainly full half of the time is full with probability one half.
 
 use crate::occupancy::OccupancyGrid;
 use palpate_core::sensor::point_spread::gaussian_kernel;
 
-/// The map under a Gaussian of deviation `sigma` (m) along every axis; space outside has the
-/// map's prior.
+/// The map convolved with a Gaussian of deviation `sigma` (m) along every axis; space outside
+/// has the map's prior.
 pub(super) fn blurred(map: &OccupancyGrid, sigma: f64) -> OccupancyGrid {
     let shape = *map.shape();
     if sigma < 0.5 * shape.cell() {
@@ -51,7 +51,7 @@ mod tests {
     use crate::occupancy::GridShape;
 
     #[test]
-    fn an_edge_becomes_a_slope_and_an_even_map_stays() {
+    fn an_edge_becomes_a_slope_and_a_uniform_map_stays() {
         let shape = GridShape::new(DVec3::ZERO, 1.0, [9, 1, 2]).unwrap();
         let step = (0..18).map(|cell| if cell % 9 < 4 { -8.0 } else { 8.0 }).collect();
         let map = OccupancyGrid::from_parts(shape, 0.5, step).unwrap();

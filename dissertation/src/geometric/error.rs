@@ -1,8 +1,8 @@
-//! Why a belief over geometry cannot be had, or cannot take a reading.
+//! Errors of a belief over geometry.
 
 use thiserror::Error;
 
-/// Why a catalogue, a prior or a reading cannot be used.
+/// Error of a catalogue, a prior or a reading that cannot be used.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum GeometricError {
     /// An object has no force mosaic.
@@ -11,29 +11,29 @@ pub enum GeometricError {
         /// The first such object.
         object: usize,
     },
-    /// A solid pose prior, but planar maps.
+    /// The pose prior is solid, the maps are planar.
     #[error("a bounded prior over solid poses, expected solid maps in the catalogue")]
     NotSolid,
-    /// A planar pose prior, but solid maps.
+    /// The pose prior is planar, the maps are solid.
     #[error("a prior over poses in a plane, expected planar maps in the catalogue")]
     NotPlanar,
     /// The printed histogram filter has no solid form.
     #[error("a bounded prior over solid poses, expected a planar one: the histogram is planar")]
     PlanarOnly,
-    /// The printed filters know no bounds of the turn.
+    /// The printed filters need every turn to be possible.
     #[error("half_angle is {found}, expected π: the printed filters consider every turn")]
     EveryTurn {
-        /// What was given, rad.
+        /// The given bound, rad.
         found: f64,
     },
-    /// The tables that beliefs share have no room for one more.
+    /// The shared tables have no room for one more.
     #[error("a table of {needed} bytes is needed, and tables have {in_use} of {max} bytes")]
     TablesFull {
-        /// Bytes of the table.
+        /// Bytes of the new table.
         needed: usize,
-        /// Bytes of the tables that there are.
+        /// Bytes of the present tables.
         in_use: usize,
-        /// The most bytes of all tables.
+        /// Limit of all tables, bytes.
         max: usize,
     },
     /// The prior over objects does not fit the catalogue.
@@ -43,7 +43,7 @@ pub enum GeometricError {
     Prior {
         /// Objects of the catalogue.
         expected: usize,
-        /// Weights that came.
+        /// Number of weights.
         found: usize,
     },
     /// A number of the pose prior or of the filter is out of range.
@@ -51,7 +51,7 @@ pub enum GeometricError {
     Range {
         /// The field's name.
         field: &'static str,
-        /// What was given.
+        /// The given value.
         found: f64,
         /// The smallest permitted value.
         low: f64,
@@ -65,12 +65,12 @@ pub enum GeometricError {
         rows: usize,
         /// Columns of the sensor.
         cols: usize,
-        /// Rows that came.
+        /// Rows of the image.
         found_rows: usize,
-        /// Columns that came.
+        /// Columns of the image.
         found_cols: usize,
     },
-    /// A press on a plane came from aside.
+    /// The sensor's axis is too far from the plane's normal.
     #[error("press tilted by {degrees:.1} degrees from the plane's normal, expected at most 30")]
     Tilt {
         /// Angle between the sensor's axis and the plane's normal, degrees.

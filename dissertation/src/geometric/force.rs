@@ -1,4 +1,4 @@
-//! Training with force: mosaics of planar objects, and the gains of the sensors that took them.
+//! Training with force: mosaics of planar objects, and the gains of their sensors.
 //!
 //! The gains are learnt from all objects together; mosaics have half the cells of the
 //! occupancy maps beside them. Readings are in the object frame.
@@ -13,7 +13,7 @@ use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 
 /// Adds mosaics and gains to a model of planar maps; `sets` are the objects' readings in
-/// their own frames, with the sensor that took them.
+/// their own frames, with the sensor of the readings.
 pub(super) fn add_force(
     model: &mut GeometricModel,
     sets: &[(Vec<Reading>, &SensorDescription)],

@@ -1,4 +1,4 @@
-//! What a belief says about one axis of the pose at a time, for plotting.
+//! Marginal distributions of the pose's axes, for plotting.
 
 use crate::filter::adaptive::{AdaptiveHistogram, Bin};
 use palpate_core::log_prob::normalize;
@@ -7,11 +7,11 @@ use palpate_core::object::ObjectIdx;
 /// The distribution along one axis of the pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisMarginal {
-    /// Which axis: `x`, `y`, `theta`; solid poses `x`, `y`, `z`, `rx`, `ry`, `rz`.
+    /// The axis: `x`, `y`, `theta`; for solid poses `x`, `y`, `z`, `rx`, `ry`, `rz`.
     pub axis: &'static str,
-    /// Where the first cell begins, metres or rad.
+    /// Start of the first cell, metres or rad.
     pub low: f64,
-    /// Where the last cell ends, metres or rad.
+    /// End of the last cell, metres or rad.
     pub high: f64,
     /// The probability of each of the equal cells between; they sum to 1.
     pub probabilities: Vec<f64>,
@@ -30,7 +30,7 @@ pub struct PlaneMarginal {
     pub probabilities: Vec<f64>,
 }
 
-/// The marginal distributions of one object's pose, given that it is this object.
+/// The marginal distributions of one object's pose, given the object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Marginals {
     /// One distribution an axis.
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_box_is_shared_out_by_overlap() {
+    fn a_boxs_mass_is_split_by_overlap() {
         // Cells of width 1 from 0 to 4; a box from 0.5 to 2.0 covers a third and two thirds.
         let boxes = [Share { low: &[0.5, 0.0], high: &[2.0, 1.0], probability: 0.3 }];
         let found = axis("x", 0, (0.0, 4.0), 4, &boxes);

@@ -1,8 +1,8 @@
-//! What chapter 3 knows of the objects: where contact is, and with what pressure.
+//! The geometric model of chapter 3: maps of contact and pressure.
 //!
-//! One part of a catalogue, trained when asked for. Maps are in the same object frames as the
-//! rest of the catalogue. What belongs to a sensor (gains) or to the classifier (the table of
-//! class probabilities) is shared by all objects.
+//! One part of a catalogue, trained on request. Maps are in the same object frames as the
+//! rest of the catalogue. The properties of sensors (gains) and of the classifier (the table
+//! of class probabilities) are shared by all objects.
 
 use std::sync::Arc;
 
@@ -15,9 +15,9 @@ pub use crate::occupancy::table::{ClassTable, ClassTableError, TABLE_LOG_ODDS};
 /// The geometry of one object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeometricMap {
-    /// Which cells generate contact; planar or solid.
+    /// Occupancy: the cells that generate contact; planar or solid.
     pub occupancy: OccupancyGrid,
-    /// The pressures of a planar map, when it was trained with force.
+    /// Pressures of a planar map that was trained with force.
     pub mosaic: Option<ForceMosaic>,
 }
 
@@ -26,7 +26,7 @@ pub struct GeometricMap {
 pub struct SensorGains {
     /// The sensor.
     pub sensor: SensorId,
-    /// One gain a taxel, row-major, mean 1; a pressure is divided by it.
+    /// One gain per taxel, row-major, mean 1; a pressure is divided by it.
     pub gains: Vec<f64>,
 }
 
@@ -35,7 +35,7 @@ pub struct SensorGains {
 pub struct GeometricModel {
     /// Pr(class | log-odds), learnt from the training presses.
     pub table: ClassTable,
-    /// Gains of the sensors that took the training presses; others have gain 1.
+    /// Gains of the sensors of the training presses; other sensors have gain 1.
     pub gains: Vec<SensorGains>,
     /// The maps, in the order of the catalogue's objects.
     pub maps: Vec<Arc<GeometricMap>>,

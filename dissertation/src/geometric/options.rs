@@ -1,4 +1,4 @@
-//! What a geometric belief assumes about the pose, and how it looks for it.
+//! Pose prior and search options of a geometric belief.
 
 use std::f64::consts::PI;
 
@@ -11,35 +11,35 @@ use crate::mosaic::press_fit::PressPrior;
 use palpate_core::pose::Pose;
 use palpate_core::units::{DEG, MM};
 
-/// Where the object may be.
+/// Prior of the object's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PosePrior {
     /// Planar: x, y and θ in a stated plane.
     Planar {
         /// The plane; its z points out of the object's face towards the sensor.
         session_from_plane: Pose,
-        /// The middle of the object's places in the plane, metres.
+        /// Centre of the object's positions in the plane, metres.
         center: [f64; 2],
-        /// How far the object may be from there along x and along y, metres.
+        /// Largest distance from the centre along x and along y, metres.
         half_extent: f64,
-        /// The middle of its angles, rad.
+        /// Centre of its angles, rad.
         angle: f64,
-        /// How far it may be turned from there, rad; π is any angle.
+        /// Largest rotation from it, rad; π permits any angle.
         half_angle: f64,
     },
     /// Solid: six dimensions about a nominal pose.
     Bounded {
         /// The nominal pose.
         session_from_object: Pose,
-        /// How far the object may be from there along the session's axes, metres.
+        /// Largest distance from it along the session's axes, metres.
         half_extent: DVec3,
-        /// How far it may be turned from there about each of the session's axes, rad.
+        /// Largest rotation from it about each of the session's axes, rad.
         half_angle: f64,
     },
 }
 
 impl PosePrior {
-    /// Whether a belief with this prior can take a press at `session_from_sensor`.
+    /// Whether a belief with this prior accepts a press at `session_from_sensor`.
     ///
     /// # Errors
     /// [`GeometricError::Tilt`] when a press on a plane is tilted by more than 30 degrees.
@@ -53,10 +53,10 @@ impl PosePrior {
     }
 }
 
-/// How the belief is carried.
+/// Representation of the belief.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GeometricFilter {
-    /// The adaptive histogram, with force where there are mosaics.
+    /// The adaptive histogram, with force if there are mosaics.
     Adaptive(AdaptiveOptions),
     /// The filters of chapter 3, over maps of contact.
     Printed(PrintedFilter),
@@ -67,56 +67,56 @@ pub enum GeometricFilter {
 pub enum PrintedFilter {
     /// The histogram filter, in the plane alone.
     Histogram {
-        /// Bins of an object along x, y and the full turn (Table 3.1).
+        /// Number of bins of an object along x, y and the full turn (Table 3.1).
         n: [usize; 3],
     },
     /// The particle filter.
     Particles(ParticleOptions),
 }
 
-/// The work of the adaptive histogram.
+/// Parameters of the adaptive histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveOptions {
-    /// The first bins of planar poses are at most this wide along x and y, metres.
+    /// Maximum width of the first bins of planar poses along x and y, metres.
     pub first_width: f64,
-    /// And along θ, rad.
+    /// Maximum width of the first bins along θ, rad.
     pub first_angle: f64,
-    /// Bins are split until they are no wider than this, metres.
+    /// Width at which bins are no longer split, metres.
     pub smallest: f64,
-    /// Bins this far behind the best sleep, nats.
+    /// Distance behind the best at which bins sleep, nats.
     pub keep: f64,
-    /// Bins this far behind the best are not split, nats.
+    /// Distance behind the best at which bins are not split, nats.
     pub split: f64,
-    /// No reading counts more than this against a pose, nats.
+    /// Largest penalty of one reading for a pose, nats.
     pub floor: f64,
-    /// Bins that are evaluated in full after a screening, for every object; more, in
-    /// proportion, when the box of poses holds more first bins than a box of ±10 mm does.
+    /// Bins per object that are evaluated in full after a screening; proportionally more when
+    /// the box of poses holds more first bins than a box of ±10 mm.
     pub screened: usize,
-    /// The exponent of the screening for the others, 0 to 1.
+    /// Exponent of the screening for the others, 0 to 1.
     pub screen_temper: f64,
-    /// Evaluations a reading that splitting may cost, for every object.
+    /// Evaluations per reading and object that splitting may cost.
     pub evaluations: usize,
-    /// The exponent of the likelihood: what is correlated beyond the press's own unknowns.
+    /// Exponent of the likelihood, for correlations beyond the press's own nuisance parameters.
     pub temper: f64,
-    /// How far single presses stray from what is stated about them.
+    /// Prior of the deviations of a single press.
     pub press: PressPrior,
 }
 
-/// About the first bins of a box of ±10 mm and the full turn.
+/// Number of first bins of a box of ±10 mm and the full turn, approximately.
 const SCREENED_OF: usize = 700;
 
-/// No axis is divided into more first bins than this: wider boxes are refused. Chosen: ±170 mm,
-/// far beyond what a planar session has ever been measured on, at 8 MB an object.
+/// Maximum number of first bins along an axis; wider boxes are refused. Chosen: ±170 mm, far
+/// beyond any measured planar session, at 8 MB an object.
 const FIRST_MAX: f64 = 100.0;
 
 impl AdaptiveOptions {
-    /// How many first bins a box of poses has along x, y and θ: `half` are its half widths
+    /// Number of first bins of a box of poses along x, y and θ; `half` are its half widths
     /// (m, m, rad).
     #[must_use]
     pub fn first_bins(&self, half: [f64; 3]) -> [usize; 3] {
         let widths = [self.first_width, self.first_width, self.first_angle];
         std::array::from_fn(|axis| {
-            // A hair's breadth more must not add a bin.
+            // A rounding error must not add a bin.
             let n = (2.0 * half[axis] / widths[axis] - 1e-6).ceil();
             n.clamp(1.0, FIRST_MAX) as usize
         })
@@ -128,7 +128,7 @@ impl AdaptiveOptions {
         within("half_extent", half_extent, 0.1 * MM, high)
     }
 
-    /// How many bins of an object are evaluated in full when it has `first` first bins.
+    /// Number of bins of an object that are evaluated in full when it has `first` first bins.
     pub(super) fn screened(&self, first: usize) -> usize {
         self.screened * first.div_ceil(SCREENED_OF).max(1)
     }
@@ -152,14 +152,14 @@ impl Default for AdaptiveOptions {
     }
 }
 
-/// What a belief assumes and how it works.
+/// Options of a geometric belief.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometricOptions {
-    /// Where the object may be.
+    /// Prior of the object's pose.
     pub pose: PosePrior,
-    /// How the belief is carried.
+    /// Representation of the belief.
     pub filter: GeometricFilter,
-    /// The seed of filters that draw.
+    /// Seed of filters that draw.
     pub seed: u64,
 }
 

@@ -1,8 +1,8 @@
 //! The belief over planar poses from force mosaics.
 //!
-//! A pose is (x, y, θ) of the object's frame in the stated plane, metres and rad. A bin's own
-//! extent is one more slip of the press: shift and turn widen by the bin's spread, so that a
-//! coarse bin is asked whether the press fits anywhere within it.
+//! A pose is (x, y, θ) of the object's frame in the stated plane, metres and rad. A bin's
+//! extent acts as one more slip of the press: shift and turn widen by the bin's spread, so
+//! that a coarse bin is scored by whether the press fits anywhere within it.
 
 use std::sync::Arc;
 
@@ -30,43 +30,43 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::units::{DEG, MM};
 
-/// A length (m) that stands for a turn of one rad: an object's reach from its origin.
+/// Lever arm (m) of one rad of rotation: an object's reach from its origin.
 const LEVER: f64 = 9.0 * MM;
 
-/// The most a press may be tilted from the plane's normal.
+/// Largest tilt of a press from the plane's normal.
 const TILT_MAX: f64 = 30.0 * DEG;
 
-/// Bins this far behind the best are no modes, and hold no probability, nats.
+/// Distance behind the best beyond which bins form no modes and hold no probability, nats.
 const MODE_REACH: f64 = 12.0;
 const FORGOTTEN: f64 = 40.0;
 
-/// How far a taxel's gain may be from 1 when nobody has learnt it.
+/// Standard deviation of a taxel's gain before it is learnt, relative to 1.
 const UNKNOWN_GAIN: f32 = 0.2;
 
-/// How well the stated plane is known, metres. Chosen: what a client that measures it gets.
+/// Standard deviation of the stated plane, metres. Chosen: for a client that measures it.
 const PLANE_DEVIATION: f64 = 0.1 * MM;
 
-/// Fewer objects than this are looked at with the effort for so many.
+/// Minimum number of objects for which effort is allotted.
 const LOOKED_AT_MIN: usize = 5;
 
-/// How much of a bin's spread widens what a map expects: slips within the bin are unknowns of
-/// the press already, and only what bends beyond them is left.
+/// Fraction of a bin's spread that widens the map's expectation: slips within the bin are
+/// nuisance parameters of the press already, and only the bending beyond them is left.
 const BEND: f64 = 0.7;
 
-/// Cells of a plotted axis.
+/// Number of cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
 
-/// Bins of pressure in which precisions are averaged.
+/// Number of bins of pressure in which precisions are averaged.
 const PRESSURE_BINS: usize = 24;
 
-/// About what the volume of a press's unknowns takes from a good fit, nats.
+/// Approximate loss of a good fit to the volume of a press's nuisance parameters, nats.
 const UNKNOWNS_VOLUME: f64 = 6.0;
 
 const AXES: [&str; 3] = ["x", "y", "theta"];
 
-/// Refuses presses that do not come along the plane's normal.
+/// Refuses presses that are not along the plane's normal.
 pub(super) fn check_tilt(plane_from_sensor: &Pose) -> Result<(), GeometricError> {
-    // The sensor looks at the object: its z points into the plane.
+    // The sensor faces the object: its z points into the plane.
     let tilt = (-plane_from_sensor.turn(DVec3::Z).z).clamp(-1.0, 1.0).acos();
     if tilt > TILT_MAX {
         return Err(GeometricError::Tilt { degrees: tilt / DEG });
@@ -92,13 +92,13 @@ struct Plane {
     high: [f64; 3],
 }
 
-/// What readings say about planar poses.
+/// Likelihood of readings for planar poses.
 #[derive(Clone, Debug)]
 pub(super) struct PlanarModel {
     geometry: Arc<GeometricModel>,
     maps: Vec<PlanarMap>,
     readings: Vec<PlanarReading>,
-    /// The thickest covering that took one of them, metres.
+    /// The thickest covering among their sensors, metres.
     covering: f64,
     options: AdaptiveOptions,
     precision: PrecisionByPressure,
@@ -106,7 +106,7 @@ pub(super) struct PlanarModel {
     spreads: Vec<[f64; 2]>,
     workspace: Workspace,
     turned: TurnedPress,
-    /// Which reading and angle `turned` holds.
+    /// The reading and angle of the cached turn.
     turned_as: Option<(usize, u64)>,
     /// The turn of that angle.
     turn: [f64; 2],
@@ -119,7 +119,7 @@ struct PlanarMap {
     tiles: Vec<Arc<Counted<Tile>>>,
     screen: Arc<Counted<ScreenTile>>,
     height: f64,
-    /// The deviation of that height: what the presses leave open of their depth.
+    /// Standard deviation of that height, from the presses' uncertain depth.
     height_deviation: f64,
 }
 
@@ -170,8 +170,9 @@ impl PlanarModel {
         })
     }
 
-    /// How well the heights of the maps' faces are known. Maps do not say which sensor made
-    /// them: the one with the thickest covering of this belief's readings stands for it.
+    /// Sets the deviation of the heights of the maps' faces. Maps do not name the sensor that
+    /// made them; the sensor with the thickest covering of this belief's readings represents
+    /// it.
     fn note_heights(&mut self, sensor: &SensorDescription) {
         let covering = sensor.parameters().covering_thickness;
         if covering <= self.covering {
@@ -185,19 +186,19 @@ impl PlanarModel {
         }
     }
 
-    /// Where a reading lies on an object at a pose.
+    /// The placement of a reading on an object at a pose.
     fn placement(center: [f64; 2], pose: &[f64; 3]) -> Placement {
         Self::placement_turned(center, pose, turn_of(pose[2]))
     }
 
-    /// The same, for a pose whose turn is known.
+    /// The placement at a pose with a known turn.
     fn placement_turned(center: [f64; 2], pose: &[f64; 3], turn: [f64; 2]) -> Placement {
         let [cos, minus_sin] = turn;
         let [x, y] = [center[0] - pose[0], center[1] - pose[1]];
         Placement { center: [cos * x - minus_sin * y, cos * y + minus_sin * x], turn }
     }
 
-    /// The strays of a press within a bin of this spread.
+    /// The prior of a press's deviations within a bin of this spread.
     fn within_bin(&self, place: &Placement, spread: [f64; 2]) -> PressPrior {
         let press = self.options.press;
         let lever = place.center[0].hypot(place.center[1]);
@@ -205,7 +206,7 @@ impl PlanarModel {
         PressPrior { shift, turn: press.turn.hypot(spread[1]), ..press }
     }
 
-    /// Polishes a pose on all readings.
+    /// Refines a pose on all readings.
     fn polish(&self, object: u32, start: [f64; 3], workspace: &mut Workspace) -> Mode {
         let Some(tile) = self.maps[object as usize].tiles.last() else {
             return Mode::unpolished(start, [0.0; 3]);
@@ -266,7 +267,8 @@ impl BinLikelihood<3> for PlanarModel {
         let press = &self.readings[reading].press;
         let precision: f64 = press.pressures.iter().map(|z| self.precision.of(*z)).sum();
         let n = press.pressures.len() as f64;
-        // Half a nat a taxel, four of their deviations, and the volume of the unknowns.
+        // Half a nat per taxel, four of their deviations, and the volume of the nuisance
+        // parameters.
         self.options.temper * (precision - 0.5 * n - 4.0 * (0.5 * n).sqrt() - UNKNOWNS_VOLUME)
     }
 
@@ -309,7 +311,7 @@ impl PlanarBelief {
         size_of::<Self>() + self.histogram.bytes() + taxels * size_of::<[f32; 3]>()
     }
 
-    /// What [`PlanarBelief::new`] would take, without making it.
+    /// Memory of [`PlanarBelief::new`], without creating it.
     pub(super) fn memory(
         prepared: &PreparedGeometry,
         half_extent: f64,
@@ -345,7 +347,7 @@ impl PlanarBelief {
         let division = Division::new(low, high, n, lengths, options.smallest, 3);
         let model = PlanarModel::new(prepared, options, &division)?;
         let n_alive = log_prior.iter().filter(|log| log.is_finite()).count();
-        // Two bodies that are nearly alike need as close a look as five.
+        // Two similar objects need as close a search as five.
         let n_looked_at = n_alive.max(LOOKED_AT_MIN);
         let first: usize = n.iter().product();
         let effort = Effort {
@@ -362,7 +364,7 @@ impl PlanarBelief {
         Ok(Self { plane, effort, model, histogram, n_objects: log_prior.len() })
     }
 
-    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub(super) fn heed(&mut self, stop: &Stop) {
         self.model.stop = stop.clone();
     }
@@ -387,7 +389,7 @@ impl PlanarBelief {
         Ok(())
     }
 
-    /// Probabilities of the objects and polished poses.
+    /// Probabilities of the objects and refined poses.
     pub(super) fn answer(&self, n_modes: usize, n_readings: usize) -> Answer {
         let masses = || self.histogram.bins().iter().map(|bin| self.histogram.log_mass(bin));
         let best = masses().fold(f64::NEG_INFINITY, f64::max);
@@ -405,7 +407,7 @@ impl PlanarBelief {
         Answer { probabilities, unknown: 0.0, modes, entropy_bits, n_readings }
     }
 
-    /// Polishes the most massive bin and gathers those around it, time and again.
+    /// Repeatedly refines the bin of the largest mass and gathers the bins around it.
     fn modes(&self, n_modes: usize, log_total: f64) -> Vec<PoseMode> {
         let mut bins: Vec<(f64, Bin<3>)> =
             self.histogram.bins().iter().map(|bin| (self.histogram.log_mass(bin), *bin)).collect();
@@ -422,7 +424,7 @@ impl PlanarBelief {
                 true => Mode::unpolished(first.center, widths),
                 false => self.model.polish(first.object, first.center, &mut workspace),
             };
-            // The best bin is a member, wherever polishing has moved the mode.
+            // The best bin is a member, wherever refinement has moved the mode.
             bins.swap_remove(most);
             let mut weight = (log_first - log_total).exp();
             bins.retain(|(log_mass, bin)| {
@@ -460,13 +462,13 @@ impl PlanarBelief {
     }
 }
 
-/// The turn that takes the plane's axes into those of an object at this angle.
+/// The rotation from the plane's axes to those of an object at this angle.
 fn turn_of(angle: f64) -> [f64; 2] {
     let (sin, cos) = angle.sin_cos();
     [cos, -sin]
 }
 
-/// Which bin has the most mass; of equals, the one of the lowest object and place.
+/// The bin of the largest mass; of equals, the one of the lowest object and position.
 fn most_massive(bins: &[(f64, Bin<3>)]) -> Option<usize> {
     let place = |bin: &Bin<3>| (bin.object, bin.center.map(f64::to_bits));
     let order = |a: &usize, b: &usize| {
@@ -476,8 +478,8 @@ fn most_massive(bins: &[(f64, Bin<3>)]) -> Option<usize> {
     (0..bins.len()).max_by(order)
 }
 
-/// Covariance in ROS order of x, y and θ in a plane; the height is known to `z_deviation`
-/// (m), tilts to 0.1 degrees.
+/// Covariance in ROS order of x, y and θ in a plane; the height's deviation is `z_deviation`
+/// (m), that of tilts 0.1 degrees.
 fn in_session(
     session_from_plane: &Pose,
     covariance: &Matrix3<f64>,

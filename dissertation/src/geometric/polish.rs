@@ -1,15 +1,15 @@
-//! Polishing a planar pose: Gauss–Newton on all presses at once.
+//! Refinement of a planar pose by Gauss–Newton on all presses at once.
 //!
 //! Every press is linear in its slip; the pose's change is the part of the slips that all
-//! presses share. What a press's own amplitude, tilt and slip could explain as well does not
-//! pull at the pose. Source: the elimination of nuisance parameters by a Schur complement.
+//! presses share. Deviations that a press's own amplitude, tilt and slip explain as well do
+//! not pull at the pose. Source: elimination of nuisance parameters by a Schur complement.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::mosaic::press_fit::{Placement, PressFit, PressPrior};
 use palpate_core::units::{DEG, MM};
 
-/// A press laid onto the map at a pose.
+/// A press aligned with the map at a pose.
 pub(super) struct PressAtPose {
     pub fitted: PressFit,
     pub place: Placement,
@@ -17,7 +17,7 @@ pub(super) struct PressAtPose {
     pub temper: f64,
 }
 
-/// A polished pose.
+/// A refined pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mode {
     /// x, y (m) and θ (rad).
@@ -58,7 +58,7 @@ struct System {
 
 const STEPS_MAX: usize = 6;
 
-/// Climbs from `start` to the most likely pose nearby. `fit_at` lays a reading onto the map.
+/// Climbs from `start` to the nearest local maximum. `fit_at` aligns a reading with the map.
 pub(super) fn polish(
     start: [f64; 3],
     n_readings: usize,
@@ -87,7 +87,7 @@ pub(super) fn polish(
     Mode { pose, covariance }
 }
 
-/// As if the start were known to 3 mm and 20 degrees, over the square root of `damping`.
+/// Prior stiffness: 3 mm and 20 degrees about the start, over the square root of `damping`.
 fn stiffness(damping: f64) -> Matrix3<f64> {
     let (place, angle) = ((3.0 * MM).powi(-2), (20.0 * DEG).powi(-2));
     damping * Matrix3::from_diagonal(&Vector3::new(place, place, angle))
@@ -111,7 +111,7 @@ fn linearise(
         system.log_likelihood += temper * fitted.log_likelihood;
         let covariance = fitted.covariance();
         let scale = [prior.shift, prior.shift, prior.turn].map(f64::recip);
-        // What is left of the information on the slip once the press's own is integrated out:
+        // The remaining information on the slip after the press's own is integrated out:
         // identity minus posterior covariance, in units of the prior.
         let left = Matrix3::from_fn(|row, col| {
             let unit = if row == col { 1.0 } else { 0.0 };

@@ -1,9 +1,8 @@
-//! Maps made ready for look-up, shared by all beliefs about a catalogue.
+//! Maps of a catalogue prepared for look-up, shared by all beliefs.
 //!
-//! What a filter looks up depends on the width of its bins: tiles, planes and blurred maps are
-//! made when a belief first asks for them, shared while a belief has them, and counted.
-//! Reaches are rounded to steps, so that there are few of them whatever pose priors clients
-//! choose.
+//! The look-up tables depend on the width of a filter's bins: tiles, planes and blurred maps
+//! are created on first use, shared while a belief holds them, and counted. Reaches are
+//! rounded to steps, so that their number is small for any pose priors of clients.
 
 use std::sync::Arc;
 
@@ -19,13 +18,13 @@ use crate::mosaic::tile::Tile;
 use crate::occupancy::OccupancyGrid;
 use palpate_core::units::MM;
 
-/// The step of reaches, metres.
+/// Step of reaches, metres.
 const STEP: f64 = 0.1 * MM;
 
-/// Reaches beyond this many steps count as that: by then nothing of a map is left.
+/// Largest reach in steps; beyond it nothing of a map is left.
 const STEPS_MAX: usize = 100;
 
-/// Cells of the screening, metres: well below the point spread.
+/// Cells of the screening, metres; well below the point spread.
 const SCREEN_CELL: f64 = 0.5 * MM;
 
 /// The spreads for which blurred solid maps are kept, metres.
@@ -37,7 +36,7 @@ pub(super) type Blurs = Counted<Vec<OccupancyGrid>>;
 /// The planes of all objects.
 pub(super) type Planes = Counted<Arc<HistogramModel>>;
 
-/// The geometry of a catalogue with what beliefs have made of it.
+/// The geometry of a catalogue with the tables of its beliefs.
 #[derive(Debug)]
 pub struct PreparedGeometry {
     model: Arc<GeometricModel>,
@@ -52,13 +51,13 @@ pub struct PreparedGeometry {
 }
 
 impl PreparedGeometry {
-    /// Nothing is made yet, and nothing bounds what will be.
+    /// Without tables, and without a limit on them.
     #[must_use]
     pub fn new(model: Arc<GeometricModel>) -> Self {
         Self::within(model, TableBudget::new(usize::MAX))
     }
 
-    /// The same within a budget.
+    /// Like `new`, within a budget.
     #[must_use]
     pub fn within(model: Arc<GeometricModel>, budget: Arc<TableBudget>) -> Self {
         let (tiles, screens) = (Tables::new(), Tables::new());
@@ -72,7 +71,7 @@ impl PreparedGeometry {
         &self.model
     }
 
-    /// The tile of an object's mosaic for places that may be `reach` (m) off.
+    /// The tile of an object's mosaic for position errors up to `reach` (m).
     pub(super) fn tile(
         &self,
         object: usize,
@@ -83,7 +82,7 @@ impl PreparedGeometry {
         self.tiles.get((object, step), &self.budget, Tile::bytes_of(mosaic), tile)
     }
 
-    /// The tile for screening places that may be `reach` (m) off.
+    /// The screening tile for position errors up to `reach` (m).
     pub(super) fn screen(
         &self,
         object: usize,
@@ -110,31 +109,31 @@ impl PreparedGeometry {
         self.planes.get(key(bins), &self.budget, self.planes_bytes(bins), planes)
     }
 
-    /// Bytes of the planes for these bins, whether there are any or not.
+    /// Bytes of the planes for these bins, whether they exist or not.
     pub(super) fn planes_bytes(&self, bins: &PlanarBins) -> usize {
         let maps = self.model.maps.iter().map(|map| &map.occupancy);
         maps.map(|map| HistogramModel::bytes_of(map, bins).saturating_add(map_bytes(map)))
             .fold(0, usize::saturating_add)
     }
 
-    /// Whether some belief has the planes for these bins.
+    /// Whether a belief holds the planes for these bins.
     pub(super) fn has_planes(&self, bins: &PlanarBins) -> bool {
         self.planes.has(&key(bins))
     }
 
-    /// Bytes of two tiles and an exact one of every object, and of its tile for screening.
+    /// Bytes of two tiles, an exact one and a screening one of every object.
     pub(super) fn tiles_bytes(&self) -> usize {
         let mosaics = self.model.maps.iter().filter_map(|map| map.mosaic.as_ref());
         let bytes = |mosaic| 3 * Tile::bytes_of(mosaic) + ScreenTile::bytes_of(mosaic, SCREEN_CELL);
         mosaics.map(bytes).sum()
     }
 
-    /// Whether some belief has the exact tile of the first object.
+    /// Whether a belief holds the exact tile of the first object.
     pub(super) fn has_tiles(&self) -> bool {
         self.tiles.has(&(0, 0))
     }
 
-    /// Whether some belief has the blurred maps of the first object.
+    /// Whether a belief holds the blurred maps of the first object.
     pub(super) fn has_blurs(&self) -> bool {
         self.blurs.has(&0)
     }
@@ -158,7 +157,7 @@ fn map_bytes(map: &OccupancyGrid) -> usize {
     size_of_val(map.log_odds())
 }
 
-/// What planes depend on.
+/// The parameters of planes.
 fn key(bins: &PlanarBins) -> [u64; 3] {
     let sides = bins.sides();
     [sides.x.to_bits(), sides.y.to_bits(), bins.n[2] as u64]

@@ -1,4 +1,4 @@
-//! The filters of chapter 3 as they are printed, as beliefs: maps of contact alone.
+//! The filters of chapter 3 as printed, as beliefs over maps of contact alone.
 //!
 //! Source: sections 3.3.3 and 3.3.4. Both fold presses of classes in the plane's frame (or
 //! the session's, for solids); poses there are `frame_from_object`. Presses are classified as
@@ -24,11 +24,11 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::units::MM;
 
-/// Cells of a plotted axis.
+/// Number of cells of a plotted axis.
 const MARGINAL_CELLS: usize = 72;
-/// How far a particle is smeared for plotting: metres, rad. Its noise in a time step.
+/// Extent of a particle for plotting: metres, rad. Its noise in a time step.
 const SMEAR: [f64; 2] = [1.0 * MM, 0.1];
-/// How far particles of one mode may be apart: metres, rad.
+/// Largest distance between particles of one mode: metres, rad.
 const MODE_REACH: [f64; 2] = [4.0 * MM, 0.5];
 
 /// A belief of one of the printed filters.
@@ -40,7 +40,7 @@ pub(super) struct PrintedBelief {
     space: Space,
     n_readings: usize,
     filter: Filter,
-    /// Counted while some belief holds them.
+    /// Counted while a belief holds them.
     _planes: Option<Arc<Planes>>,
     stop: Stop,
 }
@@ -111,7 +111,7 @@ impl PrintedBelief {
         })
     }
 
-    /// What [`PrintedBelief::new`] would take, without making it.
+    /// Memory of [`PrintedBelief::new`], without creating it.
     pub(super) fn memory(
         prepared: &PreparedGeometry,
         prior: &PosePrior,
@@ -136,7 +136,7 @@ impl PrintedBelief {
         }
     }
 
-    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub(super) fn heed(&mut self, stop: &Stop) {
         self.stop = stop.clone();
         if let Filter::Histogram(filter, _) = &mut self.filter {
@@ -151,7 +151,7 @@ impl PrintedBelief {
             Filter::Histogram(filter, _) => filter.add(press),
             Filter::Particles(filter, exponent) => {
                 let (maps, table) = (&self.model.maps, &self.model.table);
-                // The prior weighs once: what is drawn from it later has it already.
+                // The prior weighs once: later draws from it include it already.
                 let weight = if self.n_readings == 0 { exponent.recip() } else { 0.0 };
                 filter.add(|object, pose| match self.log_prior[object] {
                     f64::NEG_INFINITY => f64::NEG_INFINITY,
@@ -166,7 +166,7 @@ impl PrintedBelief {
         self.n_readings += 1;
     }
 
-    /// Bins answer their centres (equation 3.17), particles the means of their clusters.
+    /// The histogram answers bin centres (equation 3.17), particles the means of their clusters.
     pub(super) fn answer(&self, n_modes: usize, n_readings: usize) -> Answer {
         let (logs, poses, scale) = match &self.filter {
             Filter::Histogram(filter, bins) => self.of_bins(filter, bins),
@@ -259,7 +259,7 @@ impl PrintedBelief {
         Some(self.space.marginals(&shares))
     }
 
-    /// A pose of the session; a planar object lies with its pressed face in the plane.
+    /// A pose in the session; a planar object lies with its pressed face in the plane.
     fn session_from_object(&self, object: usize, frame_from_object: Pose) -> Pose {
         let lowered = match self.space {
             Space::Plane { .. } => {
@@ -273,8 +273,7 @@ impl PrintedBelief {
     }
 }
 
-/// A box along the axes that are plotted, from its lowest to its highest corner, and its
-/// weight.
+/// A box along the plotted axes, from its lowest to its highest corner, and its weight.
 type PoseBox = ([f64; 6], [f64; 6], f64);
 
 fn pose_box(center: [f64; 6], half: [f64; 6], weight: f64) -> PoseBox {
@@ -325,7 +324,7 @@ impl Space {
         }
     }
 
-    /// The coordinates of a pose along the axes that are plotted, and how it is turned.
+    /// The coordinates of a pose along the plotted axes.
     fn coordinates(&self, frame_from_object: &Pose) -> [f64; 6] {
         let DVec3 { x, y, z } = frame_from_object.translation;
         match self {

@@ -1,8 +1,8 @@
 //! The belief over solid poses within bounds, from occupancy maps and contact classes.
 //!
 //! A pose is the nominal one moved along the session's axes (m) and turned about the object's
-//! own origin by a rotation vector along them (rad). Taxels that touch and taxels that do not
-//! both count. A bin's own extent blurs the map it is compared with.
+//! own origin by a rotation vector along them (rad). Touching and free taxels both count. A
+//! bin's extent blurs the map that it is compared with.
 
 use std::sync::Arc;
 
@@ -23,13 +23,13 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::stop::Stop;
 use palpate_core::units::{DEG, MM};
 
-/// A length (m) that stands for a turn of one rad: an object's reach from its origin. Chosen for
+/// Lever arm (m) of one rad of rotation: an object's reach from its origin. Chosen for
 /// objects of a hand's size, 60 to 100 mm across; not fitted.
 const LEVER: f64 = 30.0 * MM;
 
-/// Target width of the first bins in metres, and the fewest and most of them along an axis. Chosen:
-/// more than 4⁶ bins an object take too long for one touch; with a single bin along an axis the
-/// search often refines the wrong object.
+/// Target width of the first bins in metres, and the minimum and maximum number of them along
+/// an axis. Chosen: more than 4⁶ bins per object take too long for one touch; with a single
+/// bin along an axis the search often refines the wrong object.
 const FIRST_WIDTH: f64 = 7.0 * MM;
 const FIRST_MIN: usize = 2;
 const FIRST_MAX: usize = 4;
@@ -38,18 +38,18 @@ const FIRST_MAX: usize = 4;
 /// `FIRST_WIDTH`.
 const HALF_MAX: f64 = 0.5 * FIRST_MAX as f64 * FIRST_WIDTH;
 
-/// The exponent of a press: its taxels see one blurred contact, not as many facts. Chosen, not
-/// fitted; `palpate experiment solid-geometry` measures the answers with it.
+/// Exponent of a press: its taxels see one blurred contact and are not independent. Chosen,
+/// not fitted; `palpate experiment solid-geometry` measures the answers with it.
 const TEMPER: f64 = 0.3;
 
-/// Evaluations of a split against those of a plane's three axes. Chosen: a few splits of 2⁶
-/// children on all readings of a usual session; not fitted.
+/// Evaluations of a split, relative to those of a plane's three axes. Chosen: a few splits of
+/// 2⁶ children on all readings of a usual session; not fitted.
 const EVALUATIONS: usize = 46;
 
-/// Bins that an answer is made of.
+/// Maximum number of bins in an answer.
 const ANSWERED_MAX: usize = 400;
 
-/// Cells of a plotted axis.
+/// Number of cells of a plotted axis.
 const MARGINAL_CELLS: usize = 48;
 
 /// Refuses a box whose first bins would be wider than `FIRST_WIDTH`.
@@ -67,7 +67,7 @@ fn check_resolved(half_extent: DVec3, half_angle: f64) -> Result<(), GeometricEr
     Ok(())
 }
 
-/// Metres a unit of each axis.
+/// Metres per unit of each axis.
 const LENGTHS: [f64; 6] = [1.0, 1.0, 1.0, LEVER, LEVER, LEVER];
 
 /// Half the sides of the box of poses, in the axes' own units.
@@ -99,14 +99,14 @@ pub(super) struct SolidBelief {
     high: [f64; 6],
 }
 
-/// What presses say about solid poses.
+/// Likelihood of presses for solid poses.
 #[derive(Clone, Debug)]
 struct SolidModel {
     geometry: Arc<GeometricModel>,
     nominal: Pose,
     /// Maps of every object, by blur.
     maps: Vec<Arc<Blurs>>,
-    /// Which blur serves a depth.
+    /// Index of the blur for each depth.
     blur_of: Vec<usize>,
     presses: Vec<ClassifiedPress>,
     stop: Stop,
@@ -130,7 +130,7 @@ impl BinLikelihood<6> for SolidModel {
     }
 
     fn expected(&self, reading: usize) -> f64 {
-        // A map that knows nothing: every class with its share where the log-odds are 0.
+        // An unmapped position: every class with its probability where the log-odds are 0.
         let table = &self.geometry.table;
         let taxels = self.presses[reading].taxels().iter();
         TEMPER * taxels.map(|(_, class)| table.probability(*class, 0.0).ln()).sum::<f64>()
@@ -148,7 +148,7 @@ impl SolidBelief {
         size_of::<Self>() + self.histogram.bytes() + presses
     }
 
-    /// What [`SolidBelief::new`] would take, without making it.
+    /// Memory of [`SolidBelief::new`], without creating it.
     pub(super) fn memory(
         prepared: &PreparedGeometry,
         half_extent: DVec3,
@@ -218,7 +218,7 @@ impl SolidBelief {
         Ok(Self { model, effort, histogram, n_objects: log_prior.len(), smallest, low, high })
     }
 
-    /// From now on, long loops unwind once `stop` is asked for ([`Stop::check`]).
+    /// Makes long loops unwind once `stop` is requested ([`Stop::check`]).
     pub(super) fn heed(&mut self, stop: &Stop) {
         self.model.stop = stop.clone();
     }
@@ -264,7 +264,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_that_the_first_bins_cannot_resolve_are_refused_by_axis() {
+    fn boxes_too_large_for_the_first_bins_are_refused_by_axis() {
         // Four bins of 7 mm: 14 mm, and 0.467 rad at 30 mm.
         assert_eq!(check_resolved(DVec3::splat(14.0 * MM), 0.46), Ok(()));
         let error = check_resolved(DVec3::new(0.01, 0.5, 0.01), 0.3).unwrap_err();

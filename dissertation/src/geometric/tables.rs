@@ -1,8 +1,8 @@
-//! Tables that beliefs about one catalogue share, and the memory they may take together.
+//! Tables shared by the beliefs about one catalogue, within a common memory budget.
 //!
-//! A table lives as long as a belief that looks it up; its bytes are counted before it is made
-//! and given back when it goes. Two beliefs that ask at the same moment may both make one: no
-//! lock is held while a table is made, since threads that help with it may want another.
+//! A table lives as long as a belief uses it; its bytes are reserved before it is built and
+//! released with it. Two simultaneous requests may both build one: no lock is held meanwhile,
+//! since threads that help to build it may need another table.
 
 use std::collections::BTreeMap;
 use std::ops::Deref;
@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use super::GeometricError;
 
-/// The memory of shared tables of all catalogues that are given it.
+/// Memory budget of the shared tables of all catalogues that use it.
 #[derive(Debug)]
 pub struct TableBudget {
     max: usize,
@@ -19,13 +19,13 @@ pub struct TableBudget {
 }
 
 impl TableBudget {
-    /// Room for this many bytes.
+    /// A budget of this many bytes.
     #[must_use]
     pub fn new(bytes_max: usize) -> Arc<Self> {
         Arc::new(Self { max: bytes_max, used: AtomicUsize::new(0) })
     }
 
-    /// Bytes of all tables that there are.
+    /// Bytes of all present tables.
     #[must_use]
     pub fn used(&self) -> usize {
         self.used.load(Ordering::Relaxed)
@@ -41,7 +41,7 @@ impl TableBudget {
     }
 }
 
-/// Bytes that are taken of a budget; dropped, they are free again.
+/// Bytes reserved from a budget; released on drop.
 #[derive(Debug)]
 struct Share {
     budget: Arc<TableBudget>,
@@ -69,7 +69,7 @@ impl<T> Deref for Counted<T> {
     }
 }
 
-/// The tables of one kind that beliefs have, by key.
+/// The present tables of one kind, by key.
 #[derive(Debug)]
 pub(super) struct Tables<K, T>(Mutex<BTreeMap<K, Weak<Counted<T>>>>);
 
@@ -78,7 +78,7 @@ impl<K: Ord, T> Tables<K, T> {
         Self(Mutex::new(BTreeMap::new()))
     }
 
-    /// Whether some belief has this table.
+    /// Whether a belief holds this table.
     pub(super) fn has(&self, key: &K) -> bool {
         self.find(key).is_some()
     }
@@ -87,7 +87,7 @@ impl<K: Ord, T> Tables<K, T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get(key)?.upgrade()
     }
 
-    /// The table of a key, made if no belief has it: then `bytes` are taken of the budget first.
+    /// The table of a key. If no belief holds it, reserves `bytes` of the budget and builds it.
     pub(super) fn get(
         &self,
         key: K,
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tables_are_shared_counted_and_given_back() {
+    fn tables_are_shared_counted_and_released() {
         let (budget, tables) = (TableBudget::new(100), Tables::new());
         let get = |key: char, bytes| tables.get(key, &budget, bytes, || key);
         let (a, same) = (get('a', 60).unwrap(), get('a', 60).unwrap());

@@ -1,9 +1,9 @@
-//! Training of geometry: readings of known objects in, maps of chapter 3 out.
+//! Training of geometry: maps of chapter 3 from readings of known objects.
 //!
 //! Source: section 3.2 and `docs/equations.md`. An object's map depends on its own readings
-//! alone; the table of class probabilities is learnt from all objects together.
-//! Frames: readings are in the training frame, maps in the object frame, which has its origin
-//! at `origin_in_training` and the axes of training.
+//! alone; the table of class probabilities is learnt from all objects together. Frames:
+//! readings are in the training frame, maps in the object frame, which has its origin at
+//! `origin_in_training` and the axes of training.
 
 use std::sync::Arc;
 
@@ -25,16 +25,16 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::training::{TrainingError, TrainingSet};
 use palpate_core::units::{DEG, MM};
 
-/// How far a planar press may be tilted from the object's −z.
+/// Largest tilt of a planar press from the object's −z.
 pub const PLANAR_TILT_MAX: f64 = 30.0 * DEG;
 
-/// Why geometry cannot be trained.
+/// Error of readings from which geometry cannot be trained.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum GeometricTrainError {
-    /// The readings do not train anything.
+    /// The readings cannot be used for training.
     #[error(transparent)]
     Readings(#[from] TrainingError),
-    /// The cells of a map are not usable.
+    /// The cells of a map are not valid.
     #[error(transparent)]
     Grid(#[from] GridError),
     /// The number of origins is not the number of objects.
@@ -51,9 +51,9 @@ pub enum GeometricTrainError {
          -z, expected at most 30 for a planar map"
     )]
     NotPlanar {
-        /// The object, by its position.
+        /// The object's index.
         object: usize,
-        /// The first such reading of it.
+        /// Its first such reading.
         reading: usize,
         /// The angle between the sensor's z and the object's −z, degrees.
         tilt_degrees: f64,
@@ -63,20 +63,20 @@ pub enum GeometricTrainError {
 /// Planar or solid maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimensions {
-    /// A plane that is pressed along the object's −z: poses are x, y and an angle.
+    /// A plane, pressed along the object's −z: poses are x, y and an angle.
     Planar,
     /// Space: poses have six dimensions.
     Solid,
 }
 
-/// How geometry is trained.
+/// Configuration of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryConfig {
     /// Planar or solid maps.
     pub dimensions: Dimensions,
     /// The side of a cell, metres.
     pub cell: f64,
-    /// What a press says about the cells around it.
+    /// Inverse sensor model: the evidence of a press for the cells around it.
     pub inverse: InverseModel,
 }
 
@@ -102,12 +102,12 @@ impl Default for GeometryConfig {
 
 /// Maps the objects of `sets`, whose frames' origins lie at `origins_in_training` (metres).
 ///
-/// A planar map keeps x and y alone; its plane lies where the pressed face is, in the object
-/// frame: above the sensors that touched by how deep they were pressed.
+/// A planar map keeps x and y alone; its plane is that of the pressed face, in the object
+/// frame: above the touching sensors by their indentation.
 ///
 /// # Errors
-/// [`GeometricTrainError`] when an object has no reading or no origin, when a planar reading does not
-/// press along −z, or when a map would have too many cells.
+/// [`GeometricTrainError`] when an object has no reading or no origin, when a planar reading does
+/// not press along −z, or when a map would have too many cells.
 pub fn map_geometry(
     sets: &[TrainingSet<'_>],
     origins_in_training: &[DVec3],
@@ -143,7 +143,7 @@ pub fn map_geometry(
     Ok(model)
 }
 
-/// A map whose plane is that of the sensors, moved to the face that they were pressed onto.
+/// Moves a map from the plane of the sensors to that of the pressed face.
 fn at_the_face(
     map: &GeometricMap,
     sensor: &SensorDescription,
@@ -185,7 +185,7 @@ fn map_one(
     Ok((map_presses(&presses, set.sensor, shape, &config.inverse), presses))
 }
 
-/// The mean height of the sensors that touched, or of all when none did, metres.
+/// The mean height of the touching sensors, or of all without any contact, metres.
 fn pressed_height(readings: &[Reading], presses: &[ClassifiedPress]) -> f64 {
     let touches = |press: &ClassifiedPress| {
         press.taxels().iter().any(|(_, class)| *class == ContactClass::InContact)
@@ -260,23 +260,23 @@ mod tests {
         let origin = DVec3::new(4.0 * MM, 0.0, 1.0 * MM);
         let model = mapped(&presses(3.0 * MM, 0.0), origin, &GeometryConfig::planar()).unwrap();
         let (map, mosaic) = (&model.maps[0].occupancy, model.maps[0].mosaic.as_ref().unwrap());
-        // The sensors are 2 mm above the origin. 10 kPa are half of the covering's 2.54 mm, so
-        // the face is 1.27 to 2.54 mm higher: in the middle, but for what presses with steps for
-        // edges do to the mosaic.
+        // The sensors are 2 mm above the origin. 10 kPa are half of the covering's 2.54 mm,
+        // so the face is 1.27 to 2.54 mm higher: in the middle, except for the effect of
+        // presses with steps as edges on the mosaic.
         let height = map.shape().min().z;
         assert!((3.6 * MM..4.3 * MM).contains(&height), "{height}");
         assert!((mosaic.shape().min().z - height).abs() < 1e-12);
         // The strip's middle lies at −4 mm now.
         let at = |x: f64| map.log_odds_at(DVec3::new(x, 0.0, 0.0));
         assert!(at(-4.0 * MM) > 2.0 && at(4.0 * MM) < -2.0, "{} {}", at(-4.0 * MM), at(4.0 * MM));
-        // Where the map is sure, so is the table, up to its smoothing.
+        // Where the map is certain, so is the table, up to its smoothing.
         let touching = model.table.probability(ContactClass::InContact, 8.0);
         let free = model.table.probability(ContactClass::NoContact, -8.0);
         assert!(touching > 0.8 && free > 0.8, "{touching} {free} {:?}", model.table);
     }
 
     #[test]
-    fn a_tilted_planar_reading_is_named_and_a_solid_one_is_not() {
+    fn tilted_readings_are_refused_in_planar_maps_alone() {
         let readings = presses(0.0, 40.0 * DEG);
         let error = mapped(&readings, DVec3::ZERO, &GeometryConfig::planar()).unwrap_err();
         let GeometricTrainError::NotPlanar { object: 0, reading: 0, tilt_degrees } = error else {

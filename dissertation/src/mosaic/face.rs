@@ -1,13 +1,13 @@
-//! How deep a face is pressed into the covering, from the pressures of its mosaic.
+//! Depth of a face in the covering, from the pressures of its mosaic.
 //!
-//! Under the point spread a narrow face shows less pressure than a wide one at the same depth,
-//! so pressures bound the depth from below; no press is deeper than the covering is thick.
-//! Within these bounds every depth is taken to be equally likely.
+//! Under the point spread a narrow face shows less pressure than a wide one at the same
+//! depth, so pressures bound the depth from below; the covering's thickness bounds it from
+//! above. Within these bounds the depth is taken to be uniform.
 
 use super::ForceMosaic;
 use palpate_core::sensor::SensorDescription;
 
-/// How far the sensor's free surface is below a face that is pressed, metres.
+/// Depth of the sensor's free surface below a pressed face, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaceDepth {
     /// The mean.
@@ -17,10 +17,10 @@ pub struct FaceDepth {
 }
 
 impl FaceDepth {
-    /// The depth of the presses that made a mosaic, by a sensor of this kind.
+    /// The depth of the presses of a mosaic, by a sensor of this kind.
     ///
-    /// The largest displacement of the mosaic is the least depth. Derived: the mean and the
-    /// deviation are those of the uniform distribution between the bounds.
+    /// The largest displacement of the mosaic is the least depth. Derived: mean and deviation
+    /// of the uniform distribution between the bounds.
     #[must_use]
     pub fn of_mosaic(mosaic: &ForceMosaic, sensor: &SensorDescription) -> Self {
         let known = mosaic.pressure().iter().zip(mosaic.deviation());
@@ -48,12 +48,12 @@ mod tests {
     }
 
     #[test]
-    fn the_depth_lies_between_the_largest_displacement_and_the_covering() {
+    fn depth_lies_between_largest_displacement_and_covering() {
         let sensor = SensorDescription::digitacts_6x6();
         let parameters = sensor.parameters();
         let thickness = parameters.covering_thickness;
         let pressure = parameters.force_curve.pressure(0.5 * thickness) as f32;
-        // What no press has reached is not looked at.
+        // Unmapped cells are ignored.
         let depth = FaceDepth::of_mosaic(&mosaic([pressure, 1e6], [1.0, f32::INFINITY]), &sensor);
         assert!((depth.mean - 0.75 * thickness).abs() < 1e-8, "{depth:?}");
         assert!((depth.deviation - 0.5 * thickness / 12.0_f64.sqrt()).abs() < 1e-8, "{depth:?}");

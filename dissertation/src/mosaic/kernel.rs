@@ -1,8 +1,8 @@
-//! How a taxel's pressure is shared out to the cells around it.
+//! Kernel weights of the cells around a taxel.
 
 use crate::occupancy::GridShape;
 
-/// Calls with (cell, kernel weight) of the cells within three deviations of a place.
+/// Calls `take` with (cell, kernel weight) of the cells within three deviations of a position.
 pub(super) fn share(
     shape: &GridShape,
     kernel: f64,
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_count_by_their_distance_and_far_ones_not_at_all() {
+    fn weights_fall_with_distance_and_end_at_three_deviations() {
         let shape = GridShape::new(DVec3::ZERO, 1.0, [9, 1, 1]).unwrap();
         let mut weights = [0.0; 9];
         share(&shape, 1.0, [4.5, 0.5], |cell, weight| weights[cell] = weight);

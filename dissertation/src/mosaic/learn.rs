@@ -1,9 +1,9 @@
-//! Learning mosaics: pressures, gains and the presses' own strays by alternating least squares.
+//! Learning of mosaics: pressures, gains and deviations of presses by alternating least squares.
 //!
-//! Planar presses of known objects overlap, so that cells, taxel gains and what single
-//! presses did otherwise (depth, tilt, slip) are told apart with no calibration run: each is
-//! fitted in turn with the others held. Training poses are `object_from_sensor`; a mosaic's
-//! plane is that of its grid. Taxels without a value do not count.
+//! Planar presses of known objects overlap, so that cells, taxel gains and the deviations of
+//! single presses (depth, tilt, slip) are separable without a calibration run: each is fitted
+//! in turn with the others fixed. Training poses are `object_from_sensor`; a mosaic's plane
+//! is that of its grid. Missing taxels are ignored.
 
 use crate::occupancy::{GridError, GridShape};
 use palpate_core::pose::Pose;
@@ -22,23 +22,23 @@ use super::variance::Variance;
 pub struct MosaicSet<'a> {
     /// The presses; poses are `object_from_sensor`.
     pub readings: &'a [Reading],
-    /// The sensor that took them.
+    /// The sensor of the presses.
     pub sensor: &'a SensorDescription,
-    /// Where the mosaic's cells lie: one layer.
+    /// Position of the mosaic's cells: one layer.
     pub shape: GridShape,
 }
 
-/// How mosaics are learnt.
+/// Options of learning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MosaicOptions {
-    /// Deviation of the Gaussian that shares a taxel's pressure out to the cells, m.
+    /// Standard deviation of the Gaussian that distributes a taxel's pressure over cells, m.
     pub kernel: f64,
     /// Rounds of alternating least squares.
     pub rounds: usize,
-    /// How far presses stray. The cells are fitted with their amplitudes alone: slips that are
-    /// fitted together with the cells warp the map, tilts lean the gains.
+    /// Prior of the presses' deviations. The cells are fitted with their amplitudes alone:
+    /// slips fitted together with the cells would warp the map, tilts would skew the gains.
     pub press: PressPrior,
-    /// A cell with fewer presses (in kernel weights) than this is unknown.
+    /// Minimum sum of kernel weights of a mapped cell.
     pub weight_min: f64,
 }
 
@@ -50,7 +50,7 @@ impl Default for MosaicOptions {
 }
 
 impl MosaicOptions {
-    /// Presses that stray in amplitude alone.
+    /// The prior with amplitudes alone.
     fn amplitude_alone(&self) -> PressPrior {
         PressPrior { tilt: 1e-3, shift: 1e-9, turn: 1e-6, ..self.press }
     }
@@ -61,7 +61,7 @@ impl MosaicOptions {
 pub struct TaxelGains {
     /// The sensor.
     pub sensor: SensorId,
-    /// One gain a taxel, row-major.
+    /// One gain per taxel, row-major.
     pub gains: Vec<f64>,
 }
 
@@ -99,7 +99,7 @@ pub fn learn_gains(
     Ok(gains)
 }
 
-/// Builds the mosaic of one object with known gains; sensors that are not named have gain 1.
+/// Builds the mosaic of one object with known gains; other sensors have gain 1.
 ///
 /// # Errors
 /// [`GridError`] when the set's shape is not one layer.
@@ -116,7 +116,7 @@ pub fn build_mosaic(
     presses.mosaic(set, &tile, options)
 }
 
-/// New gains from Σ pressure × expected and Σ expected² a taxel, scaled to mean 1.
+/// New gains from Σ pressure × expected and Σ expected² per taxel, scaled to mean 1.
 fn update_gains(gains: &mut [f64], sums: &[[f64; 2]]) {
     for (gain, [product, square]) in gains.iter_mut().zip(sums) {
         if *square > 0.0 {
@@ -128,15 +128,15 @@ fn update_gains(gains: &mut [f64], sums: &[[f64; 2]]) {
     gains.iter_mut().for_each(|gain| *gain /= mean);
 }
 
-/// A taxel is stuck when it is off by this many deviations.
+/// Deviations beyond which a taxel is stuck.
 const STUCK_DEVIATIONS: f64 = 4.0;
 
-/// A training press as it is understood so far.
+/// A training press with its present fit.
 struct Trained {
     press: Press,
-    /// Pressures as measured, Pa.
+    /// Measured pressures, Pa.
     raw: Vec<f64>,
-    /// Taxels that read nothing of the object: stuck at the time.
+    /// Whether each taxel was stuck at the time.
     stuck: Vec<bool>,
     taxels: Vec<usize>,
     sensor: SensorId,
@@ -151,8 +151,8 @@ struct Presses {
     variance: Variance,
 }
 
-/// The sensor's centre and the turn of its image in a plane: `plane_from_sensor` seen from
-/// above, with the offsets of its taxels in the plane's axes.
+/// The sensor's centre in a plane and the valid taxels of a press, with offsets along the
+/// plane's axes; `plane_from_sensor` is seen from above.
 #[must_use]
 pub fn lay_down(
     plane_from_sensor: &Pose,
@@ -178,7 +178,7 @@ pub fn lay_down(
     ([center.x, center.y], press, taxels)
 }
 
-/// The gains of a sensor among known ones, when they fit its image.
+/// The gains of a sensor among known ones, if they fit its image.
 #[must_use]
 pub fn gains_of<'a>(gains: &'a [TaxelGains], reading: &Reading) -> Option<&'a [f64]> {
     let known = gains.iter().find(|known| known.sensor == reading.sensor())?;
@@ -199,14 +199,14 @@ impl Presses {
         };
         let all = set.readings.iter().map(trained).collect();
         let saturation = set.sensor.parameters().saturation;
-        // A guess to begin with: a tenth of the range, and of the pressure.
+        // Initial values: a tenth of the range, and of the pressure.
         let variance = Variance { constant: (0.1 * saturation).powi(2), share: 0.01 };
         let mut presses = Self { all, variance };
         presses.calibrate(gains);
         presses
     }
 
-    /// Divides the measured pressures by the gains, where they are known.
+    /// Divides the measured pressures by the known gains.
     fn calibrate(&mut self, gains: &[TaxelGains]) {
         for trained in &mut self.all {
             let known = gains.iter().find(|known| known.sensor == trained.sensor);
@@ -242,7 +242,7 @@ impl Presses {
                 mean[k] += *stray * share;
             }
         }
-        // Strays have mean 0 over a set: their mean belongs to the map.
+        // Deviations have mean 0 over a set: their mean belongs to the map.
         for trained in &mut self.all {
             for (k, mean) in mean.iter().enumerate() {
                 trained.strays[k] -= mean;
@@ -251,7 +251,7 @@ impl Presses {
         }
     }
 
-    /// Learns the variance of residuals and marks the taxels that are beyond it.
+    /// Learns the variance of residuals and marks outlying taxels as stuck.
     fn find_stuck(&mut self, tile: &Tile, floor: f64) {
         self.all.iter_mut().for_each(|trained| trained.stuck.fill(false));
         let squares = self.squares(tile);
@@ -293,8 +293,8 @@ impl Presses {
         }
     }
 
-    /// Kernel-weighted least squares of every cell's pressure, with the deviation that goes
-    /// with it; infinite where too little is known.
+    /// Kernel-weighted least squares of every cell's pressure, with its deviation; infinite
+    /// for cells of too little weight.
     fn pressures(
         &self,
         set: &MosaicSet<'_>,
@@ -320,15 +320,15 @@ impl Presses {
         ForceMosaic::from_parts(set.shape, pressures, deviations)
     }
 
-    /// The cells' pressures, and the residuals about them that a press's own strays leave.
+    /// The cells' pressures, and the deviations of residuals after each press's own deviations.
     fn mosaic(
         &mut self,
         set: &MosaicSet<'_>,
         tile: &Tile,
         options: &MosaicOptions,
     ) -> Result<ForceMosaic, GridError> {
-        // What cells differ in beyond their pressure is luck: deviations are a function of
-        // the pressure, or identity would follow the luck of thirty taxels.
+        // Deviations are a function of the pressure alone. Further differences between cells
+        // are chance, and identity would follow the chance of thirty taxels.
         let means = self.pressures(set, options)?;
         self.fit_strays(tile, &options.press);
         self.variance = Variance::of(&self.squares(tile), floor(set.sensor));
@@ -340,7 +340,8 @@ impl Presses {
         ForceMosaic::from_parts(set.shape, means.pressure().to_vec(), deviation)
     }
 
-    /// Calls with (place, pressure over gain, amplitude) of every taxel that is not stuck.
+    /// Calls `take` with (position, pressure over gain, amplitude) of every taxel that is not
+    /// stuck.
     fn each_taxel(&self, mut take: impl FnMut([f64; 2], f64, f64)) {
         for trained in &self.all {
             for (at, pressure) in trained.press.pressures.iter().enumerate() {
@@ -355,7 +356,7 @@ impl Presses {
 }
 
 impl Trained {
-    /// Where a taxel lay in the object's plane (m) and how strongly it was pressed there.
+    /// Position of a taxel in the object's plane (m) and its amplitude.
     fn taxel(&self, at: usize) -> ([f64; 2], f64) {
         let [x, y] = self.press.offsets[at].map(f64::from);
         let [amplitude, tilt_x, tilt_y, shift_x, shift_y, turn] = self.strays;
@@ -367,8 +368,8 @@ impl Trained {
     }
 }
 
-/// The smallest variance to believe in, Pa²: what the sensor states, or 2.5 % of its range:
-/// presses of a simulator know no better than that of a real sensor's.
+/// Smallest variance, Pa²: the sensor's stated one, or 2.5 % of its range, since simulated
+/// presses are more exact than those of a real sensor.
 fn floor(sensor: &SensorDescription) -> f64 {
     let parameters = sensor.parameters();
     let stated = parameters.noise.powi(2) + parameters.quantisation.powi(2) / 12.0;

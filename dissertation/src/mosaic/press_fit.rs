@@ -1,29 +1,30 @@
-//! One press laid onto a mosaic: how likely it is there, whatever its depth, tilt and slip.
+//! Likelihood of one press on a mosaic, with its depth, tilt and slip integrated out.
 //!
-//! Expected pressures are linear in a press's own unknowns about the mean press: amplitude,
-//! tilt along two axes, and the slip (shift and turn) by which the arm missed the stated
-//! place or a bin's centre misses the pose. With Gaussian priors they integrate out in closed
-//! form. Taxels beyond three deviations count as that (stuck, crossed, or not the object).
-//! Frame: the object's plane; o are a taxel's offsets from the sensor's centre, m.
+//! Expected pressures are linear in a press's nuisance parameters about the mean press:
+//! amplitude, tilt along two axes, and the slip (shift and turn) by which the arm missed the
+//! stated position or a bin's centre misses the pose. With Gaussian priors they integrate out
+//! in closed form. Residuals are clipped at three deviations (stuck or crossed taxels, or not
+//! the object). Frame: the object's plane; o are a taxel's offsets from the sensor's centre,
+//! m.
 
 #![allow(clippy::needless_range_loop, reason = "rows and columns of small matrices by index")]
 
 use super::tile::Tile;
 use palpate_core::units::{DEG, MM};
 
-/// How many unknowns a press has: amplitude, two tilts, two shifts, a turn.
+/// Number of nuisance parameters of a press: amplitude, two tilts, two shifts, a turn.
 pub const N_UNKNOWNS: usize = 6;
 
-/// How far single presses stray: standard deviations of their unknowns.
+/// Prior of the nuisance parameters of a press: standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressPrior {
-    /// Of the amplitude about 1.
+    /// Amplitude, about 1.
     pub amplitude: f64,
-    /// Of the change of amplitude along an axis, 1/m.
+    /// Change of amplitude along an axis, 1/m.
     pub tilt: f64,
-    /// Of the sensor's place along an axis, m.
+    /// Position of the sensor along an axis, m.
     pub shift: f64,
-    /// Of its turn about its own centre, rad.
+    /// Rotation of the sensor about its own centre, rad.
     pub turn: f64,
 }
 
@@ -34,7 +35,7 @@ impl Default for PressPrior {
 }
 
 impl PressPrior {
-    /// The deviations in the order of the unknowns.
+    /// The deviations in the order of the parameters.
     #[must_use]
     pub fn deviations(&self) -> [f32; N_UNKNOWNS] {
         let Self { amplitude, tilt, shift, turn } = *self;
@@ -49,38 +50,38 @@ pub struct Press {
     pub offsets: Vec<[f32; 2]>,
     /// Pressures divided by the taxels' gains, Pa.
     pub pressures: Vec<f32>,
-    /// Deviation of the taxels' gains that were not divided out; 0 when they are known.
+    /// Standard deviation of gains that were not divided out; 0 when they are known.
     pub gain_deviation: f32,
 }
 
-/// Where a press lies on the object: the sensor's centre and the turn of its offsets.
+/// Placement of a press on the object: the sensor's centre and the rotation of its offsets.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
     /// The centre in the object's plane, m.
     pub center: [f64; 2],
-    /// Cosine and sine of the angle that takes offsets into the object's axes.
+    /// Cosine and sine of the angle from the offsets' to the object's axes.
     pub turn: [f64; 2],
 }
 
-/// A press laid onto a mosaic.
+/// A press fitted to a mosaic.
 #[derive(Clone, Copy, Debug)]
 pub struct PressFit {
     /// ln of the probability density of the press, up to a constant of the press.
     pub log_likelihood: f64,
-    /// The most likely unknowns, in units of their prior deviations.
+    /// The most likely nuisance parameters, in units of their prior deviations.
     pub unknowns: [f32; N_UNKNOWNS],
     factor: Square,
 }
 
 impl PressFit {
-    /// Covariance of the unknowns in units of their prior deviations.
+    /// Covariance of the nuisance parameters in units of their prior deviations.
     #[must_use]
     pub fn covariance(&self) -> [[f32; N_UNKNOWNS]; N_UNKNOWNS] {
         inverse(&self.factor)
     }
 }
 
-/// Residuals beyond this many deviations count as this many.
+/// Deviations at which residuals are clipped.
 const OUTLIER: f32 = 3.0;
 
 /// Working space of fits: columns over the taxels, padded to whole vectors.
@@ -89,26 +90,26 @@ pub struct Workspace {
     columns: [Vec<f32>; N_UNKNOWNS + 1],
     /// Offsets turned into the object's axes.
     offsets: [Vec<f32>; 2],
-    /// Places in the tile.
+    /// Positions in the tile.
     places: Vec<[f32; 2]>,
     /// Expected pressure, its two derivatives, and precision.
     expected: [Vec<f32>; 4],
-    /// What the unknowns leave of the residuals.
+    /// Residuals after the nuisance parameters.
     left: Vec<f32>,
-    /// The sum of their squares, each clipped.
+    /// Sum of the clipped squared residuals.
     clipped: f32,
 }
 
 type Square = [[f32; N_UNKNOWNS]; N_UNKNOWNS];
 
-/// The normal equations of a press: unit priors and what the taxels say.
+/// The normal equations of a press: unit priors and the taxels' information.
 struct Normal {
     information: Square,
     pull: [f32; N_UNKNOWNS],
     residual: f32,
 }
 
-/// Lays `press` onto `tile` at `place` and integrates over its unknowns.
+/// Fits `press` to `tile` at `place` and integrates over its nuisance parameters.
 #[must_use]
 pub fn fit(
     press: &Press,
@@ -122,7 +123,7 @@ pub fn fit(
     let mut factor = cholesky(&normal.information);
     let mut unknowns = solve(&factor, &normal.pull);
     let n_outliers = find_outliers(&unknowns, workspace);
-    // A press that fits nowhere near is not worth a second fit: its clipped residuals do.
+    // A press that fits nowhere near needs no second fit: its clipped residuals suffice.
     let squares = if n_outliers > 0 && 4 * n_outliers > press.pressures.len() {
         workspace.clipped + unknowns.iter().map(|unknown| unknown * unknown).sum::<f32>()
     } else {
@@ -139,8 +140,8 @@ pub fn fit(
     PressFit { log_likelihood, unknowns, factor }
 }
 
-/// Fills the columns with what each unknown changes by one deviation, and the residuals at
-/// the mean press, all over the taxels' deviations. Returns Σ ln precision.
+/// Fills the columns with the derivative by each parameter, per deviation, and the residuals
+/// at the mean press, all over the taxels' deviations. Returns Σ ln precision.
 fn look_up(
     press: &Press,
     place: &Placement,
@@ -179,7 +180,7 @@ fn look_up(
     log_precision
 }
 
-/// Looks up what is expected at every taxel. Returns Σ ln precision.
+/// Looks up the expected pressure of every taxel. Returns Σ ln precision.
 fn look_around(press: &Press, place: &Placement, tile: &Tile, workspace: &mut Workspace) -> f64 {
     let n = press.pressures.len();
     let Workspace { offsets: [ox, oy], places, expected, .. } = workspace;
@@ -240,7 +241,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     (halves[0] + halves[2]) + (halves[1] + halves[3])
 }
 
-/// What the unknowns leave of each taxel's residual, and how many are beyond the limit.
+/// The remaining residual of each taxel, and the number of outliers.
 fn find_outliers(unknowns: &[f32; N_UNKNOWNS], workspace: &mut Workspace) -> usize {
     let [c0, c1, c2, c3, c4, c5, c6] = &workspace.columns;
     let n = c0.len();
@@ -264,7 +265,7 @@ fn find_outliers(unknowns: &[f32; N_UNKNOWNS], workspace: &mut Workspace) -> usi
     count as usize
 }
 
-/// Takes taxels beyond the limit out of the normal equations.
+/// Removes outliers from the normal equations.
 fn remove_outliers(normal: &mut Normal, workspace: &Workspace) {
     let columns = &workspace.columns;
     for (taxel, left) in workspace.left.iter().enumerate() {
@@ -350,7 +351,7 @@ mod tests {
         10_000.0 * (-0.5 * squared / (3.0 * MM).powi(2)).exp()
     }
 
-    /// A press of the bump that is `amplitude` deep and really lies `slip` (m) farther along x.
+    /// A press of the bump with the given `amplitude`, displaced by `slip` (m) along x.
     fn press(amplitude: f64, slip: f64) -> Press {
         let mut press = Press::default();
         for taxel in 0..36 {
@@ -367,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn amplitude_and_slip_are_found_in_units_of_their_deviations() {
+    fn amplitude_and_slip_are_recovered_in_units_of_deviations() {
         let prior = PressPrior { amplitude: 0.25, ..PressPrior::default() };
         let deep = fitted(&press(1.2, 0.0), &prior).unknowns;
         // 0.2 / 0.25 = 0.8, less the prior's small pull.
@@ -379,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_press_may_do_costs_little_and_what_it_may_not_costs_much() {
+    fn permitted_deviations_cost_little_and_others_much() {
         let prior = PressPrior::default();
         let log = |press: &Press| fitted(press, &prior).log_likelihood;
         let exact = log(&press(1.0, 0.0));
@@ -389,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stuck_taxel_costs_nine_halves_and_pulls_at_nothing() {
+    fn a_stuck_taxel_costs_nine_halves_and_changes_nothing_else() {
         let prior = PressPrior::default();
         let mut stuck = press(1.0, 0.0);
         stuck.pressures[0] = 20_000.0;

@@ -1,7 +1,7 @@
-//! A quick look at how a press fits a mosaic: amplitude alone, nearest cells, one sum a taxel.
+//! Fast screening of a press on a mosaic: amplitude alone, nearest cells, one sum per taxel.
 //!
-//! For telling thousands of coarse bins apart before the best are fitted properly. Slips
-//! count as independent noise by the pressure's slope, so it overstates what differs.
+//! It ranks thousands of coarse bins before the best are fitted properly. Slips count as
+//! independent noise in proportion to the pressure's slope, so it overstates differences.
 
 use glam::Vec4;
 
@@ -9,10 +9,10 @@ use super::ForceMosaic;
 use super::press_fit::Press;
 use super::tile::Tile;
 
-/// From here on up, an f32 has no fraction.
+/// The smallest magnitude from which an f32 has no fraction.
 const WHOLE: f32 = 8_388_608.0;
 
-/// Cells of a tile beyond the mosaic on each side, so that its border expects nothing.
+/// Width of the border around the mosaic, in cells, where no pressure is expected.
 const MARGIN: f64 = 2.0;
 
 /// Cells of a tile along x and y.
@@ -22,7 +22,7 @@ fn counts(mosaic: &ForceMosaic, cell: f64) -> [usize; 2] {
     [cols, rows].map(|n| (side(n) / cell).ceil() as usize)
 }
 
-/// The quick look-up form of a [`ForceMosaic`].
+/// The screening form of a [`ForceMosaic`].
 #[derive(Clone, Debug)]
 pub struct ScreenTile {
     origin: [f32; 2],
@@ -33,7 +33,7 @@ pub struct ScreenTile {
     cells: Vec<Vec4>,
 }
 
-/// A press turned into the axes of an object at one angle, in cells.
+/// A press rotated into the axes of an object at one angle, in cells.
 #[derive(Clone, Debug, Default)]
 pub struct TurnedPress {
     offsets: [Vec<f32>; 2],
@@ -43,7 +43,7 @@ pub struct TurnedPress {
 }
 
 impl ScreenTile {
-    /// Prepares a mosaic on cells of `cell` m; `reach` (m) is how far a press may be off.
+    /// Resamples a mosaic to cells of `cell` m; `reach` (m) is the largest position error.
     #[must_use]
     pub fn new(mosaic: &ForceMosaic, cell: f64, reach: f64) -> Self {
         let tile = Tile::new(mosaic, reach);
@@ -76,7 +76,7 @@ impl ScreenTile {
         counts(mosaic, cell).iter().product::<usize>() * size_of::<Vec4>()
     }
 
-    /// ln of the density of the press at `place`, with an amplitude of 1 ± `amplitude`.
+    /// ln of the density of the press at `center`, with an amplitude of 1 ± `amplitude`.
     #[must_use]
     pub fn log_likelihood(
         &self,
@@ -95,8 +95,9 @@ impl ScreenTile {
             if value < limit { value } else { limit }
         };
         for taxel in 0..n {
-            // Adding 2²³ leaves no room for a fraction: rounded without a conversion, which
-            // keeps the loop in vector registers. Exact: there are fewer than 2²³ cells.
+            // Adding 2²³ leaves no room for a fraction: this rounds without a conversion,
+            // which keeps the loop in vector registers. Exact, since there are fewer than 2²³
+            // cells.
             let col = within(x + along[taxel] * self.per_cell, limit[0]) + WHOLE - WHOLE;
             let row = within(y + up[taxel] * self.per_cell, limit[1]) + WHOLE - WHOLE;
             cells[taxel] = (row * cols + col + WHOLE).to_bits() & 0x7f_ffff;
@@ -117,7 +118,7 @@ impl ScreenTile {
 }
 
 impl TurnedPress {
-    /// Turns a press by the angle of this cosine and sine.
+    /// Rotates a press by the angle of this cosine and sine.
     pub fn turn(&mut self, press: &Press, turn: [f64; 2]) {
         let [cos, sin] = turn.map(|value| value as f32);
         let n = press.offsets.len();
@@ -142,8 +143,8 @@ mod tests {
     use palpate_core::units::MM;
 
     #[test]
-    fn a_press_of_two_taxels_by_hand() {
-        // One cell of 1 mm and 1 kPa at (0.5, 0.5) mm, known to 100 Pa; nothing else is known.
+    fn a_press_of_two_taxels_matches_hand_computed_values() {
+        // One cell of 1 mm and 1 kPa at (0.5, 0.5) mm, known to 100 Pa; the rest is unmapped.
         let shape = GridShape::new(DVec3::ZERO, 4.0 * MM, [3, 3, 1]).unwrap();
         let mosaic = ForceMosaic::from_parts(shape, vec![1_000.0; 9], vec![100.0; 9]).unwrap();
         let tile = ScreenTile::new(&mosaic, 1.0 * MM, 0.0);

@@ -1,14 +1,14 @@
-//! A mosaic made ready for look-up: pressure, its gradient and precision, four numbers a cell.
+//! A mosaic prepared for look-up: pressure, its gradient and precision, four numbers per cell.
 //!
-//! Values lie at the cells' centres and are interpolated bilinearly; beyond the mosaic and
-//! where no press has reached, no pressure is expected, with the deviation of not knowing.
-//! Lengths in m, pressures in Pa, in the object's plane.
+//! Values lie at the cells' centres and are interpolated bilinearly. Beyond the mosaic and in
+//! unmapped cells the expected pressure is 0, with a large deviation. Lengths in m, pressures
+//! in Pa, in the object's plane.
 
 use glam::Vec4;
 
 use super::ForceMosaic;
 
-/// What a mosaic expects at one place.
+/// The expectation of a mosaic at one position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
     /// Mean pressure, Pa.
@@ -31,17 +31,17 @@ pub struct Tile {
     cells: Vec<Vec4>,
 }
 
-/// The share of a mosaic's root mean square pressure by which a reading strays from nothing
-/// where nothing is known.
+/// Deviation of a reading in unmapped cells, as a fraction of the mosaic's root mean square
+/// pressure.
 const UNKNOWN_SHARE: f32 = 1.0;
 
 impl Tile {
-    /// Prepares a mosaic. `reach` (m) widens the deviations by how much the pressure bends
-    /// within that distance: 0 for exact places, a bin's spread for coarse ones.
+    /// Prepares a mosaic. `reach` (m) widens the deviations by the bending of the pressure
+    /// within that distance: 0 for exact positions, a bin's spread for coarse ones.
     #[must_use]
     pub fn new(mosaic: &ForceMosaic, reach: f64) -> Self {
         let [cols, rows, _] = mosaic.shape().n();
-        // A ring of unknown cells, so that clamping to the border means leaving the map.
+        // A ring of unmapped cells, so that clamping to the border means leaving the map.
         let n = [cols + 2, rows + 2];
         let cell = mosaic.shape().cell();
         let unknown = UNKNOWN_SHARE * root_mean_square(mosaic);
@@ -90,7 +90,7 @@ impl Tile {
         (cols + 2) * (rows + 2) * size_of::<Vec4>()
     }
 
-    /// What is expected at (x, y), metres in the object's plane.
+    /// The expectation at (x, y), metres in the object's plane.
     #[must_use]
     pub fn at(&self, x: f32, y: f32) -> Expected {
         let [pressure, along_x, along_y, precision] = self.between(self.place(x, y)).to_array();
@@ -114,7 +114,7 @@ impl Tile {
     /// Pressure, its derivatives along x and y, and precision at a [`Tile::place`].
     #[inline(always)]
     pub(super) fn between(&self, [along, up]: [f32; 2]) -> Vec4 {
-        // By way of i32, which is one instruction.
+        // Through i32, which is one instruction.
         let (col, row) = (along as i32, up as i32);
         let (fx, fy) = (along - col as f32, up - row as f32);
         let first = col as usize + row as usize * self.n[0];
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn outside_no_pressure_is_expected_and_little_is_known() {
+    fn outside_the_expected_pressure_is_zero_and_uncertain() {
         let found = Tile::new(&slope(), 0.0).at(0.5, -0.5);
         assert!(found.pressure.abs() < 5.0);
         assert!(found.precision < 1.0 / 1_000.0);

@@ -1,4 +1,4 @@
-//! How far single taxels stray from what is expected, by pressure.
+//! Variance of single taxels' residuals as a function of pressure.
 //!
 //! A constant (noise, quantisation) and a share of the pressure (drift, gains, slips on
 //! slopes), fitted to residuals of which some are of stuck taxels.
@@ -10,10 +10,10 @@ pub(super) struct Variance {
     pub(super) share: f64,
 }
 
-/// Residuals beyond this many variances are not of this distribution.
+/// Variances beyond which a squared residual is an outlier.
 const OUTLIER: f64 = 12.0;
 
-/// No taxel is known better than to 5 % of its pressure.
+/// Smallest share: 5 % of the pressure.
 const SHARE_MIN: f64 = 0.0025;
 
 /// The median of a squared normal variable.
@@ -23,8 +23,8 @@ impl Variance {
     /// Fits pairs of squared expected pressure and squared residual (Pa²); the constant is at
     /// least `floor`.
     ///
-    /// Begins at the medians of the weakly and the strongly pressed halves; then least
-    /// squares, weighed by what the fit before expects, without outliers.
+    /// Starts at the medians of the weakly and the strongly pressed halves; then weighted
+    /// least squares without outliers, with the weights of the fit before.
     pub(super) fn of(squares: &[(f64, f64)], floor: f64) -> Self {
         let mut sorted: Vec<(f64, f64)> = squares.to_vec();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn variances_are_told_apart_by_pressure_and_stuck_taxels_do_not_count() {
+    fn the_fit_separates_constant_and_share_without_stuck_taxels() {
         // Residuals of ±√(400 + 0.01 p²) at 0 to 4 kPa, and one taxel in a hundred stuck.
         let pair = |index: u32| {
             let squared = (f64::from(index % 5) * 1_000.0).powi(2);
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_known_is_the_floor() {
+    fn without_residuals_the_variance_is_the_floor() {
         assert_eq!(Variance::of(&[], 9.0), Variance { constant: 9.0, share: SHARE_MIN });
     }
 }

@@ -1,4 +1,4 @@
-//! The contact classifier: which taxels of a press touch, which are free, which say nothing.
+//! The contact classifier: touching, free and unknown taxels of a press.
 //!
 //! Source: section 3.2.2, equation 3.3; the resolution for weak presses is in
 //! `docs/equations.md`. Not here: the threshold of Algorithm 2 (`contact`), which serves the
@@ -10,27 +10,27 @@ use palpate_core::units::KPA;
 /// T of equation 3.3, Pa.
 pub const CONTACT_THRESHOLD: f64 = 2.0 * KPA;
 
-/// The share of the largest pressure above which a taxel may touch (equation 3.3).
+/// Fraction of the largest pressure above which a taxel may touch (equation 3.3).
 pub const MAX_SHARE: f64 = 0.3;
 
-/// What one taxel says.
+/// Contact class of a taxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ContactClass {
-    /// There is something.
+    /// The taxel touches something.
     InContact = 0,
-    /// There is nothing.
+    /// The taxel is free.
     NoContact = 1,
-    /// It does not say.
+    /// The taxel is ambiguous.
     Unknown = 2,
 }
 
-/// What a press says that is below the threshold everywhere.
+/// Classification of a press below the threshold everywhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WeakPress {
     /// Every taxel is free: the press was in free space.
     #[default]
     Free,
-    /// As printed, equation 3.3 taxel by taxel: what exceeds 0.3 of the largest pressure is
+    /// As printed, equation 3.3 taxel by taxel: taxels above 0.3 of the largest pressure are
     /// unknown, and so is every taxel of a press of zeros.
     AsPrinted,
 }
@@ -44,7 +44,7 @@ pub fn classify(image: &TactileImage, threshold: f64) -> Vec<ContactClass> {
     classify_with(image, threshold, WeakPress::Free)
 }
 
-/// [`classify`] with a choice of what weak presses say.
+/// [`classify`] with a choice for weak presses.
 #[must_use]
 pub fn classify_with(image: &TactileImage, threshold: f64, weak: WeakPress) -> Vec<ContactClass> {
     let max = image.max();
@@ -92,8 +92,8 @@ mod tests {
     }
 
     #[test]
-    fn both_conditions_must_hold_for_contact_and_for_its_absence() {
-        // Largest 10 kPa: the shares' limit is 3 kPa.
+    fn contact_and_its_absence_each_need_both_conditions() {
+        // Largest 10 kPa: the limit of the fraction is 3 kPa.
         check(&[10e3, 3.5e3, 2.5e3, 1.5e3], &[InContact, InContact, Unknown, NoContact]);
         // Largest 4 kPa: the limit is 1.2 kPa, below the threshold.
         check(&[4e3, 1.5e3, 1.0e3], &[InContact, Unknown, NoContact]);

@@ -1,8 +1,8 @@
 //! A grid of log-odds of occupancy, planar or solid, in the object frame.
 //!
 //! Cells are cubes of one side; a planar grid has one layer, whose cells are squares of the
-//! plane z = `min.z`. Values lie at the cells' centres, x fastest, then y, then z.
-//! Source: section 3.2.1. Not here: what a press says about the cells.
+//! plane z = `min.z`. Values lie at the cells' centres, x fastest, then y, then z. Source:
+//! section 3.2.1. Not here: the evidence of a press for the cells.
 
 use glam::DVec3;
 use palpate_core::metric::Inertia;
@@ -10,13 +10,13 @@ use thiserror::Error;
 
 use super::table::logit;
 
-/// The most cells a grid may have.
+/// Maximum number of cells of a grid.
 pub const CELLS_MAX: usize = 64 << 20;
 
-/// The largest log-odds that maps keep by default; the smallest is its opposite.
+/// Default limit of the log-odds of maps, in either direction.
 pub const LOG_ODDS_MAX: f64 = 8.0;
 
-/// Where the cells of a grid lie.
+/// Position and number of the cells of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridShape {
     min: DVec3,
@@ -24,16 +24,16 @@ pub struct GridShape {
     n: [usize; 3],
 }
 
-/// Why numbers are not a grid.
+/// Error of numbers that are not a grid.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum GridError {
-    /// The cell's side or the corner is not usable.
+    /// The cell's side or the corner is not valid.
     #[error("cell of {found} m, expected a finite positive side and a finite corner")]
     Cell {
-        /// The side that was given, metres.
+        /// The given side, metres.
         found: f64,
     },
-    /// Too few or too many cells.
+    /// There are no cells or too many.
     #[error("grid of {x} × {y} × {z} cells, expected 1 to {CELLS_MAX} cells")]
     Count {
         /// Cells along x.
@@ -48,7 +48,7 @@ pub enum GridError {
     Values {
         /// Cells of the shape.
         expected: usize,
-        /// Values that came.
+        /// Number of values.
         found: usize,
     },
 }
@@ -88,7 +88,7 @@ impl GridShape {
             return Err(GridError::Cell { found: cell });
         }
         let first = (low / cell).floor();
-        // Saturating casts: what is too large is refused below.
+        // Saturating casts: too large numbers are refused below.
         let along = ((high / cell).ceil() - first).to_array().map(|n| n.max(1.0) as usize);
         match plane {
             Some(height) => Self::new((first * cell).with_z(height), cell, [along[0], along[1], 1]),
@@ -120,7 +120,7 @@ impl GridShape {
         self.n[2] == 1
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     #[must_use]
     pub fn n_cells(&self) -> usize {
         self.n.iter().product()
@@ -136,10 +136,10 @@ impl GridShape {
     }
 }
 
-/// Why two maps cannot be merged.
+/// Error of two maps that cannot be merged.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum MergeError {
-    /// Their cells lie elsewhere.
+    /// Their cells do not coincide.
     #[error(
         "maps of different shapes: {}, and {}, expected the same corner, cell and counts",
         described(.ours), described(.theirs)
@@ -150,7 +150,7 @@ pub enum MergeError {
         /// The other's.
         theirs: GridShape,
     },
-    /// They start from different priors.
+    /// They have different priors.
     #[error("maps of different priors: {ours} and {theirs}, expected the same prior")]
     Prior {
         /// The first map's prior.
@@ -174,8 +174,8 @@ pub struct OccupancyGrid {
 }
 
 impl OccupancyGrid {
-    /// A grid from its parts: `prior` is the probability of a cell that no press has reached,
-    /// and that of all space outside.
+    /// A grid from its parts: `prior` is the probability of an unmapped cell, and of all
+    /// space outside.
     ///
     /// # Errors
     /// [`GridError::Values`] unless there is a finite value for every cell and the prior lies
@@ -188,13 +188,13 @@ impl OccupancyGrid {
         Ok(Self { shape, prior, log_odds })
     }
 
-    /// Where the cells lie.
+    /// Position and number of the cells.
     #[must_use]
     pub fn shape(&self) -> &GridShape {
         &self.shape
     }
 
-    /// The probability of occupancy where nothing is known.
+    /// The probability of occupancy of unmapped cells.
     #[must_use]
     pub fn prior(&self) -> f64 {
         self.prior
@@ -208,7 +208,7 @@ impl OccupancyGrid {
 
     /// The log-odds at a point of the object frame (metres), interpolated between the centres
     /// of the cells around it; cells outside have the prior's (section 3.3.2). In a planar
-    /// grid z does not matter.
+    /// grid z is ignored.
     #[must_use]
     pub fn log_odds_at(&self, point: DVec3) -> f64 {
         let place = (point - self.shape.min) / self.shape.cell - 0.5;
@@ -231,8 +231,8 @@ impl OccupancyGrid {
         a + share.z * (b - a)
     }
 
-    /// The map of the readings of both maps: their log-odds added, less the prior's once,
-    /// within ±[`LOG_ODDS_MAX`]. Readings that both maps hold count twice.
+    /// The map of the readings of both maps: the sum of their log-odds, less the prior's
+    /// once, within ±[`LOG_ODDS_MAX`]. Readings in both maps count twice.
     ///
     /// # Errors
     /// [`MergeError`] unless both have the same shape and prior.
@@ -263,7 +263,7 @@ impl OccupancyGrid {
     }
 }
 
-/// The inertia of the cells that are more likely occupied than not (section 3.4.2); `None`
+/// The inertia of the cells that are more likely occupied than free (section 3.4.2); `None`
 /// when there are none.
 #[must_use]
 pub fn inertia(map: &OccupancyGrid) -> Option<Inertia> {
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn log_odds_between_centers_are_interpolated_and_fade_to_the_prior() {
+    fn log_odds_are_interpolated_and_fade_to_the_prior() {
         let shape = GridShape::new(DVec3::ZERO, 1.0, [2, 2, 1]).unwrap();
         let prior = logistic(-1.0);
         let map = OccupancyGrid::from_parts(shape, prior, vec![0.0, 1.0, 2.0, 7.0]).unwrap();

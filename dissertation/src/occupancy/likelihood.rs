@@ -1,4 +1,4 @@
-//! How likely a press is under a pose of an object: equations 3.7–3.8 over its taxels.
+//! Likelihood of a press under a pose of an object: equations 3.7–3.8 over its taxels.
 //!
 //! Source: section 3.3.2. A press is classified once, in the frame of its pose, and then
 //! looked up under any number of hypotheses. The taxels are taken as independent, as printed;
@@ -24,8 +24,8 @@ impl ClassifiedPress {
         self.0.capacity() * size_of::<(DVec3, ContactClass)>()
     }
 
-    /// Classifies a reading. A touching taxel's point lies where the surface is, at
-    /// z = −displacement in the sensor frame; any other's on the covering, at z = 0. Points in
+    /// Classifies a reading. A touching taxel's point lies on the surface, at z =
+    /// −displacement in the sensor frame; any other's on the covering, at z = 0. Points in
     /// the frame of the reading's pose, metres, row-major.
     #[must_use]
     pub fn new(
@@ -67,7 +67,7 @@ impl ClassifiedPress {
 }
 
 /// ln Pr(press | the object at a pose): the sum over the taxels of ln Pr(class | log-odds),
-/// the log-odds interpolated where the taxel lies in the object.
+/// with the log-odds interpolated at the taxel's position in the object.
 ///
 /// `press` is in the session frame, `map` in the object's.
 #[must_use]
@@ -93,7 +93,7 @@ mod tests {
     use crate::occupancy::GridShape;
 
     #[test]
-    fn the_likelihood_of_two_taxels_by_hand() {
+    fn the_likelihood_of_two_taxels_matches_a_hand_computed_value() {
         // Two cells of 1 m: log-odds −2 at x = 0.5 and +2 at x = 1.5, the object turned by 90°
         // and moved to (3, 0): object x is session y, object y is 3 − session x.
         let shape = GridShape::new(DVec3::ZERO, 1.0, [2, 1, 1]).unwrap();

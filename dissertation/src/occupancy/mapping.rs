@@ -1,10 +1,10 @@
-//! The inverse sensor model: what presses say about the cells around them.
+//! The inverse sensor model: the evidence of presses for the cells around them.
 //!
-//! Source: section 3.2.2, equations 3.3–3.6; deviations in `docs/equations.md`, of which the
-//! exponent and the prefactor of 3.4 decide whether anything works. Poses of readings are
-//! `object_from_sensor`. One implementation serves planar and solid grids: in a planar one
-//! everything is projected along z. The map depends on the set of readings alone, bit for bit:
-//! neither their order nor the number of threads matters.
+//! Source: section 3.2.2, equations 3.3–3.6; deviations are in `docs/equations.md`, and
+//! mapping fails without those of equation 3.4's exponent and prefactor. Poses of readings
+//! are `object_from_sensor`. One implementation serves planar and solid grids: in a planar
+//! one everything is projected along z. The map depends on the set of readings alone, bit for
+//! bit: neither their order nor the number of threads matters.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -16,10 +16,10 @@ use super::table::logit;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 
-/// Evidence is counted as far as its weight is at least this share of its peak.
+/// Fraction of the peak weight below which evidence is left out.
 const WEIGHT_MIN: f64 = 1e-4;
 
-/// How far from 0 and 1 equation 3.5 keeps a probability.
+/// Margin to 0 and 1 of the probabilities of equation 3.5.
 const PROBABILITY_MARGIN: f64 = 1e-6;
 
 /// The exponent of equation 3.4.
@@ -27,8 +27,8 @@ const PROBABILITY_MARGIN: f64 = 1e-6;
 pub enum SpreadForm {
     /// A Gaussian of half the point spread, as section 3.2.2 says: exp(−2d²/σ²).
     HalfWidth,
-    /// exp(−d²/8σ²), which is twice the spread: half of five letters stay wrong however often
-    /// they are pressed (`letters-geometric --maps printed-spread`).
+    /// exp(−d²/8σ²), which is twice the spread: half of five letters stay wrong after any
+    /// number of presses (`letters-geometric --maps printed-spread`).
     AsPrinted,
 }
 
@@ -41,25 +41,25 @@ pub enum Peak {
     AsPrinted,
 }
 
-/// What one taxel says about the cells around it.
+/// Evidence of one taxel for the cells around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseModel {
     /// T of equation 3.3, Pa.
     pub contact_threshold: f64,
-    /// What a press says that is below the threshold everywhere.
+    /// Classification of a press below the threshold everywhere.
     pub weak_press: WeakPress,
     /// The exponent of equation 3.4.
     pub spread: SpreadForm,
     /// The factor of equation 3.4.
     pub peak: Peak,
-    /// Pr(m): the probability of a cell that no press has reached, within 0 and 1.
+    /// Pr(m): the probability of an unmapped cell, within 0 and 1.
     pub prior: f64,
     /// The largest log-odds of a cell; infinite for no limit.
     pub log_odds_max: f64,
 }
 
 impl Default for InverseModel {
-    /// The resolutions of `docs/equations.md`.
+    /// The settings of `docs/equations.md`.
     fn default() -> Self {
         Self {
             contact_threshold: CONTACT_THRESHOLD,
@@ -73,7 +73,7 @@ impl Default for InverseModel {
 }
 
 impl InverseModel {
-    /// Equations 3.3–3.5 as printed, without a limit; `prior` is the share of the modelled
+    /// Equations 3.3–3.5 as printed, without a limit; `prior` is the fraction of the modelled
     /// area that objects cover.
     #[must_use]
     pub fn literal(prior: f64) -> Self {
@@ -87,8 +87,8 @@ impl InverseModel {
         }
     }
 
-    /// Equations 3.4–3.6 for one taxel and one cell: what the taxel adds to the cell's
-    /// log-odds when their centres are `squared` square metres apart.
+    /// Equations 3.4–3.6 for one taxel and one cell: the increment of the cell's log-odds
+    /// when their centres are `squared` square metres apart.
     #[must_use]
     pub fn evidence(&self, class: ContactClass, squared: f64, spread: f64, pitch: f64) -> f64 {
         let weight = self.peak(spread, pitch) * (-self.rate(spread) * squared).exp();
@@ -117,7 +117,7 @@ impl InverseModel {
         }
     }
 
-    /// How far evidence reaches, metres.
+    /// Distance that evidence reaches, metres.
     #[must_use]
     pub fn reach(&self, sensor: &SensorDescription) -> f64 {
         (-WEIGHT_MIN.ln() / self.rate(sensor.parameters().point_spread)).sqrt()
@@ -131,10 +131,10 @@ impl InverseModel {
 }
 
 /// Maps readings of one sensor; poses are `object_from_sensor`. The values are log-odds,
-/// equation 3.6 from the prior on, kept within the model's limit.
+/// equation 3.6 from the prior on, clamped to the model's limit.
 ///
-/// As defined, with evidence beyond [`InverseModel::reach`] left out:
-/// `l(cell) = logit(prior) + Σ evidence(class(taxel), |cell − taxel|²)`.
+/// By definition, with evidence beyond [`InverseModel::reach`] left out: `l(cell) =
+/// logit(prior) + Σ evidence(class(taxel), |cell − taxel|²)`.
 ///
 /// # Panics
 /// When the model's prior is not strictly between 0 and 1.
@@ -150,7 +150,7 @@ pub fn map_occupancy(
     map_presses(&presses, sensor, shape, model)
 }
 
-/// [`map_occupancy`] for presses that are classified already, in the object frame.
+/// [`map_occupancy`] for classified presses, in the object frame.
 ///
 /// # Panics
 /// When the model's prior is not strictly between 0 and 1.
@@ -181,12 +181,12 @@ pub fn map_presses(
 
 /// The shape of a grid that holds all taxels of `readings` (`object_from_sensor`) and
 /// `margin` metres around them. Its corners are whole cells away from the object frame's
-/// origin, so that grids of one cell share a lattice.
+/// origin, so that grids of one cell side share a lattice.
 ///
 /// `plane` is the height of a planar grid's plane (metres), `None` makes a solid grid.
 ///
 /// # Errors
-/// [`GridError`] when the cell is not usable or the grid would be too large.
+/// [`GridError`] when the cell is not valid or the grid would be too large.
 pub fn shape_around(
     readings: &[Reading],
     sensor: &SensorDescription,
@@ -212,11 +212,10 @@ pub fn shape_around(
     GridShape::spanning(low - margin, high + margin, cell, plane)
 }
 
-/// Where something was felt, and what.
+/// A taxel's position and contact class.
 type Evidence = (DVec3, ContactClass);
 
-/// All evidence in an order that does not depend on the order of the readings; sums in this
-/// order are the same for every order of them.
+/// All evidence in an order independent of that of the readings, so that sums do not depend on it.
 fn sorted_evidence(presses: &[ClassifiedPress], shape: &GridShape) -> Vec<Evidence> {
     let flat = |point: DVec3| if shape.is_planar() { point.with_z(shape.min().z) } else { point };
     let mut evidence: Vec<Evidence> = presses
@@ -232,7 +231,7 @@ fn sorted_evidence(presses: &[ClassifiedPress], shape: &GridShape) -> Vec<Eviden
     evidence
 }
 
-/// What the rows of one map share.
+/// Common data of the rows of one map.
 struct RowMapper<'a> {
     shape: &'a GridShape,
     model: &'a InverseModel,

@@ -1,19 +1,18 @@
-//! Merging maps whose cells do not coincide: other extents, or object frames with another
-//! origin, as readings of two robots give them.
+//! Merging of maps whose cells do not coincide: other extents, or object frames of other origins.
 //!
-//! The other map is looked up between its cells, so shifting by a part of a cell blurs its
-//! evidence by less than a cell. Axes must be parallel.
+//! Readings of two robots give such maps. The other map is interpolated between its cells, so
+//! a shift by a part of a cell blurs its evidence by less than a cell. Axes must be parallel.
 
 use glam::DVec3;
 
 use super::grid::{GridShape, MergeError, OccupancyGrid};
 
-/// By how much of a cell grids may differ and still coincide.
+/// Fraction of a cell by which coinciding grids may differ.
 const TOLERANCE: f64 = 1e-6;
 
 impl OccupancyGrid {
-    /// The map of the readings of both maps, over the cells of both, on this map's lattice.
-    /// What is at a point here is at `point + other_from_this` (metres) in the other's frame.
+    /// The map of the readings of both maps, over the cells of both, on this map's lattice. A
+    /// point here is `point + other_from_this` (metres) in the other's frame.
     ///
     /// # Errors
     /// [`MergeError`] unless cells and priors are equal and both are planar or both solid.
@@ -44,7 +43,7 @@ impl OccupancyGrid {
     }
 }
 
-/// The corner with the largest coordinates of a grid that begins at `min`.
+/// The corner with the largest coordinates of a grid that starts at `min`.
 fn end(shape: &GridShape, min: DVec3) -> DVec3 {
     min + DVec3::from_array(shape.n().map(|n| n as f64)) * shape.cell()
 }
@@ -59,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_cells_add_up_exactly() {
+    fn coinciding_cells_add_up_exactly() {
         let ours = map([0.0; 3], [2, 1, 2], &[1.0, 2.0, -1.0, 0.5]);
         let theirs = map([1.0, 0.0, 0.0], [2, 1, 2], &[0.25, -2.0, 1.0, 7.9]);
         let merged = ours.merge_shifted(&theirs, DVec3::X).unwrap();
@@ -68,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_of_other_extents_make_one_over_both() {
+    fn maps_of_other_extents_merge_over_both() {
         // Our cells end at x = 1, theirs begin there, a cell further in their own frame.
         let ours = map([0.0, 0.0, 3.0], [2, 1, 1], &[1.0, 2.0]);
         let theirs = map([1.5, 0.0, 4.0], [1, 2, 1], &[3.0, 4.0]);

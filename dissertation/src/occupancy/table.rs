@@ -1,8 +1,8 @@
-//! How likely a taxel's contact class is where the map says so much: Pr(class | log-odds).
+//! Pr(class | log-odds): the probability of a taxel's contact class given the map's log-odds.
 //!
 //! Source: section 3.3.2, equations 3.7–3.8. The printed classifier (right 90 %, random 10 %)
-//! is one such table; one learnt from training presses knows what blur does, and is the
-//! default. Not here: looking maps up (`grid`) and products over taxels (`likelihood`).
+//! is one such table; one learnt from training presses includes the effect of blur, and is
+//! the default. Not here: looking maps up (`grid`) and products over taxels (`likelihood`).
 
 use thiserror::Error;
 
@@ -10,29 +10,29 @@ use super::classify::ContactClass;
 use super::grid::OccupancyGrid;
 use super::likelihood::ClassifiedPress;
 
-/// The largest log-odds that a [`ClassTable`] distinguishes, and minus the smallest.
+/// Largest log-odds that a [`ClassTable`] distinguishes, in either direction.
 pub const TABLE_LOG_ODDS: f64 = 8.0;
 
-/// Rows of a learnt table: half a unit of log-odds each.
+/// Rows of a learnt table, half a unit of log-odds each.
 const LEARNT_ROWS: usize = 32;
 
-/// A learnt row starts as so many taxels of the classes' overall shares.
+/// Initial count of a learnt row: this many taxels with the classes' overall shares.
 const SMOOTHING_TAXELS: f64 = 20.0;
 
-/// How likely each contact class is where the map says so much: Pr(class | log-odds).
+/// Probability of each contact class given the map's log-odds: Pr(class | log-odds).
 ///
 /// Row i belongs to the log-odds `-8 + 16·(i + ½)/n`; values between rows are interpolated,
-/// beyond the first and last they are those. Classes: in contact, no contact, unknown.
+/// and constant beyond the first and the last. Classes: in contact, no contact, unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClassTable(Vec<[f64; 3]>);
 
-/// Why numbers are not a table of class probabilities.
+/// Error of numbers that are not a table of class probabilities.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ClassTableError {
-    /// No or too many rows.
+    /// There are no rows or too many.
     #[error("{found} rows, expected 1 to 4096")]
     Rows {
-        /// How many came.
+        /// Number of rows.
         found: usize,
     },
     /// A row is not a distribution.
@@ -61,8 +61,8 @@ impl ClassTable {
         }
     }
 
-    /// Equation 3.8 with the printed classifier: right nine times of ten, otherwise any of the
-    /// three classes, so 0.9333 / 0.0333 / 0.0333; 512 rows over the log-odds.
+    /// Equation 3.8 with the printed classifier: right nine times out of ten, otherwise any
+    /// of the three classes, so 0.9333 / 0.0333 / 0.0333; 512 rows over the log-odds.
     #[must_use]
     pub fn literal() -> Self {
         let (right, wrong) = (0.9 + 0.1 / 3.0, 0.1 / 3.0);
@@ -108,9 +108,9 @@ pub fn logit(probability: f64) -> f64 {
     (probability / (1.0 - probability)).ln()
 }
 
-/// Learns Pr(class | log-odds) from training presses and the maps they made: each object's
-/// presses (their frame is the object's, as its map's) are looked up in its map, all counted
-/// in one table of 32 rows. Rows start as twenty taxels of the overall shares.
+/// Learns Pr(class | log-odds) from training presses and their maps: each object's presses
+/// (in the object's frame, as its map) are looked up in its map, all counted in one table of
+/// 32 rows. Rows start as twenty taxels of the overall shares.
 #[must_use]
 pub fn learn_table(presses: &[Vec<ClassifiedPress>], maps: &[OccupancyGrid]) -> ClassTable {
     let mut counts = vec![[0.0f64; 3]; LEARNT_ROWS];
@@ -122,7 +122,7 @@ pub fn learn_table(presses: &[Vec<ClassifiedPress>], maps: &[OccupancyGrid]) -> 
             counts[row][*class as usize] += 1.0;
         }
     }
-    // One taxel of each class more, so that no share is 0.
+    // One more taxel of each class, so that no share is 0.
     let overall: [f64; 3] =
         std::array::from_fn(|class| 1.0 + counts.iter().map(|row| row[class]).sum::<f64>());
     let n: f64 = overall.iter().sum();
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn the_printed_classifier_by_hand() {
+    fn the_printed_classifier_matches_hand_computed_values() {
         let table = ClassTable::literal();
         // Odds of 3:1 in favour: 0.9333·0.75 + 0.0333·0.25 = 0.70833.
         let touching = table.probability(ContactClass::InContact, 3.0_f64.ln());
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_learnt_row_is_counted_taxels_and_its_prior() {
+    fn a_learnt_row_counts_taxels_over_its_prior() {
         // One cell of log-odds 4.25 lies in row (4.25/8 + 1)·16 = 24; 60 touch and 20 do not.
         let shape = GridShape::new(DVec3::splat(-1.0), 2.0, [1, 1, 1]).unwrap();
         let map = OccupancyGrid::from_parts(shape, 0.5, vec![4.25]).unwrap();

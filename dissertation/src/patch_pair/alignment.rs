@@ -1,7 +1,7 @@
-//! Poses that lay a stored pair of patches onto an observed one.
+//! Poses that align a stored pair of patches with an observed one.
 //!
-//! Two matched points fix everything but the turn about the line through them; the normals
-//! say how likely each turn is. Source: sections 5.4.1 and 5.4.3, equations 5.26–5.35, with
+//! Two matched points fix everything but the rotation about the line through them; the
+//! normals give its distribution. Source: sections 5.4.1 and 5.4.3, equations 5.26–5.35, with
 //! the closed forms of `docs/equations.md`: shortest-arc frames with an explicit half-turn
 //! branch, the angle from an atan2, and a wrapped normal that is uniform above π/2.
 
@@ -11,7 +11,7 @@ use glam::{DQuat, DVec3};
 
 use palpate_core::pose::Pose;
 
-/// One end of a pair: a point, its outward normal, and how well the normal is known (0–1).
+/// One end of a pair: a point, its outward normal, and the normal's confidence (0–1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairEnd {
     /// Position, metres.
@@ -22,15 +22,15 @@ pub struct PairEnd {
     pub normal_confidence: f64,
 }
 
-/// The line through a pair's points and the cosines of both normals with it: cheap to make,
-/// and enough to refuse most matches.
+/// The line through a pair's points and the cosines of both normals with it: cheap to
+/// compute, and enough to reject most matches.
 #[derive(Clone, Copy, Debug)]
 pub struct PairAxis {
     axis: DVec3,
     along: [f64; 2],
 }
 
-/// A pair of patches in a frame of its own: x along the pair's axis.
+/// The frame of a pair of patches, with x along the pair's axis.
 #[derive(Clone, Copy, Debug)]
 pub struct PairFrame {
     axes: [DVec3; 3],
@@ -39,19 +39,19 @@ pub struct PairFrame {
     normals: [Projected; 2],
 }
 
-/// A normal's part across a pair's axis, as a complex number.
+/// The component of a normal across a pair's axis, as a complex number.
 #[derive(Clone, Copy, Debug)]
 struct Projected {
     across: (f64, f64),
     confidence: f64,
 }
 
-/// How a stored pair may be turned about the observed axis: a mean angle and a spread.
+/// Distribution of a stored pair's rotation about the observed axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisAngle {
     /// ÂA, rad, between the two pairs' frames.
     pub mean: f64,
-    /// Standard deviation, rad; above π/2 every turn is equally likely.
+    /// Standard deviation, rad; above π/2 the distribution is uniform.
     pub spread: f64,
 }
 
@@ -68,7 +68,7 @@ impl PairAxis {
         Some(Self { axis, along: [a.normal.dot(axis), b.normal.dot(axis)] })
     }
 
-    /// True when both normals make the same angle with the axis in both pairs, within
+    /// Whether the normals make the same angles with the axis in both pairs, within
     /// `tolerance` on the cosine.
     #[must_use]
     pub fn normals_agree(&self, stored: &Self, tolerance: f64) -> bool {
@@ -90,7 +90,7 @@ impl PairFrame {
         Self { axes, from_pair, middle, normals: [project(a), project(b)] }
     }
 
-    /// The distribution of turns that bring the stored pair's normals onto this observed
+    /// The distribution of rotations that align the stored pair's normals with this observed
     /// pair's. Equations 5.26–5.35: the angle of Σ z_obs · conj(z_stored), spread
     /// `sigma_init` (rad) over the alignment confidence.
     #[must_use]
@@ -107,7 +107,7 @@ impl PairFrame {
         AxisAngle { mean: sin.atan2(cos), spread }
     }
 
-    /// The poses `observed_from_stored` at turns of the stored pair about the axis.
+    /// The poses `observed_from_stored` at rotations of the stored pair about the axis.
     #[must_use]
     pub fn turns<'a>(&'a self, stored: &Self) -> Turns<'a> {
         let into_pair = stored.from_pair.conjugate();
@@ -130,7 +130,7 @@ pub struct Turns<'a> {
 }
 
 impl Turns<'_> {
-    /// The pose at a turn of `angle` rad: midpoints matched, axes aligned.
+    /// The pose at a rotation by `angle` rad: midpoints matched, axes aligned.
     #[must_use]
     pub fn pose(&self, angle: f64) -> Pose {
         let (sin_half, cos_half) = (0.5 * angle).sin_cos();
@@ -147,9 +147,9 @@ impl Turns<'_> {
 }
 
 impl AxisAngle {
-    /// Calls `visit(angle, weight)` for a sampling of the distribution at steps of about
-    /// `step` rad; the weights sum to 1. A wrapped normal out to `reach` deviations, or the
-    /// whole circle evenly when the spread exceeds π/2.
+    /// Calls `visit(angle, weight)` for samples of the distribution at steps of about `step`
+    /// rad; the weights sum to 1. A wrapped normal out to `reach` deviations, or the whole
+    /// circle uniformly when the spread exceeds π/2.
     pub fn for_each_sample(&self, step: f64, reach: f64, mut visit: impl FnMut(f64, f64)) {
         if self.spread > FRAC_PI_2 {
             let n = (TAU / step).ceil();
@@ -168,7 +168,7 @@ impl AxisAngle {
     }
 }
 
-/// The shortest rotation that takes +x to `axis`: its axes, and its quaternion.
+/// The shortest rotation from +x to `axis`: its axes, and its quaternion.
 fn shortest_arc_from_x(axis: DVec3) -> ([DVec3; 3], DQuat) {
     let DVec3 { x, y, z } = axis;
     if x < -1.0 + 1e-9 {
@@ -205,7 +205,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn an_exact_match_gives_the_pose_back(seed in 0u64..500) {
+        fn an_exact_match_recovers_the_pose(seed in 0u64..500) {
             let mut stream = Stream::new(seed, Purpose::ObjectPose, 0);
             let (a, b) = (random_end(&mut stream), random_end(&mut stream));
             let session_from_object = Pose::from_parts(stream.rotation(), 0.2 * stream.direction());
@@ -221,7 +221,7 @@ mod tests {
 
         #[test]
         fn the_closed_form_equals_the_svd_of_the_dissertation(seed in 0u64..500) {
-            // Equations 5.30–5.32 in the plane across the axis, with the determinant mended.
+            // Equations 5.30–5.32 in the plane across the axis, with the determinant corrected.
             let mut stream = Stream::new(seed, Purpose::ObjectPose, 1);
             let mut random_pair = || {
                 frame(&random_end(&mut stream), &random_end(&mut stream))

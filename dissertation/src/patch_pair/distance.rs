@@ -1,8 +1,8 @@
 //! Bins of the distance between two patches.
 //!
 //! Source: section 5.3.4, equation 5.20, with the readings of `docs/equations.md`: distances
-//! are Euclidean; the map stores the one bin a distance lies in, a query is spread by a box
-//! of one bin's width over at most two.
+//! are Euclidean; the map stores the one bin of a distance, a query spreads over at most two
+//! by a box of one bin's width.
 
 use thiserror::Error;
 
@@ -14,7 +14,7 @@ pub struct DistanceBins {
     n: u16,
 }
 
-/// Why numbers are not a range of distance bins.
+/// Error of numbers that are not a range of distance bins.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[error("distance bins from {min} m to {max} m in {n}, expected 0 <= min < max and at least one")]
 pub struct DistanceBinsError {
@@ -36,7 +36,7 @@ impl DistanceBins {
         }
     }
 
-    /// The shortest distance with a bin, metres.
+    /// Start of the first bin, metres.
     #[must_use]
     pub fn min(&self) -> f64 {
         self.min
@@ -54,14 +54,14 @@ impl DistanceBins {
         self.n
     }
 
-    /// The bin that a distance lies in.
+    /// The bin of a distance.
     #[must_use]
     pub fn bin(&self, distance: f64) -> Option<u16> {
         self.bin_at(self.position(distance))
     }
 
-    /// The bins that a box of one bin's width around `distance` covers, with the share each
-    /// holds; bins beyond the range are left out.
+    /// The bins that a box of one bin's width around `distance` covers, with the share of
+    /// each; bins beyond the range are left out.
     #[must_use]
     pub fn covering(&self, distance: f64) -> [Option<(u16, f64)>; 2] {
         let low = self.position(distance) - 0.5;
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_has_no_bin() {
+    fn distances_out_of_range_have_no_bin() {
         let bins = DistanceBins::new(8.0 * MM, 110.0 * MM, 40).unwrap();
         assert_eq!(bins.bin(7.9 * MM), None);
         assert_eq!(bins.bin(110.1 * MM), None);

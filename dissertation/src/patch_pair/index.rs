@@ -1,15 +1,15 @@
 //! The pair index of one object: packed posting lists keyed (class, class, distance bin).
 //!
 //! Source: section 5.3.6's hash multi-map, laid out as sorted blocks: a table of offsets and
-//! one array of 6-byte postings. A pair is stored once, under its classes in ascending
-//! order; a query of two equal classes matches it both ways round.
+//! one array of 6-byte postings. A pair is stored once, under its classes in ascending order;
+//! a query of two equal classes matches it in both orders.
 
 use std::ops::Range;
 
 use super::distance::DistanceBins;
 use palpate_core::vocabulary::{Association, ClassIdx};
 
-/// The most patches an object may have: a posting names a patch in two bytes.
+/// Maximum number of patches of an object: a posting names a patch in two bytes.
 pub const MAX_PATCHES: usize = 1 << 16;
 
 /// One stored pair of patches: the first is of the lower class of its key.
@@ -32,7 +32,7 @@ pub struct PairIndex {
     postings: Vec<Posting>,
 }
 
-/// What the index needs of a patch.
+/// The indexed properties of a patch.
 pub struct IndexedPatch<'a> {
     /// Position in the object frame, metres.
     pub position: [f32; 3],
@@ -60,10 +60,10 @@ impl PairIndex {
         Self { n_classes, distances, offsets, postings }
     }
 
-    /// An index from its stored arrays.
+    /// Restores an index from its stored arrays.
     ///
-    /// `None` when they do not fit together: offsets of the wrong length or falling, or
-    /// postings that name a patch at or beyond `n_patches`.
+    /// `None` when they are inconsistent: offsets of the wrong length or falling, or postings
+    /// that name a patch at or beyond `n_patches`.
     #[must_use]
     pub fn from_parts(
         n_classes: usize,
@@ -95,7 +95,7 @@ impl PairIndex {
         self.n_classes
     }
 
-    /// Where each key's postings begin; one more entry than there are keys.
+    /// The start of each key's postings; one more entry than there are keys.
     #[must_use]
     pub fn offsets(&self) -> &[u32] {
         &self.offsets
@@ -113,8 +113,8 @@ impl PairIndex {
         size_of_val(self.offsets.as_slice()) + size_of_val(self.postings.as_slice())
     }
 
-    /// The likeliest appearance class of each patch of `range`, as the pairs that name it say:
-    /// the class under which their weights add up to most. `None` for a patch without pairs.
+    /// The most likely appearance class of each patch of `range`: the one with the largest
+    /// sum of weights in the pairs that name the patch. `None` for a patch without pairs.
     #[must_use]
     pub fn likeliest_classes(&self, range: Range<usize>) -> Vec<Option<ClassIdx>> {
         let mut tally = vec![0u64; range.len() * self.n_classes];
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn every_key_finds_what_a_linear_search_finds() {
+    fn every_key_matches_a_linear_search() {
         let patches = random_patches(40);
         let index = indexed(&patches);
         for a in 0..4u8 {
@@ -279,14 +279,14 @@ mod tests {
     }
 
     #[test]
-    fn patches_are_of_the_class_that_their_pairs_name_most() {
+    fn likeliest_classes_have_the_largest_pair_weight() {
         let patches = random_patches(40);
         let index = indexed(&patches);
         let heavier = |patch: &([f32; 3], Vec<Association>)| Some(patch.1[0].class);
         let expected: Vec<_> = patches.iter().map(heavier).collect();
         assert_eq!(index.likeliest_classes(0..40), expected);
         assert_eq!(index.likeliest_classes(7..12), expected[7..12]);
-        // Farther from each other than any bin: nothing names them.
+        // Farther from each other than any bin: no pair names them.
         let class = || vec![Association { class: ClassIdx(2), weight: 1.0 }];
         let apart = indexed(&[([0.0; 3], class()), ([1.0, 0.0, 0.0], class())]);
         assert_eq!(apart.likeliest_classes(0..2), [None, None]);

@@ -1,4 +1,4 @@
-//! What one pair of readings says about one object: the poses of all stored pairs that match.
+//! Evidence of one pair of readings for one object: the poses of all matching stored pairs.
 //!
 //! Source: sections 5.3.5 and 5.4, equations 5.14 and 5.21–5.35.
 
@@ -10,7 +10,7 @@ use crate::sva::model::ObjectMap;
 use palpate_core::object::MapPatch;
 use palpate_core::vocabulary::Association;
 
-/// An observed pair, ready to be looked up.
+/// An observed pair, prepared for look-up.
 pub(super) struct PairQuery<'a> {
     axis: PairAxis,
     frame: PairFrame,
@@ -19,7 +19,7 @@ pub(super) struct PairQuery<'a> {
 }
 
 impl<'a> PairQuery<'a> {
-    /// The query of two patches; `None` when they are at the same place.
+    /// The query of two patches; `None` when their positions are equal.
     pub(super) fn new(a: &'a Patch, b: &'a Patch) -> Option<Self> {
         let axis = PairAxis::new(&end(a), &end(b))?;
         Some(Self {
@@ -53,7 +53,7 @@ pub(super) fn find_poses(
     evidence
 }
 
-/// Adds the poses of one match (section 5.4): sampled turns about the pair's axis.
+/// Adds the poses of one match (section 5.4): sampled rotations about the pair's axis.
 fn add_match(
     evidence: &mut PairEvidence,
     query: &PairQuery<'_>,

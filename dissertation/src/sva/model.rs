@@ -1,7 +1,7 @@
-//! What training yields: maps of objects over one shared vocabulary, immutable.
+//! The model of spatially varying appearance: immutable maps of objects over one vocabulary.
 //!
-//! An object frame has its origin at the centroid of the object's training touches, or of
-//! its mesh when trained from one, and the axes of training.
+//! An object frame has its origin at the centroid of the object's training touches, or of its
+//! mesh when trained from one, and the axes of training.
 
 use std::sync::Arc;
 
@@ -58,7 +58,8 @@ impl ObjectMap {
         Ok(Self { origin_in_training, patches: stored, index })
     }
 
-    /// A map from its stored parts; `None` when the index names a patch that is not there.
+    /// Restores a map from its stored parts; `None` when the index names a patch that does
+    /// not exist.
     #[must_use]
     pub fn from_parts(
         origin_in_training: DVec3,
@@ -73,8 +74,8 @@ impl ObjectMap {
         })
     }
 
-    /// Where the object frame's origin lies in the frame of the mesh or of the training
-    /// readings, metres.
+    /// The origin of the object frame in the frame of the mesh or of the training readings,
+    /// metres.
     #[must_use]
     pub fn origin_in_training(&self) -> DVec3 {
         self.origin_in_training
@@ -93,12 +94,12 @@ impl ObjectMap {
     }
 }
 
-/// The vocabulary and the maps that spatially varying appearance recognises objects by.
+/// The vocabulary and the maps of all objects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SvaModel {
-    /// The appearance classes that all maps share.
+    /// The shared appearance classes.
     pub vocabulary: Vocabulary,
-    /// How features were, and are to be, associated with classes.
+    /// Association of features with classes, in training and recognition.
     pub association: AssociationRule,
     /// The objects; [`palpate_core::object::ObjectIdx`] counts them.
     pub objects: Vec<Arc<ObjectMap>>,

@@ -1,4 +1,4 @@
-//! How the filter works: the service's own resolutions, and those of the dissertation.
+//! Options of the filter: the service's settings, and those of the dissertation.
 
 use crate::filter::pose_bins::PoseBins;
 use crate::filter::sparse::ProductRule;
@@ -6,54 +6,55 @@ use crate::rotation_grid::RotationGrid;
 use crate::sva::refine::Refinement;
 use palpate_core::units::MM;
 
-/// How often the evidence of a pair counts.
+/// Multiplicity of a pair's evidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PairWeight {
-    /// As printed (equation 5.13): (t, i) and (i, t) both count, though they say the same.
+    /// As printed (equation 5.13): (t, i) and (i, t) both count, though they are the same
+    /// evidence.
     BothOrders,
     /// Every pair counts once.
     Once,
 }
 
-/// Which pose stands for a histogram bin.
+/// The pose that represents a histogram bin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BinPose {
     /// The centre of the bin, as printed (section 5.5.1.2).
     Center,
-    /// The mean of the poses that evidence named within it.
+    /// The mean of the poses of the evidence in it.
     Mean,
 }
 
-/// How the filter works.
+/// Options of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SvaOptions {
     /// The histogram's bins.
     pub bins: PoseBins,
-    /// Where in a bin its pose is.
+    /// The pose that represents a bin.
     pub bin_pose: BinPose,
-    /// How pairs are multiplied.
+    /// Product of the pairs' distributions.
     pub rule: ProductRule,
-    /// How often a pair counts.
+    /// Multiplicity of a pair.
     pub pair_weight: PairWeight,
-    /// Pairs whose normals make other angles with their axis (difference of cosines) do not
-    /// match; `None` as printed.
+    /// Tolerance on the cosine of the normals' angles with the pair's axis, beyond which
+    /// pairs do not match; `None` as printed.
     pub normal_tolerance: Option<f64>,
     /// σ_init of section 5.4.3.2, rad.
     pub sigma_init: f64,
-    /// Distance between sampled turns about a pair's axis, rad.
+    /// Step between sampled rotations about a pair's axis, rad.
     pub turn_step: f64,
-    /// How many deviations to each side of the mean turn are sampled.
+    /// Range of sampled rotations, in deviations to each side of the mean.
     pub turn_reach: f64,
-    /// A new reading is paired with at most this many earlier ones.
+    /// Maximum number of earlier readings with which a new one is paired.
     pub partners_max: usize,
-    /// At most this many bins are kept for an object.
+    /// Maximum number of bins per object.
     pub bins_max: usize,
-    /// How answered poses are refined within their bins; `None` as printed.
+    /// Refinement of poses within their bins; `None` as printed.
     pub refinement: Option<Refinement>,
 }
 
 impl Default for SvaOptions {
-    /// The service's own resolutions (`docs/equations.md`, chapter 5).
+    /// The service's settings (`docs/equations.md`, chapter 5).
     fn default() -> Self {
         Self {
             bins: PoseBins {
@@ -89,10 +90,10 @@ impl SvaOptions {
             rule: ProductRule::Strict,
             pair_weight: PairWeight::BothOrders,
             normal_tolerance: None,
-            // A strict product needs the tails: a turn that is not sampled is impossible.
+            // A strict product needs the tails: a rotation that is not sampled is impossible.
             turn_step: 0.25,
             turn_reach: 5.0,
-            // More than any trial of the dissertation; what a session costs must be bounded.
+            // More than any trial of the dissertation; the cost of a session must be bounded.
             partners_max: 128,
             bins_max: usize::MAX,
             refinement: None,

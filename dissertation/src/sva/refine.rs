@@ -1,10 +1,10 @@
-//! Continuous refinement of a pose: contacts laid onto the patches of the object's map.
+//! Continuous refinement of a pose: aligns contacts with the patches of the object's map.
 //!
 //! Histogram bins are 8 mm and 30° wide; a few Gauss–Newton steps on the readings' contact
-//! points and normals find the pose within them. Each contact pulls towards the map patch
-//! that explains it best: stiffly along that patch's normal, softly along the surface (the
-//! map is a sample of it), and by its normal; contacts that fit nowhere lose their weight
-//! (Geman and McClure, 1987). Not part of the dissertation, which answers bin centres.
+//! points and normals find the pose within them. Each contact is drawn to the map patch that
+//! explains it best: stiffly along that patch's normal, softly along the surface (the map is
+//! a sample of it), and by its normal. Contacts that fit nowhere lose their weight (Geman and
+//! McClure, 1987). Not part of the dissertation, which answers bin centres.
 
 use glam::{DQuat, DVec3};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
@@ -14,7 +14,7 @@ use palpate_core::object::MapPatch;
 use palpate_core::pose::Pose;
 use palpate_core::units::{DEG, MM};
 
-/// How far contacts are expected from the map, and how far a refinement may go.
+/// Deviations of contacts from the map, and limits of a refinement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refinement {
     /// Deviation of a contact from its patch along the patch's normal, metres.
@@ -25,13 +25,13 @@ pub struct Refinement {
     pub normal: f64,
     /// Normalised distance at which a contact has lost three quarters of its weight.
     pub outlier: f64,
-    /// The farthest a pose may be moved, metres.
+    /// Largest translation of the pose, metres.
     pub distance_max: f64,
-    /// The farthest a pose may be turned, rad.
+    /// Largest rotation of the pose, rad.
     pub angle_max: f64,
-    /// Fewer contacts than this leave the pose as it is.
+    /// Minimum number of contacts; with fewer the pose stays.
     pub contacts_min: usize,
-    /// The most steps.
+    /// Maximum number of steps.
     pub steps_max: usize,
 }
 
@@ -50,7 +50,7 @@ impl Default for Refinement {
     }
 }
 
-/// A refined pose, and how well the contacts fix it.
+/// A refined pose with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refined {
     /// The pose of the object in the session frame.
@@ -98,8 +98,8 @@ pub fn refine(
     near.then_some(Refined { session_from_object: pose, covariance })
 }
 
-/// Prior stiffness that keeps free directions (a turn about an axis of symmetry) where they
-/// are: as if the start were known to 20 mm and 30°.
+/// Prior stiffness that holds free directions (a turn about an axis of symmetry), as if the
+/// start were known to 20 mm and 30°.
 fn stiffness() -> Vector6<f64> {
     let (position, rotation) = ((20.0 * MM).powi(-2), (30.0 * DEG).powi(-2));
     Vector6::new(position, position, position, rotation, rotation, rotation)
@@ -119,7 +119,7 @@ fn step(pose: Pose, system: &System) -> Option<Pose> {
 
 fn covariance(system: &System) -> Option<Matrix6<f64>> {
     let informed = system.hessian + Matrix6::from_diagonal(&stiffness());
-    // The map samples the surface: no pose is known better than this.
+    // The map samples the surface: no pose is more accurate than this.
     let (position, rotation) = ((0.2 * MM).powi(2), (0.5 * DEG).powi(2));
     let floor = Vector6::new(position, position, position, rotation, rotation, rotation);
     Some(informed.cholesky()?.inverse() + Matrix6::from_diagonal(&floor))
@@ -207,7 +207,7 @@ mod tests {
     use super::*;
     use palpate_core::rng::{Purpose, Stream};
 
-    /// Patches on an ellipsoid: no two sides alike.
+    /// Patches on an asymmetric ellipsoid.
     fn ellipsoid(n: usize, seed: u64) -> Vec<Patch> {
         let half = DVec3::new(40.0 * MM, 25.0 * MM, 15.0 * MM);
         let mut stream = Stream::new(seed, Purpose::Sampling, 0);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disturbed_pose_is_found_again() {
+    fn a_disturbed_pose_is_recovered() {
         let truth = Pose::from_parts(DQuat::from_rotation_y(0.7), DVec3::new(0.3, -0.1, 0.2));
         let contacts = moved(&ellipsoid(15, 2), truth);
         let start = disturbed(truth);
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wild_contact_does_not_pull_the_pose_away() {
+    fn an_outlier_does_not_move_the_pose() {
         let mut contacts = ellipsoid(15, 2);
         contacts[0].position += DVec3::new(0.0, 0.0, 60.0 * MM);
         let map = map(&ellipsoid(1_500, 1));
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn contacts_on_one_plane_leave_the_slide_along_it_uncertain() {
+    fn contacts_on_a_plane_leave_sliding_uncertain() {
         let flat = |n: usize, seed| -> Vec<Patch> {
             let mut stream = Stream::new(seed, Purpose::Sampling, 1);
             let mut along = || stream.uniform(-30.0 * MM, 30.0 * MM);

@@ -12,7 +12,7 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::units::MM;
 use palpate_core::vocabulary::{Association, AssociationRule, ClassIdx, Vocabulary};
 
-/// Classes that the maps know; the last is that of patches that no query names.
+/// Number of classes of the maps; the last is that of patches that no query names.
 pub(super) const N_CLASSES: usize = 6;
 
 /// Ten bins of 10 mm.
@@ -20,7 +20,7 @@ pub(super) fn distances() -> DistanceBins {
     DistanceBins::new(0.0, 100.0 * MM, 10).unwrap()
 }
 
-/// A patch at a place (mm), with its normal along +z and its classes.
+/// A patch at a position (mm), with its normal along +z and its classes.
 pub(super) fn patch(at_mm: [f64; 3], classes: &[(u8, f64)]) -> Patch {
     let classes = classes
         .iter()
@@ -33,7 +33,7 @@ pub(super) fn patch(at_mm: [f64; 3], classes: &[(u8, f64)]) -> Patch {
     }
 }
 
-/// A map of `patches` and of as many of the unnamed class as make `n` in all.
+/// A map of `patches`, filled up with patches of the unnamed class to `n` in all.
 pub(super) fn map(patches: &[Patch], n: usize) -> Arc<ObjectMap> {
     let unnamed = [(N_CLASSES as u8 - 1, 1.0)];
     let filled = (patches.len()..n).map(|k| patch([0.0, 2.0 * k as f64, -5.0], &unnamed));
@@ -41,7 +41,7 @@ pub(super) fn map(patches: &[Patch], n: usize) -> Arc<ObjectMap> {
     Arc::new(ObjectMap::build(&all, DVec3::ZERO, N_CLASSES, distances()).unwrap())
 }
 
-/// A catalogue of maps, for images that are described as they are.
+/// A catalogue of maps, for the Vectorize descriptor.
 pub(super) fn catalogue(objects: Vec<Arc<ObjectMap>>) -> Arc<SvaModel> {
     let vocabulary = Vocabulary {
         descriptor: DescriptorKind::Vectorize,
@@ -55,7 +55,7 @@ pub(super) fn catalogue(objects: Vec<Arc<ObjectMap>>) -> Arc<SvaModel> {
     Arc::new(SvaModel { vocabulary, association, objects })
 }
 
-/// The printed filter whose matches name one turn each, the likeliest.
+/// The printed filter with a single rotation per match, the likeliest.
 pub(super) fn one_turn() -> SvaOptions {
     SvaOptions { sigma_init: 1e-6, ..SvaOptions::literal() }
 }

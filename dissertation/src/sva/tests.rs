@@ -1,10 +1,10 @@
-//! Equations 5.12–5.14 and the re-seeding of section 5.6.1 against numbers worked out by hand.
+//! Tests of equations 5.12–5.14 and the re-seeding of section 5.6.1 against hand-computed values.
 
 use super::test_support::{catalogue, map, one_turn, patch};
 use super::*;
 use crate::filter::sparse::ProductRule;
 
-/// Where pairs are seen, mm: the pose that this names is in the middle of its bin of 8 mm.
+/// Position of observed pairs, mm; the resulting pose is in the middle of its bin of 8 mm.
 const SEEN: [f64; 3] = [4.0; 3];
 
 /// A pair of classes 0 and 1, `mm` long along x, its first end at `from` (mm).
@@ -35,13 +35,13 @@ fn log_of_only_bin(belief: &SvaBelief, object: usize) -> f64 {
 }
 
 #[test]
-fn evidence_is_normalised_by_each_objects_number_of_pairs() {
+fn evidence_is_normalised_by_the_number_of_pairs() {
     // Equation 5.14: both objects have one match of weight 1, of 45 pairs and of 190. The
     // smaller one gets (1/45) / (1/45 + 1/190) = 190/235, the larger one 45/235.
     for options in [one_turn(), SvaOptions { sigma_init: 1e-6, ..SvaOptions::default() }] {
         let mut belief = belief(&small_and_large(), options);
         multiply(&mut belief, &pair(SEEN, 35.0));
-        // What the two bins hold over the prior of 1 / (2 N), N the number of bins.
+        // Evidence of the two bins over the prior of 1 / (2 N), N the number of bins.
         let of_two = options.bins.log_count() + 2.0_f64.ln();
         let share = |object: usize| {
             let ratio = log_of_only_bin(&belief, object).exp();
@@ -60,7 +60,7 @@ fn evidence_is_normalised_by_each_objects_number_of_pairs() {
 }
 
 #[test]
-fn both_orders_of_a_pair_square_what_one_order_says() {
+fn both_orders_of_a_pair_square_its_evidence() {
     let seen = pair(SEEN, 35.0);
     let log = |pair_weight: PairWeight| {
         let mut belief = belief(&small_and_large(), SvaOptions { pair_weight, ..one_turn() });
@@ -74,8 +74,8 @@ fn both_orders_of_a_pair_square_what_one_order_says() {
 }
 
 #[test]
-fn all_pairs_of_a_new_reading_count_alike() {
-    // Two pairs that name one pose: the second counts as much as the first.
+fn all_pairs_of_a_new_reading_count_equally() {
+    // Two pairs with one pose: the second counts as much as the first.
     let mut belief = belief(&small_and_large(), one_turn());
     multiply(&mut belief, &pair(SEEN, 35.0));
     let after_one = log_of_only_bin(&belief, 0);
@@ -93,8 +93,8 @@ fn a_pair_that_matches_nowhere_changes_nothing() {
 }
 
 #[test]
-fn a_belief_that_lost_every_pose_begins_with_the_last_pair() {
-    // Section 5.6.1. The second pair is the same one seen 100 mm away: no pose explains both.
+fn a_belief_without_poses_restarts_with_the_last_pair() {
+    // Section 5.6.1. The second pair is the same one observed 100 mm away: no pose explains both.
     let mut contradicted = belief(&small_and_large(), one_turn());
     multiply(&mut contradicted, &pair(SEEN, 35.0));
     multiply(&mut contradicted, &pair([4.0, 104.0, 4.0], 35.0));
@@ -110,7 +110,7 @@ fn a_belief_that_lost_every_pose_begins_with_the_last_pair() {
 }
 
 #[test]
-fn one_object_that_lost_every_pose_stays_impossible() {
+fn one_object_without_poses_stays_impossible() {
     // Only the first object holds a pair of 55 mm, beside the one of 35 mm that both hold.
     let held = pair([0.0; 3], 35.0);
     let mut more = held.to_vec();
@@ -121,8 +121,8 @@ fn one_object_that_lost_every_pose_stays_impossible() {
     let [x, y, z] = SEEN;
     multiply(&mut belief, &[patch(SEEN, &[(0, 1.0)]), patch([x + 55.0, y, z], &[(2, 1.0)])]);
     assert!(!belief.histograms[0].is_impossible() && belief.histograms[1].is_impossible());
-    // The first pair is one of two objects', the second the first object's alone: squared in
-    // both orders, 2 ln(½ · 2 N) and 2 ln(2 N).
+    // The first pair belongs to both objects, the second to the first alone: squared in both
+    // orders, 2 ln(½ · 2 N) and 2 ln(2 N).
     let of_two = one_turn().bins.log_count() + 2.0_f64.ln();
     assert!((after_one - 2.0 * (of_two - 2.0_f64.ln())).abs() < 1e-3);
     assert!((log_of_only_bin(&belief, 0) - after_one - 2.0 * of_two).abs() < 1e-3);
@@ -131,7 +131,7 @@ fn one_object_that_lost_every_pose_stays_impossible() {
 }
 
 #[test]
-fn a_reading_is_paired_with_all_earlier_ones_or_an_even_choice() {
+fn readings_pair_with_all_or_evenly_chosen_earlier_ones() {
     assert_eq!(partners(4, 16), [0, 1, 2, 3]);
     // 0, 10/4, 20/4 and 30/4, rounded down.
     assert_eq!(partners(10, 4), [0, 2, 5, 7]);

@@ -1,10 +1,10 @@
-//! Training: readings of known objects in, a vocabulary and maps out. Pure functions.
+//! Training of spatially varying appearance: a vocabulary and maps from readings of known objects.
 //!
 //! Source: section 5.5.1.1 and `docs/equations.md`. The vocabulary is learnt once from all
 //! objects; each object's map depends on its own readings and the vocabulary alone, so an
-//! object is added to a catalogue without touching the others.
-//! Frames: a training reading's pose is `object_from_sensor` in the frame of the mesh or of
-//! the robot that took it. Not here: where readings come from, and storing the result.
+//! object can be added to a catalogue without changing the others. Frames: a training
+//! reading's pose is `object_from_sensor` in the frame of the mesh or of the robot that took
+//! it. Not here: the source of readings, and storage.
 
 use glam::DVec3;
 use thiserror::Error;
@@ -23,28 +23,28 @@ use palpate_core::vocabulary::association::spreads;
 use palpate_core::vocabulary::medoids::choose_medoids;
 use palpate_core::vocabulary::{AssociationRule, MAX_CLASSES, Vocabulary, center};
 
-/// Medoids are chosen among at most this many features (the cost is quadratic).
+/// Maximum number of features among which medoids are chosen (the cost is quadratic).
 const MEDOID_SAMPLE: usize = 2_000;
 
-/// How a catalogue is trained.
+/// Configuration of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainingConfig {
-    /// How images are described.
+    /// Descriptor of the images.
     pub descriptor: DescriptorKind,
-    /// n_C: how many appearance classes.
+    /// n_C, the number of appearance classes.
     pub n_classes: usize,
-    /// How features are associated with classes.
+    /// Association of features with classes.
     pub association: AssociationRule,
-    /// The distances between patches that the index holds.
+    /// Range of the distances between patches in the index.
     pub distances: DistanceRange,
 }
 
-/// The range of patch distances an index covers.
+/// Range of patch distances in an index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DistanceRange {
-    /// From `min` (m) to the largest distance that was trained, in `n` bins a map.
+    /// From `min` (m) to the largest trained distance, in `n` bins per map.
     ToLargest {
-        /// The shortest distance kept, metres.
+        /// The shortest indexed distance, metres.
         min: f64,
         /// Number of bins.
         n: u16,
@@ -54,8 +54,8 @@ pub enum DistanceRange {
 }
 
 impl Default for TrainingConfig {
-    /// The resolutions of `docs/equations.md`: 25 classes, T_a 0.75, 8 mm to the largest
-    /// trained distance.
+    /// The settings of `docs/equations.md`: 25 classes, T_a 0.75, 8 mm to the largest trained
+    /// distance.
     fn default() -> Self {
         Self {
             descriptor: DescriptorKind::Mnti,
@@ -67,7 +67,7 @@ impl Default for TrainingConfig {
 }
 
 impl TrainingConfig {
-    /// The dissertation's own: 40 bins over 30–160 mm for objects of 80 mm.
+    /// The dissertation's settings: 40 bins over 30–160 mm for objects of 80 mm.
     #[must_use]
     pub fn literal() -> Self {
         let fixed = DistanceBins::new(30.0 * MM, 160.0 * MM, 40);
@@ -76,34 +76,34 @@ impl TrainingConfig {
     }
 }
 
-/// Why training of vocabularies and maps is impossible.
+/// Error of readings from which vocabularies and maps cannot be trained.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum SvaTrainError {
     /// The number of classes is out of range.
     #[error("{found} appearance classes, expected 1 to {MAX_CLASSES}")]
     Classes {
-        /// The number that was requested.
+        /// The requested number.
         found: usize,
     },
-    /// Each touch needs one appearance, but the descriptor gives several.
+    /// The descriptor gives several features per reading, but each touch needs one appearance.
     #[error("descriptor {descriptor} gives several features a reading, expected one of the others")]
     SeveralFeatures {
         /// The descriptor's name.
         descriptor: &'static str,
     },
-    /// The readings do not train anything.
+    /// The readings cannot be used for training.
     #[error(transparent)]
     Readings(#[from] TrainingError),
 }
 
 /// Learns the appearance classes from the readings of all objects together.
 ///
-/// At most 2,000 features, drawn with `seed`, compete to be medoids; spreads (equation 5.15)
-/// are of all features.
+/// At most 2,000 features, drawn with `seed`, are candidates for medoids; spreads (equation
+/// 5.15) are of all features.
 ///
 /// # Errors
 /// [`SvaTrainError`] when nothing was touched, images differ in shape, the number of classes is
-/// not 1 to 255, or the descriptor gives several features a reading.
+/// not 1 to 255, or the descriptor gives several features per reading.
 pub fn learn_vocabulary(
     sets: &[TrainingSet<'_>],
     config: &TrainingConfig,

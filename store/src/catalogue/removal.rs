@@ -1,9 +1,9 @@
-//! Removing versions and catalogues: what nobody needs any more gives its room back.
+//! Removal of versions and catalogues, and of the blocks that are no longer referenced.
 //!
-//! A removed version leaves a manifest of no objects and no blocks, so that its number is not
-//! used again and its absence is told from a loss. Its blocks go when no other version names
-//! them. A crash in between leaves blocks that nobody names, which `fsck --collect` removes.
-//! Not here: whether anybody needs it.
+//! A removed version leaves a manifest without objects and blocks, so that its number is not
+//! reused and its absence differs from a loss. Its blocks go when no other version names
+//! them. A crash in between leaves unreferenced blocks, which `fsck --collect` removes. Not
+//! here: whether a version is in use.
 
 use std::collections::BTreeSet;
 
@@ -16,9 +16,9 @@ use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
 
-/// What stands in a removed version's place for what it was trained with.
+/// Training parameters of a removed version's manifest.
 const REMOVED: &str = "removed";
-/// How many manifests are read at once.
+/// Number of manifests per read.
 const MANIFESTS_PER_SCAN: usize = 16;
 
 impl Manifest {
@@ -39,8 +39,8 @@ impl Manifest {
 }
 
 impl Catalogues {
-    /// Removes a version and the blocks that no other version names. Nobody may publish or use
-    /// the version meanwhile.
+    /// Removes a version and the blocks that no other version names. The version must not be
+    /// in use, and no version may be published meanwhile.
     ///
     /// # Errors
     /// [`StoreError::NoVersion`], [`StoreError::Changed`], [`StoreError::Damaged`]; the engine's.
@@ -65,7 +65,8 @@ impl Catalogues {
         Ok(())
     }
 
-    /// Removes a catalogue with all its versions. Nobody may publish or use them meanwhile.
+    /// Removes a catalogue with all its versions, which must not be in use; no version may be
+    /// published meanwhile.
     ///
     /// # Errors
     /// As [`Catalogues::remove_version`].

@@ -1,4 +1,4 @@
-//! Records for themselves: pieces put together, envelopes opened, payloads decoded.
+//! Check of single records: pieces assembled, envelopes opened, payloads decoded.
 
 use uuid::Uuid;
 
@@ -19,7 +19,7 @@ use crate::record::{
 };
 use crate::robot::RobotHolder;
 
-/// A record that has all its pieces and is whole.
+/// A complete, undamaged record.
 pub(super) enum Whole {
     Layout(LayoutV1),
     Sensor(Sensor),
@@ -36,13 +36,13 @@ pub(super) enum Whole {
     Calibration(StoredCalibration),
     /// A file or block: its hash and length.
     Raw([u8; 32], u64),
-    /// A job, a key, a retraction, or an entry of the audit log: nothing else refers to it.
+    /// A job, a key, a retraction, or an entry of the audit log: no other record refers to it.
     Alone,
-    /// Of a kind that later versions added, and whole.
+    /// A complete record of a kind that later versions added.
     Other,
 }
 
-/// What records of a space are called, and how long their keys are; `None` is any length.
+/// Name and key length (`None` is any) of the records of a space, and the consequence of damage.
 pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
     match letter {
         b'!' => ("layout", Some(1), "the database does not open"),
@@ -74,7 +74,7 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
     }
 }
 
-/// A key for people.
+/// A key in words.
 pub(super) fn words(key: &[u8]) -> String {
     let id = |from: usize| {
         let bytes = key.get(from..from + 16).and_then(|bytes| <[u8; 16]>::try_from(bytes).ok());
@@ -107,7 +107,7 @@ pub(super) fn words(key: &[u8]) -> String {
     }
 }
 
-/// The record whose pieces come in at the moment.
+/// The record whose pieces are being read.
 #[derive(Default)]
 pub(super) struct Assembly {
     head: Vec<u8>,
@@ -115,7 +115,7 @@ pub(super) struct Assembly {
     found: usize,
     next_piece: u32,
     fault: Option<String>,
-    /// The bytes; of files and blocks only the header.
+    /// The bytes; only the header for files and blocks.
     bytes: Vec<u8>,
     content: blake3::Hasher,
     checksum: crc32fast::Hasher,
@@ -132,7 +132,7 @@ impl Assembly {
         let (name, head_bytes, _) = space(key[0]);
         let is_piece = match head_bytes {
             Some(length) => key.len() == length + 4,
-            // Of a kind that is not known here: what the record before still lacks.
+            // A record of an unknown kind: the previous record may be incomplete.
             None => self.lacks(key),
         };
         if !is_piece {
@@ -148,7 +148,7 @@ impl Assembly {
         let head = &key[..key.len() - 4];
         if self.head != head {
             self.end(relations, report);
-            // Pieces that wait for their first one were never acknowledged.
+            // Pieces without a first one were never acknowledged.
             relations.leftover(head, "pieces without a first one".to_owned(), report);
             self.head.clear();
             return;
@@ -194,7 +194,7 @@ impl Assembly {
         }
     }
 
-    /// Looks at the record whose pieces are all there now.
+    /// Checks the record whose pieces are complete.
     pub(super) fn end(&mut self, relations: &mut Relations, report: &mut Report) {
         let done = std::mem::take(self);
         if done.head.is_empty() {

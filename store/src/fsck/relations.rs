@@ -1,4 +1,4 @@
-//! What names what: journals and their heads, versions and their blocks, names and ids.
+//! References between records: journals and their heads, versions and blocks, names and ids.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,30 +10,30 @@ use crate::catalogue::Manifest;
 use crate::journal::Event;
 use crate::key::{self, Space};
 
-/// What is kept of the records that were seen.
+/// The facts kept of the visited records.
 #[derive(Default)]
 pub(super) struct Relations {
     /// Lengths of journals by the letter of their entries and owner.
     heads: BTreeMap<(u8, Uuid), u64>,
-    /// How many entries were seen, without a gap.
+    /// Number of entries without a gap.
     entries: BTreeMap<(u8, Uuid), u64>,
-    /// Readings that entries withdraw, and those of which a record says so.
+    /// Readings withdrawn by entries, and those with a record of it.
     withdrawn: BTreeSet<(Uuid, u64)>,
     retractions: BTreeSet<(Uuid, u64)>,
     sessions: BTreeSet<Uuid>,
     objects: BTreeSet<Uuid>,
-    /// Blocks that are there: whether they are whole, and their lengths.
+    /// Present blocks: their lengths, `None` if damaged.
     blocks: BTreeMap<[u8; 32], Option<u64>>,
     named_blocks: BTreeSet<[u8; 32]>,
     files: BTreeMap<Vec<u8>, Option<[u8; 32]>>,
-    /// Names by kind and text, and those that things have.
+    /// Names by kind and text, and the names of items.
     names: BTreeMap<Vec<u8>, Uuid>,
     used_names: BTreeSet<Vec<u8>>,
     named: Vec<(Vec<u8>, Uuid)>,
     catalogues: BTreeMap<Uuid, u32>,
     versions: BTreeSet<(Uuid, u32)>,
     calibrations: BTreeMap<Uuid, u64>,
-    /// Keys of records that are there but damaged.
+    /// Keys of damaged records.
     damaged: BTreeSet<Vec<u8>>,
 }
 
@@ -49,7 +49,7 @@ impl Relations {
         report.leftovers.push(key.to_vec());
     }
 
-    /// Notes a record that is there and damaged.
+    /// Notes a damaged record.
     pub(super) fn damaged(&mut self, key: &[u8], _fault: &str) {
         self.damaged.insert(key.to_vec());
         match key[0] {
@@ -73,7 +73,7 @@ impl Relations {
         }
     }
 
-    /// Notes a record that is whole, and what is wrong with its place.
+    /// Notes an undamaged record, and faults of its position.
     pub(super) fn record(&mut self, key: &[u8], whole: Whole, report: &mut Report) {
         let id = if key.len() >= 17 { id_of(key) } else { Uuid::nil() };
         let is_misplaced = match whole {
@@ -182,7 +182,7 @@ impl Relations {
         }
     }
 
-    /// Looks at what is known only when all records were seen.
+    /// Checks the relations that are known only after the last record.
     pub(super) fn end(mut self, report: &mut Report) {
         self.end_journals(report);
         for (session, seq) in self.withdrawn.difference(&self.retractions) {
@@ -238,7 +238,7 @@ impl Relations {
             let head_key = key::id(head, owner);
             match length {
                 _ if !lives => {
-                    // What a removal leaves when it is interrupted.
+                    // Remains of an interrupted removal.
                     for space in [head, entries] {
                         let key = key::id(space, owner);
                         self.leftover(&key, "its owner was removed".to_owned(), report);

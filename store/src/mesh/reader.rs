@@ -1,7 +1,8 @@
-//! A mesh file read block by block, for readers that take it slowly.
+//! A reader of a mesh file block by block, for slow consumers.
 //!
-//! Only one block is in memory. The last block is given when the hash of the whole file has been
-//! checked: a damaged file never ends. A file that is replaced meanwhile breaks off.
+//! Only one block is in memory. The last block is returned after the hash of the whole file
+//! has been checked, so a damaged file never completes. A file replaced meanwhile gives an
+//! error.
 
 use std::sync::Arc;
 
@@ -14,23 +15,23 @@ use crate::error::{RecordError, StoreError};
 use crate::key::{self, Space};
 use crate::pieces::Rest;
 
-/// Pieces of a block: 256 KiB.
+/// Number of pieces of a block: 256 KiB.
 const PIECES_PER_BLOCK: usize = 64;
 
-/// A mesh file and how far it was read.
+/// A mesh file and the position in it.
 pub struct MeshReader {
     engine: Arc<dyn Engine>,
     info: MeshInfo,
     rest: Rest,
-    /// Bytes of the file that were read.
+    /// Number of bytes read.
     read: u64,
     hasher: blake3::Hasher,
-    /// The block that was read last and not given yet.
+    /// The last block read, not yet returned.
     block: Vec<u8>,
 }
 
 impl MeshReader {
-    /// The file of `info`, its first block read; `None` when the file is not there.
+    /// Opens the file of `info` and reads its first block; `None` when there is no file.
     pub(super) fn open(
         engine: Arc<dyn Engine>,
         object: Uuid,
@@ -55,7 +56,7 @@ impl MeshReader {
         Ok(Some(reader))
     }
 
-    /// What is known of the mesh.
+    /// The metadata of the mesh.
     #[must_use]
     pub fn info(&self) -> &MeshInfo {
         &self.info
@@ -73,7 +74,7 @@ impl MeshReader {
         Ok(Some(std::mem::replace(&mut self.block, next)))
     }
 
-    /// Reads one more block, and checks the file where it ends.
+    /// Reads one more block, and checks the file at its end.
     fn read_on(&mut self) -> Result<Vec<u8>, StoreError> {
         let block = self.rest.next(&*self.engine, PIECES_PER_BLOCK)?;
         self.hasher.update(&block);

@@ -1,5 +1,4 @@
-//! Trained appearance ↔ blocks: the vocabulary that all objects share, one block for each
-//! object, and what calibration and report say of them together.
+//! Conversion between trained appearance and blocks: the vocabulary, each object, and the report.
 //!
 //! The vocabulary's block depends on no object's histogram, and an object's on no other
 //! object: versions that share a vocabulary, or an object, share its block bit by bit. A
@@ -25,23 +24,23 @@ use super::writer::{put_counts, put_floats};
 use super::{CodecError, FORM, count};
 use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
 
-/// The name of the block with the appearance vocabulary.
+/// Name of the block with the appearance vocabulary.
 pub const APPEARANCE_BLOCK: &str = "appearance";
-/// The name of the block with calibration and report.
+/// Name of the block with calibration and report.
 pub const APPEARANCE_REPORT_BLOCK: &str = "appearance_report";
-/// The code of features that clients make themselves, beside those of descriptors.
+/// Code of clients' own features, beside those of descriptors.
 const EXTERNAL: u32 = 0;
-/// The codes of clusterings.
+/// Codes of clusterings.
 const MIXTURE: u32 = 1;
 const K_MEANS: u32 = 2;
-/// The most values of a feature.
+/// Maximum length of a feature.
 const VALUES_MAX: u32 = 1 << 20;
-/// The most classes.
+/// Maximum number of classes.
 const CLASSES_MAX: u32 = 1 << 16;
-/// The most of what is counted by objects and readings.
+/// Maximum number of objects and readings.
 const MANY: u32 = 1 << 24;
 
-/// The name of the block with an object's appearance.
+/// Name of the block with an object's appearance.
 #[must_use]
 pub fn appearance_block_name(object: Uuid) -> String {
     format!("{APPEARANCE_BLOCK}/{object}")
@@ -234,7 +233,7 @@ fn object_from_block(block: &[u8]) -> Result<ObjectAppearance, CodecError> {
     Ok(ObjectAppearance { histogram: ClassHistogram { mass }, joint, held_back })
 }
 
-/// Finite numbers of at least 0, one a class.
+/// Finite numbers of at least 0, one per class.
 fn shares(
     reader: &mut Reader<'_>,
     field: &'static str,

@@ -1,7 +1,7 @@
-//! Trained geometry ↔ blocks: one shared by all objects, one for each object's maps.
+//! Conversion between trained geometry and blocks: one shared by all objects, one for each object.
 //!
-//! The shared block holds what belongs to the classifier and the sensors; an object's block
-//! does not know its place in the catalogue. A version without the shared block has no
+//! The shared block holds the properties of the classifier and the sensors; an object's block
+//! does not contain its position in the catalogue. A version without the shared block has no
 //! geometry. Metres, pascals, object frames; drawn in `docs/formats.md`.
 
 use std::sync::Arc;
@@ -19,16 +19,16 @@ use super::reader::Reader;
 use super::writer::{put_counts, put_floats, put_singles};
 use super::{CodecError, FORM, count};
 
-/// The name of the block with the class table and the sensors' gains.
+/// Name of the block with the class table and the sensors' gains.
 pub const GEOMETRY_BLOCK: &str = "geometry";
-/// The most rows of a class table.
+/// Maximum rows of a class table.
 const ROWS_MAX: u32 = 4096;
-/// The most sensors whose gains are kept.
+/// Maximum number of sensors with gains.
 const SENSORS_MAX: u32 = 4096;
-/// The most taxels of a sensor.
+/// Maximum number of taxels of a sensor.
 const TAXELS_MAX: u32 = 1 << 14;
 
-/// The name of the block with an object's maps of contact and force.
+/// Name of the block with an object's maps of contact and force.
 #[must_use]
 pub fn geometry_block_name(object: Uuid) -> String {
     format!("{GEOMETRY_BLOCK}/{object}")
@@ -178,7 +178,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn geometry_comes_back_bit_by_bit() {
+    fn geometry_is_restored_bit_by_bit() {
         let blocks = blocks();
         let names: Vec<&str> = blocks.iter().map(|(name, _)| name.as_str()).collect();
         let object = "geometry/00000000-0000-0000-0000-000000000001";
@@ -187,7 +187,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_bytes_are_those_of_the_format() {
+    fn block_lengths_follow_the_format() {
         let hash = |block: &[u8]| blake3::hash(block).to_hex()[..16].to_owned();
         let found: Vec<(usize, String)> =
             blocks().iter().map(|(_, block)| (block.len(), hash(block))).collect();
@@ -213,7 +213,7 @@ pub(super) mod tests {
                 assert!(decodes(block[..length].to_vec()).is_err(), "{length} bytes");
             }
             assert!(decodes([block.as_slice(), &[0]].concat()).is_err());
-            // Whatever one byte is changed to, the block is refused or makes a valid model.
+            // A block with a changed byte is refused or makes a valid model.
             for (at, value) in (0..block.len()).flat_map(|at| [(at, 0), (at, 0x7f), (at, 0xff)]) {
                 let mut changed = block.clone();
                 changed[at] = value;
@@ -225,7 +225,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_named() {
+    fn invalid_blocks_are_refused_by_fault() {
         let with = |place: usize, at: usize, bytes: &[u8]| {
             let mut all = blocks();
             all[place].1[at..at + bytes.len()].copy_from_slice(bytes);
@@ -235,7 +235,7 @@ pub(super) mod tests {
         let row = ClassTableError::Row { row: 0 };
         assert_eq!(with(0, 12, &0.5f64.to_le_bytes()), CodecError::ClassTable(row));
         assert_eq!(with(0, 80, &0f64.to_le_bytes()), CodecError::Gain { found: 0.0 });
-        // More cells than the block has bytes are refused before anything is allocated.
+        // A number of cells beyond the block's length is refused before anything is allocated.
         let long = with(1, 4, &CELLS_MAX.to_le_bytes()[..4]);
         assert!(matches!(long, CodecError::Grid(GridError::Count { .. })), "{long}");
         let long = with(2, 4, &(1u32 << 23).to_le_bytes());

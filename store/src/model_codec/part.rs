@@ -1,11 +1,11 @@
-//! The parts of a model: what a method recognises by is read without the rest.
+//! Parts of a model, which methods read independently.
 
 use super::{
     APPEARANCE_BLOCK, APPEARANCE_REPORT_BLOCK, GEOMETRY_BLOCK, SURFACE_BLOCK, VOCABULARY_BLOCK,
 };
 
 /// A part of a model that some methods need and others do not. The vocabulary of pair maps
-/// belongs to every part: it is small, and no model is without.
+/// belongs to every part: it is small and always present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ModelPart {
     /// Maps of pairs of touches.
@@ -22,7 +22,7 @@ impl ModelPart {
     /// All parts.
     pub const ALL: [Self; 4] = [Self::PairMaps, Self::Geometry, Self::Appearance, Self::Surfaces];
 
-    /// Whether a block, by its name, is of this part and of no other.
+    /// Whether a block, by its name, belongs to this part alone.
     #[must_use]
     pub fn owns(self, block: &str) -> bool {
         let kind = block.split_once('/').map_or(block, |(kind, _)| kind);
@@ -34,7 +34,7 @@ impl ModelPart {
         }
     }
 
-    /// Whether a block has to be read for this part.
+    /// Whether this part needs a block.
     #[must_use]
     pub fn needs(self, block: &str) -> bool {
         block == VOCABULARY_BLOCK || self.owns(block)
@@ -52,7 +52,7 @@ mod tests {
     };
 
     #[test]
-    fn every_block_of_a_model_but_the_vocabulary_is_of_one_part() {
+    fn every_block_but_the_vocabulary_belongs_to_one_part() {
         let object = Uuid::from_u128(7);
         let blocks = [
             (map_block_name(object), ModelPart::PairMaps),

@@ -1,20 +1,20 @@
-//! Takes a block apart from front to back; nothing is allocated that the block does not hold.
+//! Reader of a block's numbers in order; allocates nothing beyond the block's length.
 
 use super::{CodecError, FORM};
 
-/// Takes a block's parts from front to back.
+/// Reads a block's parts in order.
 pub(super) struct Reader<'block> {
     block: &'block [u8],
     at: usize,
 }
 
 impl<'block> Reader<'block> {
-    /// Begins behind the form's number, which is checked.
+    /// Starts after the form number, which must be the common one.
     pub(super) fn new(block: &'block [u8]) -> Result<Self, CodecError> {
         Ok(Self::of_forms(block, FORM)?.0)
     }
 
-    /// Begins behind the form's number, and gives it: any up to `newest`.
+    /// Starts after the form number and returns it: any up to `newest`.
     pub(super) fn of_forms(block: &'block [u8], newest: u32) -> Result<(Self, u32), CodecError> {
         let mut reader = Self { block, at: 0 };
         match reader.number()? {
@@ -60,7 +60,7 @@ impl<'block> Reader<'block> {
         }
     }
 
-    /// `n` numbers of 32 bits; which of them make sense is for the caller to check.
+    /// Reads `n` numbers of 32 bits; the caller checks their values.
     pub(super) fn singles(&mut self, n: usize) -> Result<Vec<f32>, CodecError> {
         let bytes = self.take(n, 4)?.as_chunks::<4>().0;
         Ok(bytes.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())

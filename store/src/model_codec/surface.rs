@@ -1,9 +1,9 @@
-//! Trained surfaces ↔ blocks: one shared by all objects, one for each object's touches, and
-//! one for its symmetry.
+//! Conversion between trained surfaces and blocks: one shared, and two for each object.
 //!
-//! The shared block holds the appearance space and the calibration of evidence. What looks
-//! touches up (voxels, pairs) is built anew from the touches when a block is read: it follows
-//! from them, and is ten times as large. Metres, object frames; drawn in `docs/formats.md`.
+//! The shared block holds the appearance space and the calibration of evidence; an object has
+//! one block for its touches and one for its symmetry. The look-up structures (voxels, pairs)
+//! are rebuilt from the touches when a block is read: they are derived, and ten times as
+//! large. Metres, object frames; drawn in `docs/formats.md`.
 
 use std::sync::Arc;
 
@@ -25,32 +25,32 @@ use super::symmetry::{symmetry_block_name, symmetry_from_block, symmetry_to_bloc
 use super::writer::{put_counts, put_floats, put_singles};
 use super::{CodecError, FORM, count};
 
-/// The name of the block with the appearance space and the calibration.
+/// Name of the block with the appearance space and the calibration.
 pub const SURFACE_BLOCK: &str = "surface";
-/// The form of that block: form 1 did not say what the calibration was learnt on, and held the
-/// evidence of "none of these" against the sum of all objects' instead of their mean.
+/// Form of that block. Form 1 did not contain the data behind the calibration, and compared
+/// the evidence of "none of these" with the sum of all objects' instead of their mean.
 const SHARED_FORM: u32 = 2;
-/// What was stored in form 1 when nothing could be learnt.
+/// Calibration stored in form 1 when nothing could be learnt.
 const NOT_LEARNT_IN_FORM_1: [f64; 9] = [1.0, 0.0, 0.0, 1.2, 0.0, 0.0, 2.5, 13.0, 8.5];
-/// The most objects that a calibration was learnt on.
+/// Maximum number of objects behind a calibration.
 const OBJECTS_MAX: u32 = 1 << 20;
-/// The most features that say how touches anywhere look.
+/// Maximum number of background features.
 const ANYWHERE_MAX: u32 = 1 << 16;
-/// Numbers of a patch beside its feature.
+/// Number of values of a patch beside its feature.
 const PATCH_SINGLES: usize = 11;
-/// Numbers of a layout beside the patches that are paired.
+/// Number of values of a layout beside the paired patches.
 const LAYOUT_SINGLES: usize = 4;
 
-/// The name of the block with an object's surface.
+/// Name of the block with an object's surface.
 #[must_use]
 pub fn surface_block_name(object: Uuid) -> String {
     format!("{SURFACE_BLOCK}/{object}")
 }
 
-/// What is stored of one object.
+/// The blocks of one object.
 pub(super) struct ObjectBlocks<'block> {
     pub(super) surface: &'block [u8],
-    /// Not there in versions of old: the object is read as one without symmetry.
+    /// Missing in old versions: the object is read as one without symmetry.
     pub(super) symmetry: Option<&'block [u8]>,
 }
 
@@ -115,7 +115,7 @@ fn basis_from_block(reader: &mut Reader<'_>) -> Result<CalibrationBasis, CodecEr
     })
 }
 
-/// A calibration of form 1, of a catalogue of so many objects.
+/// A calibration of form 1, of a catalogue of `n_objects`.
 fn calibration_of_form_1(stages: [EvidenceStage; 3], n_objects: usize) -> EvidenceCalibration {
     let numbers = stages.map(|s| [s.temperature, s.unknown, s.unknown_per_touch]);
     if numbers.as_flattened() == NOT_LEARNT_IN_FORM_1 {
@@ -272,7 +272,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn surfaces_come_back_bit_by_bit_with_what_looks_them_up() {
+    fn surfaces_and_their_lookup_are_restored_bit_by_bit() {
         let objects = [Uuid::from_u128(1), Uuid::from_u128(2)];
         let blocks = to_blocks(&model(), &objects);
         let names: Vec<&str> = blocks.iter().map(|(name, _)| name.as_str()).collect();
@@ -309,17 +309,17 @@ pub(super) mod tests {
         assert!(map_from_block(&[surface, vec![0]].concat()).is_err());
     }
 
-    /// The shared block as form 1 had it: what the calibration rests on was not in it.
+    /// The shared block in form 1, without the data behind the calibration.
     fn in_form_1(model: &SurfaceModel) -> Vec<u8> {
         let mut block = shared_to_block(model);
         block[0] = 1;
-        // Behind six counts, two sizes and nine numbers of the calibration.
+        // After six counts, two sizes and nine numbers of the calibration.
         block.drain(112..120);
         block
     }
 
     #[test]
-    fn what_a_calibration_rests_on_comes_back() {
+    fn the_data_behind_a_calibration_is_restored() {
         for basis in [CalibrationBasis::OneObject, CalibrationBasis::FewReadings] {
             let mut model = model();
             model.calibration.basis = basis;
@@ -329,12 +329,12 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_calibration_of_form_1_states_what_it_stated() {
+    fn a_calibration_of_form_1_gives_the_same_evidence() {
         let block = in_form_1(&model());
         let (_, found) = shared_from_block(&block, 20).unwrap();
         assert_eq!(found.basis, CalibrationBasis::HeldBack { objects: 0 });
         let (stage, stored) = (found.stages[2], model().calibration.stages[2]);
-        // Held against the mean of twenty objects instead of their sum.
+        // Compared with the mean of twenty objects instead of their sum.
         let sums = stored.unknown / stored.temperature - 20f64.ln();
         assert!((stage.unknown / stage.temperature - sums).abs() < 1e-12, "{stage:?}");
         assert_eq!(
@@ -344,7 +344,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_calibration_of_form_1_that_was_not_learnt_says_so() {
+    fn an_unlearnt_calibration_of_form_1_is_recognised() {
         let mut model = model();
         let numbers = NOT_LEARNT_IN_FORM_1.as_chunks::<3>().0;
         for (stage, [temperature, unknown, unknown_per_touch]) in
@@ -363,14 +363,14 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn numbers_that_make_no_surface_are_refused() {
+    fn invalid_surfaces_are_refused() {
         let block = map_to_block(&map(12, 3));
         let with = |at: usize, bytes: &[u8]| {
             let mut block = block.clone();
             block[at..at + bytes.len()].copy_from_slice(bytes);
             map_from_block(&block).unwrap_err()
         };
-        // Behind three counts and the origin: the layout, then the first patch.
+        // After three counts and the origin: the layout, then the first patch.
         assert_eq!(with(36, &0f32.to_le_bytes()), CodecError::Surface);
         let nan = with(52, &f32::NAN.to_le_bytes());
         assert!(matches!(nan, CodecError::Finite { field: "patches", .. }));

@@ -1,7 +1,7 @@
-//! The symmetry of one object ↔ its block. Metres, object frame; drawn in `docs/formats.md`.
+//! Conversion between the symmetry of one object and its block.
 //!
-//! A block of its own: versions stored before symmetries were discovered have none, and are
-//! read as if no object had one.
+//! Metres, object frame; drawn in `docs/formats.md`. Versions stored before symmetries were
+//! discovered have no such block, and are read as if no object had one.
 
 use glam::DVec3;
 use palpate_core::symmetry::{AxisOrder, ORDER_MAX, Symmetry};
@@ -11,14 +11,14 @@ use super::reader::Reader;
 use super::writer::{put_counts, put_floats};
 use super::{CodecError, FORM, count};
 
-/// More axes than any group of turns has: an icosahedron has 31.
+/// More axes than any group of rotations has: an icosahedron has 31.
 const AXES_MAX: u32 = 64;
-/// The order that stands for every turn.
+/// The order of a continuous axis.
 const CONTINUOUS: u32 = 0;
-/// How far the norm of a direction may miss 1.
+/// Tolerance of a direction's norm about 1.
 const NORM_TOLERANCE: f64 = 1e-6;
 
-/// The name of the block with an object's symmetry.
+/// Name of the block with an object's symmetry.
 #[must_use]
 pub fn symmetry_block_name(object: Uuid) -> String {
     format!("symmetry/{object}")
@@ -46,7 +46,7 @@ pub fn symmetry_to_block(symmetry: &Symmetry) -> Vec<u8> {
 /// The symmetry of a block.
 ///
 /// # Errors
-/// [`CodecError`] says which number is wrong.
+/// [`CodecError`] names the invalid number.
 pub fn symmetry_from_block(block: &[u8]) -> Result<Symmetry, CodecError> {
     let mut reader = Reader::new(block)?;
     let n_axes = reader.count("axes", 0, AXES_MAX)?;
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn symmetries_come_back_bit_by_bit() {
+    fn symmetries_are_restored_bit_by_bit() {
         let spindle = Symmetry::through(DVec3::ZERO, &[(DVec3::Y, AxisOrder::Continuous)]);
         for symmetry in [Symmetry::NONE, wheel(), spindle] {
             assert_eq!(symmetry_from_block(&symmetry_to_block(&symmetry)), Ok(symmetry));
@@ -104,13 +104,13 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_make_no_axis_are_refused() {
+    fn invalid_axes_are_refused() {
         let with = |at: usize, bytes: &[u8]| {
             let mut block = symmetry_to_block(&wheel());
             block[at..at + bytes.len()].copy_from_slice(bytes);
             symmetry_from_block(&block).unwrap_err()
         };
-        // Behind two counts and the centre: the first axis's order, then its direction.
+        // After two counts and the centre: the first axis's order, then its direction.
         assert_eq!(with(32, &1u32.to_le_bytes()), CodecError::Symmetry);
         assert!(matches!(with(32, &31u32.to_le_bytes()), CodecError::Count { found: 31, .. }));
         assert_eq!(with(36, &0.5f64.to_le_bytes()), CodecError::Symmetry);

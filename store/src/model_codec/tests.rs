@@ -1,4 +1,4 @@
-//! A whole model, to blocks and back.
+//! Round trips of a whole model.
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::rng::{Purpose, Stream};
@@ -47,14 +47,14 @@ fn model() -> TrainedModel {
 const OBJECTS: [Uuid; 2] = [Uuid::from_u128(1), Uuid::from_u128(2)];
 
 #[test]
-fn a_model_comes_back_bit_by_bit() {
+fn a_model_is_restored_bit_by_bit() {
     let blocks = model_to_blocks(&model(), &OBJECTS);
     assert_eq!(blocks.len(), 3);
     assert_eq!(model_from_blocks(&blocks, &OBJECTS), Ok(model()));
 }
 
 #[test]
-fn a_model_with_geometry_comes_back_and_needs_the_geometry_of_every_object() {
+fn geometry_is_restored_and_needs_every_objects_block() {
     let geometric = Some(Arc::new(geometry::tests::model()));
     let model = TrainedModel { geometric, ..model() };
     let blocks = model_to_blocks(&model, &OBJECTS);
@@ -64,7 +64,7 @@ fn a_model_with_geometry_comes_back_and_needs_the_geometry_of_every_object() {
 }
 
 #[test]
-fn a_model_with_appearance_comes_back_with_and_without_maps() {
+fn appearance_is_restored_with_and_without_maps() {
     let appearance = Some(Arc::new(appearance::tests::model()));
     let (mean, medoids, spreads) = (Vec::new(), Vec::new(), Vec::new());
     let trained = (*model().sva).clone();
@@ -82,7 +82,7 @@ fn a_model_with_appearance_comes_back_with_and_without_maps() {
 }
 
 #[test]
-fn a_model_with_surfaces_comes_back_and_needs_the_surface_of_every_object() {
+fn surfaces_are_restored_and_need_every_objects_block() {
     let surface = Some(Arc::new(surface::tests::model()));
     let model = TrainedModel { surface, ..model() };
     let blocks = model_to_blocks(&model, &OBJECTS);
@@ -92,7 +92,7 @@ fn a_model_with_surfaces_comes_back_and_needs_the_surface_of_every_object() {
 }
 
 #[test]
-fn an_object_may_be_left_out_or_be_in_another_place() {
+fn objects_may_be_omitted_or_reordered() {
     let blocks = model_to_blocks(&model(), &OBJECTS);
     let turned = model_from_blocks(&blocks, &[OBJECTS[1]]).unwrap();
     assert_eq!(turned.sva.objects, [Arc::clone(&model().sva.objects[1])]);
@@ -114,7 +114,7 @@ fn a_cut_or_longer_block_is_refused() {
 }
 
 #[test]
-fn what_does_not_fit_is_named() {
+fn invalid_blocks_are_refused_by_fault() {
     let block = map_to_block(&map(12, 3));
     let with = |at: usize, bytes: &[u8]| {
         let mut block = block.clone();

@@ -1,4 +1,4 @@
-//! Puts a block together: little-endian numbers one after the other.
+//! Writer of a block: little-endian numbers one after the other.
 
 pub(super) fn put_counts(block: &mut Vec<u8>, counts: &[u32]) {
     block.extend(counts.iter().flat_map(|count| count.to_le_bytes()));

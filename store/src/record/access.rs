@@ -1,5 +1,4 @@
-//! API keys, the names of robots that belong to them, and entries of the audit log as they are
-//! stored.
+//! Stored forms of API keys, the names of robots that they own, and entries of the audit log.
 
 use bincode::{Decode, Encode};
 use uuid::Uuid;
@@ -19,7 +18,7 @@ struct AccessKeyRecordV1 {
     name: String,
     role: u8,
     hash: [u8; 32],
-    /// The hash before the last rotation, and from when on it is refused.
+    /// The hash before the last rotation, and the time from which it is refused.
     previous: Option<([u8; 32], u64)>,
     created_at_ms: u64,
     expires_at_ms: Option<u64>,
@@ -99,7 +98,7 @@ struct AuditRecordV1 {
     n_left_out: u32,
 }
 
-/// Schema 1 with how often it was asked, and when the last time.
+/// Schema 1 with the number of requests and the time of the last.
 #[derive(Encode, Decode)]
 struct AuditRecordV2 {
     first: AuditRecordV1,
@@ -137,7 +136,7 @@ impl Record for AuditEntry {
     }
 }
 
-/// An entry of schema 1: it was asked once.
+/// An entry of schema 1: one request.
 fn once(stored: AuditRecordV1) -> Result<AuditEntry, RecordError> {
     let role = stored.role.map(|role| coded(&ROLES, "role", role)).transpose()?;
     Ok(AuditEntry {

@@ -1,4 +1,4 @@
-//! Calibrations as they are stored.
+//! Stored forms of calibrations.
 
 use bincode::{Decode, Encode};
 use palpate_core::sensor::line::{Goodness, Line};
@@ -17,7 +17,7 @@ struct CalibrationRecordV1 {
     number: u32,
     /// Slope and offset.
     target: [f64; 2],
-    /// R² and residual as measured, R² and residual corrected.
+    /// R² and residual, as measured and corrected.
     goodness: [f64; 4],
     n_presses: u32,
     taxels: Vec<TaxelV1>,

@@ -1,8 +1,7 @@
-//! Journal entries as they are stored: schema 5, which is schema 4 and the key that wrote them.
+//! Stored forms of journal entries: schema 5, which is schema 4 and the writer's API key.
 //!
-//! Entries of schema 4 are read as ones whose key was not recorded, and stay as they are. Schemas
-//! 1 to 3 are those of layout 1; `migrations` turns them into later ones, and nothing else reads
-//! them.
+//! Entries of schema 4 are read as ones without a recorded key, and stay unchanged. Schemas 1
+//! to 3 belong to layout 1; `migrations` converts them, and nothing else reads them.
 
 use bincode::{Decode, Encode};
 use palpate_core::pose::Pose;
@@ -93,7 +92,7 @@ impl Record for Entry {
     }
 }
 
-/// An entry of schema 4, whose key was not recorded.
+/// An entry of schema 4, without a recorded key.
 fn unsigned(stored: JournalEntryV4) -> Result<Entry, RecordError> {
     let event = match stored.event {
         EventV4::Reading {
@@ -127,8 +126,8 @@ fn unsigned(stored: JournalEntryV4) -> Result<Entry, RecordError> {
     Ok(Entry { seq, received_at_ms, reading_id, event, written_by: None })
 }
 
-/// A pose bit by bit as it was stored: checked, but not normalised again, so that a reading
-/// that is sent twice equals the stored one.
+/// A pose bit by bit as stored: checked, but not normalised again, so that a repeated reading
+/// equals the stored one.
 fn stored_pose(position: [f64; 3], quaternion_xyzw: [f64; 4]) -> Result<Pose, RecordError> {
     let mut pose = Pose::new(position, quaternion_xyzw)?;
     let [x, y, z, w] = quaternion_xyzw;

@@ -1,8 +1,9 @@
-//! The base: an immutable file of sorted pairs, what a compaction writes.
+//! The base: an immutable file of sorted pairs, the result of a compaction.
 //!
 //! Blocks of pairs in ascending order of their keys, each with a CRC-32; then an index of the
-//! blocks' first keys; then a footer. `docs/formats.md` draws it. A file is made durable before
-//! `current` names it and never changes afterwards, so readers share it without a lock.
+//! blocks' first keys; then a footer. `docs/formats.md` draws it. A file is made durable
+//! before `current` names it and never changes afterwards, so readers share it without a
+//! lock.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -14,22 +15,21 @@ use crate::engine::{KEY_BYTES_MAX, Pair, VALUE_BYTES_MAX};
 
 const MAGIC: [u8; 4] = *b"PLPB";
 const VERSION: u32 = 1;
-/// Magic, version u32, index at u64, index length u64, pairs u64, CRC-32 of the index, CRC-32 of
-/// these; little-endian.
+/// Length of the footer: magic, version u32, index at u64, index length u64, pairs u64,
+/// CRC-32 of the index, CRC-32 of these; little-endian.
 const FOOTER_BYTES: usize = 40;
-/// A block ends with the first pair that makes it as long. Chosen: a read of one key costs one
-/// block, the index costs memory for each.
+/// Length at which a block ends with the pair that reaches it. Chosen: a read of one key
+/// costs one block, the index costs memory for each.
 const BLOCK_BYTES: usize = 8 << 10;
-/// No block is longer: the pair that ends it, and its checksum.
+/// Maximum length of a block: with the pair that ends it, and its checksum.
 const BLOCK_BYTES_MAX: usize = BLOCK_BYTES + PAIR_HEAD_BYTES + KEY_BYTES_MAX + VALUE_BYTES_MAX + 4;
-/// Length of the key u16, length of the value u16.
+/// Length of a pair's head: length of the key u16, length of the value u16.
 const PAIR_HEAD_BYTES: usize = 4;
 const CHECKSUM_BYTES: usize = 4;
-/// How much is written before it is synced: one sync of everything would hold up the log's.
-/// Chosen.
+/// Number of bytes between syncs: one sync of everything would delay the log's. Chosen.
 const SYNC_BYTES: u64 = 4 << 20;
 
-/// A file of sorted pairs that is open.
+/// An open file of sorted pairs.
 #[derive(Debug)]
 pub(super) struct Base {
     file: File,
@@ -37,7 +37,7 @@ pub(super) struct Base {
     blocks: Vec<Block>,
 }
 
-/// Where a block lies, and the key that it begins with.
+/// Position of a block, and its first key.
 #[derive(Debug)]
 struct Block {
     first: Box<[u8]>,
@@ -45,7 +45,7 @@ struct Block {
     length: u32,
 }
 
-/// A file of sorted pairs that is being written.
+/// Writer of a file of sorted pairs.
 #[derive(Debug)]
 pub(super) struct BaseWriter {
     file: BufWriter<File>,
@@ -60,7 +60,7 @@ pub(super) struct BaseWriter {
 }
 
 impl BaseWriter {
-    /// Begins a file, in place of one of that name.
+    /// Creates a file, replacing one of that name.
     pub(super) fn create(path: &Path) -> io::Result<Self> {
         Ok(Self {
             file: BufWriter::with_capacity(1 << 20, File::create(path)?),
@@ -74,7 +74,7 @@ impl BaseWriter {
         })
     }
 
-    /// Appends a pair, whose key is greater than all before.
+    /// Appends a pair, whose key must be greater than all before.
     pub(super) fn put(&mut self, key: &[u8], value: &[u8]) -> io::Result<()> {
         let too_long = |_| io::Error::other("a key or a value is too long for a base");
         if self.block.is_empty() {
@@ -134,7 +134,7 @@ impl BaseWriter {
 }
 
 impl Base {
-    /// Opens a file that was finished.
+    /// Opens a finished file.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         let damaged = |what: &str| damage(path, what);
         let file = File::open(path)?;
@@ -185,7 +185,7 @@ impl Base {
         }
     }
 
-    /// Keys that cut the file into `n` parts of about the same length.
+    /// Keys that divide the file into `n` parts of about the same length.
     pub(super) fn cuts(&self, n: usize) -> Vec<Vec<u8>> {
         let places = (1..n).map(|part| self.blocks.len() * part / n);
         let mut keys: Vec<Vec<u8>> =
@@ -214,10 +214,10 @@ impl Base {
     }
 }
 
-/// The pairs of a base from some key on.
+/// The pairs of a base from a key on.
 pub(super) struct BaseRange {
     base: Arc<Base>,
-    /// The block that is read next.
+    /// Index of the next block.
     place: usize,
     pairs: std::vec::IntoIter<Pair>,
     start: Bound<Vec<u8>>,
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_base_gives_back_what_was_put_in() {
+    fn a_base_returns_its_pairs() {
         let folder = tempfile::tempdir().unwrap();
         for n in [0, 1, 500] {
             let pairs = pairs(n);
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flipped_bit_or_a_missing_end_of_a_base_is_found() {
+    fn flipped_bits_and_truncation_of_a_base_are_detected() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("base");
         written(&path, &pairs(40));

@@ -1,12 +1,12 @@
-//! Compaction: room of removed and replaced records is given back while requests go on.
+//! Compaction: frees the space of removed and replaced records while requests go on.
 //!
-//! In four steps, driven by the writer between two groups of commits:
-//! a thread makes a new sled; the writer puts it on top, so that what is below changes no more;
-//! a thread merges what is below into a base (`merging`); the writer puts that in its place; a
-//! thread removes the old files. The writer itself only writes a tally, a few hundred bytes of
-//! `current`, and waits for their syncs. Killed at any moment, the database is what `current`
-//! says: before the second step as it was, after it with a frozen sled whose merge begins again
-//! at the next opening, after the third with files that are removed then.
+//! In four steps, driven by the writer between two groups of commits: a thread creates a new
+//! sled; the writer puts it on top, so that the levels below no longer change; a thread
+//! merges these into a base (`merging`); the writer replaces them by it; a thread removes the
+//! old files. The writer itself only writes a tally and a few hundred bytes of `current`, and
+//! waits for their syncs. After a kill at any moment `current` defines the database: before
+//! the second step as it was, after it with a frozen sled whose merge restarts at the next
+//! opening, after the third with old files that are removed then.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -27,44 +27,45 @@ use super::writer::Writer;
 use super::{DATA_FILE, SledOptions, guarded};
 use crate::engine::{Compacted, EngineError, OpenError};
 
-/// How often the writer looks how much is stored. Chosen: a burst of a second is far below the
-/// slack.
+/// Interval at which the writer checks the stored bytes. Chosen: a burst of a second is far
+/// below the slack.
 const LOOKING: Duration = Duration::from_secs(1);
-/// How long after a failure none begins by itself. Chosen: a full disk is not tried all the time.
+/// Pause after a failure before the next automatic start. Chosen: a full disk is not tried
+/// all the time.
 const BACKOFF: Duration = Duration::from_secs(60);
-/// How often removing a file is tried: a sled lets go of its files a moment after it is closed.
+/// Attempts to remove a file: a sled releases its files a moment after it is closed.
 const REMOVALS: u32 = 100;
 const REMOVAL_PAUSE: Duration = Duration::from_millis(20);
 type Answer = oneshot::Sender<Result<Compacted, EngineError>>;
 
-/// Where a compaction stops for good, as if the process had been killed: for tests.
+/// For tests: step at which a compaction stops for good, as if the process had been killed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Halt {
-    /// A new sled is made, and is not on top yet.
+    /// The new sled exists, and is not on top yet.
     Prepared,
-    /// It is on top.
+    /// The new sled is on top.
     Frozen,
     /// This many pairs are merged.
     Merging(u64),
-    /// The base is whole, and not in its place yet.
+    /// The base is complete, and not in place yet.
     Merged,
-    /// It is in its place, and the old files are there too.
+    /// The base is in place, and the old files still exist.
     Switched,
 }
 
-/// A compaction, and when the next one begins.
+/// State of the compaction, and the time of the next one.
 #[derive(Debug)]
 pub(super) struct Compaction {
     folder: PathBuf,
     options: SledOptions,
     current: Current,
     stage: Stage,
-    /// Who asked, and waits.
+    /// Callers that wait for it.
     waiting: Vec<Answer>,
     stop: Arc<AtomicBool>,
     looked: Option<Instant>,
     failed: Option<Instant>,
-    /// Commits when the last one ended.
+    /// Number of commits at the end of the last one.
     commits: Option<u64>,
     before_bytes: u64,
 }
@@ -94,17 +95,17 @@ impl Compaction {
         }
     }
 
-    /// Whether none is under way.
+    /// Whether no compaction is in progress.
     pub(super) fn is_calm(&self) -> bool {
         matches!(self.stage, Stage::None | Stage::Halted)
     }
 
-    /// Begins one, or joins the one that is under way.
+    /// Starts a compaction, or joins the one in progress.
     pub(super) fn ask(&mut self, answer: Answer) {
         self.waiting.push(answer);
     }
 
-    /// Ends what is under way; the next opening goes on.
+    /// Ends the compaction in progress; the next opening resumes it.
     pub(super) fn stop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         let is_sound = match std::mem::replace(&mut self.stage, Stage::None) {
@@ -120,7 +121,7 @@ impl Compaction {
 
     fn answer(&mut self, result: &Result<Compacted, EngineError>) {
         for answer in self.waiting.drain(..) {
-            // Whoever asked may have gone away.
+            // The caller may have gone away.
             let _ = answer.send(result.clone());
         }
     }
@@ -131,7 +132,7 @@ impl Compaction {
         self.answer(&Err(error));
     }
 
-    /// Stops for good where a test wants it.
+    /// Stops for good at the step of a test.
     fn halts(&mut self, at: Halt) -> bool {
         let halts = self.options.halt == Some(at);
         if halts {
@@ -143,7 +144,7 @@ impl Compaction {
 }
 
 impl Writer {
-    /// Goes on with a compaction as far as it can without waiting. Called between two groups.
+    /// Advances a compaction as far as possible without waiting. Called between two groups.
     pub(super) fn tend(&mut self) {
         match std::mem::replace(&mut self.compaction.stage, Stage::None) {
             Stage::None => self.begin_if_due(),
@@ -171,8 +172,8 @@ impl Writer {
         }
     }
 
-    /// Begins where somebody asks for it, where one was interrupted, and where too much room is
-    /// taken; not where its copy would not fit.
+    /// Starts a compaction if it is requested, was interrupted, or too much space is used;
+    /// not if its copy would not fit.
     fn begin_if_due(&mut self) {
         let is_asked = !self.compaction.waiting.is_empty();
         let is_soon = |then: &Option<Instant>, after| then.is_some_and(|t| t.elapsed() < after);
@@ -235,7 +236,8 @@ impl Writer {
     }
 
     fn put_on_top(&mut self, number: u64, top: Layer) -> Result<(), EngineError> {
-        // The frozen sled says which sum the copy must have; one without commits has no tally.
+        // The frozen sled stores the sum that the copy must have; one without commits has no
+        // tally.
         if guarded("reading", || self.levels.top.get(&TALLY_KEY))?.is_none() {
             self.write_tally()?;
             self.flush()?;
@@ -253,7 +255,7 @@ impl Writer {
         })?;
         let old = self.compaction.current;
         let current = Current { top: number, frozen: Some(old.top), base: old.base };
-        // A `current` that was not made durable may be there all the same after a restart.
+        // A `current` that was not made durable may exist after a restart nevertheless.
         let written = current.write(&self.compaction.folder).map_err(failed);
         self.poison_if_failed(written)?;
         let levels =
@@ -269,7 +271,7 @@ impl Writer {
         self.shared.set_levels(Arc::clone(&self.levels));
     }
 
-    /// Begins to merge what is below the top.
+    /// Starts to merge the levels below the top.
     fn merge_frozen(&mut self) {
         let Some(frozen) = self.levels.frozen.clone() else { return };
         let number = self.compaction.current.next();
@@ -295,7 +297,7 @@ impl Writer {
         }
     }
 
-    /// Puts the new base in the place of all that is below the top.
+    /// Replaces all levels below the top by the new base.
     fn put_in_place(&mut self, number: u64, base: Base) {
         if self.compaction.halts(Halt::Merged) {
             return;
@@ -340,7 +342,7 @@ impl Writer {
     }
 }
 
-/// Removes what an interrupted compaction left in the folder.
+/// Removes the remains of an interrupted compaction from the folder.
 pub(super) fn tidy(folder: &Path, current: Current) {
     match current.strangers(folder) {
         Ok(strangers) => strangers.iter().for_each(|path| discard(path)),
@@ -348,14 +350,14 @@ pub(super) fn tidy(folder: &Path, current: Current) {
     }
 }
 
-/// Removes a file or folder that is not needed; the next opening tries again.
+/// Removes an unneeded file or folder; the next opening tries again.
 fn discard(path: &Path) {
     if let Err(error) = current::remove(path) {
         tracing::warn!(%error, "Cannot remove {}", path.display());
     }
 }
 
-/// Removes what is not the database any more when nobody reads it.
+/// Removes the old files once no reader uses them.
 fn remove(folder: &Path, current: Current, mut before: Arc<Levels>) {
     loop {
         match Arc::try_unwrap(before) {

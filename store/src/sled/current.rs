@@ -1,8 +1,8 @@
-//! Which files are the database: the file `current`, replaced atomically.
+//! The file `current`, which names the database's files and is replaced atomically.
 //!
-//! A folder without `current` is one that was never compacted: `sled` alone. Files that are not
-//! named are leftovers of a compaction that was interrupted, and are removed once the database
-//! has proved to be whole.
+//! A folder without `current` was never compacted: it is `sled` alone. Files that are not
+//! named are remains of an interrupted compaction, and are removed once the database has
+//! proved to be complete.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -13,27 +13,28 @@ const CURRENT_FILE: &str = "current";
 const PART_FILE: &str = "current.part";
 const MAGIC: [u8; 4] = *b"PLPC";
 const VERSION: u32 = 1;
-/// Magic, version u32, top u64, frozen u64, base u64, CRC-32 of these; little-endian.
+/// Length of the file: magic, version u32, top u64, frozen u64, base u64, CRC-32 of these;
+/// little-endian.
 const BYTES: usize = 36;
-/// What stands for no file.
+/// The number for no file.
 const NONE: u64 = u64::MAX;
-/// What names of folders of sled begin with; that of number 0 has nothing else.
+/// Prefix of the names of sled folders; number 0 has no more.
 const SLED: &str = "sled";
 const BASE: &str = "base";
 
-/// The numbers of the files that are the database.
+/// The numbers of the database's files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Current {
     /// The sled that is written to.
     pub(super) top: u64,
-    /// The sled under it, while a compaction is under way.
+    /// The sled under it, during a compaction.
     pub(super) frozen: Option<u64>,
     /// The base under all.
     pub(super) base: Option<u64>,
 }
 
 impl Current {
-    /// What the folder's file says.
+    /// Reads the folder's file.
     pub(super) fn read(folder: &Path) -> io::Result<Self> {
         let bytes = match fs::read(folder.join(CURRENT_FILE)) {
             Ok(bytes) => bytes,
@@ -59,7 +60,7 @@ impl Current {
         Ok(current)
     }
 
-    /// Makes the folder's file say so, durably.
+    /// Writes the folder's file durably.
     pub(super) fn write(self, folder: &Path) -> io::Result<()> {
         let part = folder.join(PART_FILE);
         let mut file = File::create(&part)?;
@@ -93,14 +94,14 @@ impl Current {
         others.chain([self.top]).max().unwrap_or(0) + 1
     }
 
-    /// The files and folders that are the database.
+    /// The database's files and folders.
     pub(super) fn files(self, folder: &Path) -> Vec<PathBuf> {
         let sleds = [Some(self.top), self.frozen].into_iter().flatten();
         let sleds = sleds.map(|number| sled_folder(folder, number));
         sleds.chain(self.base.map(|number| base_file(folder, number))).collect()
     }
 
-    /// Files and folders of compactions that are not the database.
+    /// Files and folders of compactions that do not belong to the database.
     pub(super) fn strangers(self, folder: &Path) -> io::Result<Vec<PathBuf>> {
         let own = self.files(folder);
         Ok(all(folder)?.into_iter().filter(|path| !own.contains(path)).collect())
@@ -120,7 +121,7 @@ pub(super) fn base_file(folder: &Path, number: u64) -> PathBuf {
     folder.join(format!("{BASE}-{number}"))
 }
 
-/// Every sled and base in the folder, whether it counts or not.
+/// All sleds and bases in the folder, named or not.
 fn all(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -137,12 +138,12 @@ fn all(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Bytes of every sled and base in the folder, leftovers too.
+/// Bytes of all sleds and bases in the folder, including remains.
 pub(super) fn stored_bytes(folder: &Path) -> io::Result<u64> {
     all(folder)?.iter().map(|path| bytes_of(path)).sum()
 }
 
-/// Bytes of a file, or of all files of a folder. What has just been removed has none.
+/// Bytes of a file, or of all files of a folder; 0 for one just removed.
 pub(super) fn bytes_of(path: &Path) -> io::Result<u64> {
     let gone = |error: io::Error| match error.kind() {
         io::ErrorKind::NotFound => Ok(0),
@@ -182,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_and_a_flipped_bit_is_found() {
+    fn current_reads_back_and_a_flipped_bit_is_detected() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         assert_eq!(Current::read(folder).unwrap(), Current::default());

@@ -1,10 +1,10 @@
-//! A cut: everything as it was after one commit, read while others write.
+//! A cut: the state after one commit, readable during later writes.
 //!
-//! Sled knows no such thing. So while a cut is read the writer remembers, before it changes a
-//! key that the reader has not passed yet, what the key held; the reader lays that over what
-//! it finds. Both look under one lock, the reader after it has read: what it may have seen
-//! changed is remembered by then. A compaction changes which levels there are, not what they
-//! say, so a cut goes on across it.
+//! Sled has no such thing. While a cut is read, the writer remembers the old value of every
+//! key that it changes and that the reader has not passed yet; the reader overlays these
+//! values. Both take one lock, the reader after it has read: every change it may have seen is
+//! remembered by then. A compaction changes the levels, not their content, so a cut continues
+//! across it.
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
@@ -14,32 +14,32 @@ use super::tally::TALLY_KEY;
 use super::{Shared, guarded};
 use crate::engine::{Cut, EngineError, Pair};
 
-/// No more is remembered for all readers, in bytes: who has most of it is given up.
+/// Maximum number of bytes remembered for all readers; the largest is abandoned above it.
 const BYTES_MAX: usize = 256 << 20;
-/// No more cuts are read at once.
+/// Maximum number of concurrent cuts.
 pub const CUTS_MAX: usize = 4;
-/// What a remembered key costs besides its bytes.
+/// Overhead of a remembered key, bytes.
 const ENTRY_BYTES: usize = 64;
 
-/// What is remembered for the readers of cuts.
+/// Old values remembered for the readers of cuts.
 #[derive(Debug, Default)]
 pub(super) struct Memory(Mutex<Readers>);
 
 #[derive(Debug, Default)]
 struct Readers {
     next: u64,
-    /// By the cut's number.
+    /// By the number of the cut.
     all: BTreeMap<u64, Remembered>,
 }
 
 #[derive(Debug)]
 struct Remembered {
-    /// The reader has all up to here.
+    /// The reader has passed all keys up to this one.
     passed: Vec<u8>,
-    /// What keys behind it held; `None` is nothing.
+    /// Old values of later keys; `None` if the key was absent.
     before: BTreeMap<Vec<u8>, Option<Vec<u8>>>,
     bytes: usize,
-    /// Too much was written: what is remembered is not all.
+    /// Whether too much was written for the memory to be complete.
     is_over: bool,
 }
 
@@ -48,8 +48,8 @@ impl Memory {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins to remember, from the state that the database has now; the cut's number. The writer
-    /// calls it.
+    /// Starts to remember, from the present state, and returns the cut's number. Called by
+    /// the writer.
     pub(super) fn begin(&self) -> Result<u64, EngineError> {
         let mut readers = self.lock();
         if readers.all.len() >= CUTS_MAX {
@@ -67,7 +67,7 @@ impl Memory {
         self.lock().all.remove(&number);
     }
 
-    /// Remembers what `key` holds, which is about to change. The writer calls it.
+    /// Remembers the value of `key`, which is about to change. Called by the writer.
     pub(super) fn note(&self, key: &[u8], value: Option<&[u8]>) {
         let mut readers = self.lock();
         for remembered in readers.all.values_mut() {
@@ -113,7 +113,7 @@ impl Cut for SledCut {
             })?;
             let is_last = page.len() < limit.max(1);
             let found = self.as_before(page, is_last)?;
-            // A page of keys that are all new holds nothing of the cut.
+            // A page of new keys alone contains nothing of the cut.
             if !found.is_empty() || is_last {
                 return Ok(found);
             }
@@ -122,7 +122,7 @@ impl Cut for SledCut {
 }
 
 impl SledCut {
-    /// The pairs of a page as they were, and the page passed.
+    /// The old pairs of a page, which is then passed.
     fn as_before(&self, page: Vec<Pair>, is_last: bool) -> Result<Vec<Pair>, EngineError> {
         let mut readers = self.memory.lock();
         let remembered = readers.all.get_mut(&self.number).ok_or(EngineError::Stopped)?;
@@ -144,7 +144,7 @@ impl SledCut {
         remembered.bytes =
             remembered.before.iter().map(|(key, value)| size(key, value.as_deref())).sum();
         if is_last {
-            // Behind every key: what is written from now on is of no interest.
+            // Beyond every key: later writes are not remembered.
             remembered.passed = vec![0xff; crate::engine::KEY_BYTES_MAX + 1];
         } else if let Some(end) = end {
             remembered.passed = end;

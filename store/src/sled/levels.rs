@@ -1,8 +1,8 @@
-//! The levels: a sled that is written to, over one that is frozen, over a base.
+//! The levels: the sled that is written to, over a frozen one, over a base.
 //!
-//! A key has the value that the uppermost level with it says; a level that says "removed" hides
-//! those below. Only the top changes. A reader holds an [`Arc`] of the levels for one operation;
-//! which levels there are changes between two commits, and both say the same of every key.
+//! The uppermost level that knows a key has its value; "removed" in a level hides the key
+//! below. Only the top changes. A reader holds an [`Arc`] of the levels for one operation.
+//! The levels are replaced between two commits by others with the same content.
 
 use std::cmp::Ordering;
 use std::io;
@@ -14,12 +14,12 @@ use super::base::Base;
 use super::tally::TALLY_KEY;
 use crate::engine::Pair;
 
-/// What a stored value begins with, where a level below may have the key too.
+/// First byte of a stored value, where a level below may have the key too.
 const VALUE: u8 = 1;
-/// What stands for a removed key there.
+/// Stored form of a removed key there.
 const REMOVED: [u8; 1] = [0];
 
-/// A sled, and how its values are written.
+/// A sled, and the form of its values.
 #[derive(Clone, Debug)]
 pub(super) struct Layer {
     pub(super) db: ::sled::Db,
@@ -27,17 +27,17 @@ pub(super) struct Layer {
     pub(super) form: Form,
 }
 
-/// How a sled's values are written.
+/// Form of a sled's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
-    /// As they are: nothing is ever below it.
+    /// Unchanged: no level is ever below it.
     Plain,
-    /// Behind a byte that says whether the key was removed.
+    /// After a byte that says whether the key was removed.
     Tagged,
 }
 
 impl Form {
-    /// The form of the sled with a number: `sled` is older than compactions.
+    /// The form of a sled by its number; number 0 is older than compactions.
     pub(super) fn of(number: u64) -> Self {
         if number == 0 { Self::Plain } else { Self::Tagged }
     }
@@ -50,7 +50,7 @@ impl Form {
         }
     }
 
-    /// The value, `None` of a removed key.
+    /// The value, `None` for a removed key.
     fn decode(self, stored: &[u8]) -> ::sled::Result<Option<Vec<u8>>> {
         match (self, stored.split_first()) {
             (Self::Plain, _) => Ok(Some(stored.to_vec())),
@@ -69,7 +69,7 @@ type Said = (Vec<u8>, Option<Vec<u8>>);
 type Saying = Box<dyn Iterator<Item = ::sled::Result<Said>>>;
 
 impl Layer {
-    /// What this level says of a key; `None` is nothing.
+    /// This level's entry for a key; `None` if it has none.
     pub(super) fn get(&self, key: &[u8]) -> ::sled::Result<Option<Option<Vec<u8>>>> {
         self.db.get(key)?.map(|stored| self.form.decode(&stored)).transpose()
     }
@@ -83,7 +83,7 @@ impl Layer {
     }
 }
 
-/// The levels of a database, at one time.
+/// The levels of a database at one time.
 #[derive(Clone, Debug)]
 pub(super) struct Levels {
     pub(super) top: Layer,
@@ -123,9 +123,9 @@ impl Levels {
         Merged { sources: sleds.chain(base).map(Iterator::peekable).collect() }
     }
 
-    /// What a write does to the top: `None` removes.
+    /// Adds a write to the batch of the top; `None` removes.
     ///
-    /// A removed key leaves a trace only where a level below has it: records that come and go
+    /// A removed key leaves an entry only if a level below has it: records that come and go
     /// between two compactions leave none.
     pub(super) fn write(
         &self,
@@ -142,7 +142,7 @@ impl Levels {
     }
 }
 
-/// The pairs of all levels, the uppermost of each key.
+/// The pairs of all levels, the uppermost for each key.
 pub(super) struct Merged {
     /// From the top down.
     sources: Vec<std::iter::Peekable<Saying>>,

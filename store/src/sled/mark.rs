@@ -1,9 +1,9 @@
-//! The mark: how many commits were acknowledged, in a file beside sled's.
+//! The mark: the number of acknowledged commits, in a file beside sled's.
 //!
-//! When the end of sled's log is damaged, sled takes what is before for the whole, tally
-//! included; the mark knows better. It is written after the log is durable and before a commit
-//! is acknowledged, so it never runs ahead, into two places in turn, so that one is always
-//! whole. A `kill -9` loses nothing that is written; for a loss of power it is synced at most
+//! When the end of sled's log is damaged, sled takes the part before for the whole, tally
+//! included; the mark reveals it. It is written after the log is durable and before a commit
+//! is acknowledged, so it never runs ahead, into two slots in turn, so that one is always
+//! undamaged. A `kill -9` loses nothing written; against a loss of power it is synced at most
 //! every second, since a sync of its own would halve the rate of commits.
 
 use std::fs::{File, OpenOptions};
@@ -15,20 +15,20 @@ use std::time::{Duration, Instant};
 pub(super) const MARK_FILE: &str = "mark";
 const MAGIC: [u8; 4] = *b"PLPM";
 const VERSION: u32 = 1;
-/// Magic, version u32, commits u64, CRC-32 of these; little-endian.
+/// Length of a slot: magic, version u32, commits u64, CRC-32 of these; little-endian.
 const SLOT_BYTES: usize = 20;
-/// Where the two places begin: in different sectors.
+/// Offsets of the two slots, in different sectors.
 const PLACES: [u64; 2] = [0, 512];
 const SYNC_INTERVAL: Duration = Duration::from_secs(1);
 
-/// What a mark says.
+/// Content of a mark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
     /// There is no file.
     Absent,
-    /// There is a file, and none of its places is whole.
+    /// Neither of the file's slots is undamaged.
     Damaged,
-    /// So many commits were acknowledged.
+    /// Number of acknowledged commits.
     Commits(u64),
 }
 
@@ -55,7 +55,7 @@ pub(super) fn read(folder: &Path) -> io::Result<Found> {
 }
 
 impl Mark {
-    /// Opens the mark of a folder, made if there is none, and sets it to `commits`.
+    /// Opens the mark of a folder, created if missing, and sets it to `commits`.
     pub(super) fn open(folder: &Path, commits: u64) -> io::Result<Self> {
         let path = folder.join(MARK_FILE);
         let file = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
@@ -68,7 +68,7 @@ impl Mark {
         Ok(mark)
     }
 
-    /// Notes that so many commits are durable.
+    /// Notes that this many commits are durable.
     pub(super) fn set(&mut self, commits: u64) -> io::Result<()> {
         let mut slot = Vec::with_capacity(SLOT_BYTES);
         slot.extend_from_slice(&MAGIC);
@@ -82,7 +82,7 @@ impl Mark {
         if self.synced.elapsed() >= SYNC_INTERVAL { self.sync() } else { Ok(()) }
     }
 
-    /// Makes what was noted survive a loss of power.
+    /// Makes the mark survive a loss of power.
     pub(super) fn sync(&mut self) -> io::Result<()> {
         if !self.is_synced {
             self.file.sync_data()?;
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_torn_write_leaves_the_mark_before() {
+    fn a_torn_write_leaves_the_previous_mark() {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(read(folder.path()).unwrap(), Found::Absent);
         let mut mark = Mark::open(folder.path(), 3).unwrap();

@@ -1,7 +1,7 @@
-//! Merging: the levels under the top are written as one base, on a thread of its own.
+//! Merging of the levels under the top into one base, on a separate thread.
 //!
-//! They do not change meanwhile. The sum of what is written must be the tally's at the moment
-//! when they were frozen: then the copy is exact.
+//! These levels do not change. The sum of the copy must equal the tally at the moment of
+//! freezing: then the copy is exact.
 
 use std::io;
 use std::ops::Bound;
@@ -14,13 +14,14 @@ use super::levels::Levels;
 use super::tally::{Contents, TALLY_KEY};
 use crate::engine::{Compacted, EngineError};
 
-/// After this many bytes the thread sleeps as long as they took: requests need the cores and
-/// the disk more than a compaction does. Chosen: such a stride takes a few milliseconds.
+/// Number of bytes after which the thread sleeps as long as they took: requests need the
+/// cores and the disk more than a compaction does. Chosen: such a stride takes a few
+/// milliseconds.
 const STRIDE_BYTES: u64 = 256 << 10;
 
-/// Writes all that `levels` hold into a file; `None` when it is told to stop before the end.
+/// Writes all pairs of `levels` into a file; `None` if it is stopped before the end.
 ///
-/// Stops after `stop_after` pairs, where that is given.
+/// Stops after `stop_after` pairs, if given.
 pub(super) fn merge(
     levels: &Levels,
     path: &Path,
@@ -53,12 +54,12 @@ pub(super) fn merge(
     })
 }
 
-/// Bytes of disk that a base of this many live bytes needs: heads of pairs, checksums, the index.
+/// Bytes on disk of a base of `live_bytes`: with heads of pairs, checksums and the index.
 pub(super) fn bytes_needed(live_bytes: u64) -> u64 {
     live_bytes + live_bytes / 8 + (1 << 20)
 }
 
-/// Says what a compaction did.
+/// Logs the result of a compaction.
 pub(super) fn tell(compacted: &Compacted) {
     let Compacted { before_bytes, after_bytes, live_bytes } = *compacted;
     tracing::info!(

@@ -1,4 +1,4 @@
-//! Opening: the folder's lock, the levels, and what is there held against what was written.
+//! Opening of a database: the folder's lock, the levels, and the check against the last writes.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -16,27 +16,27 @@ use super::tally::{Contents, TALLY_KEY, Tally, contents};
 use super::{SledOptions, guarded};
 use crate::engine::{EngineError, OpenError};
 
-/// The file whose lock says that the folder is in use.
+/// The lock file of the folder.
 const LOCK_FILE: &str = "lock";
-/// Where files go that sled can make anew and does not open with.
+/// Folder for files that sled can rebuild and fails to open with.
 const ASIDE_FOLDER: &str = "aside";
-/// How often sled's own lock is tried: a sled that was just closed in this process lets go of
-/// it a moment later.
+/// Attempts to take sled's own lock, which a sled just closed in this process releases a
+/// moment later.
 const OPEN_ATTEMPTS: u32 = 50;
-/// What sled says of a full disk.
+/// Sled's message for a full disk.
 const NO_ROOM: &str = "No space left on device";
 const OPEN_ATTEMPT_PAUSE: Duration = Duration::from_millis(20);
 
-/// What is there, held against what was written last.
+/// Result of the check against the last writes.
 pub(super) struct Verified {
-    /// The tally to go on with.
+    /// The tally to continue with.
     pub(super) tally: Tally,
     pub(super) live_bytes: u64,
-    /// What is wrong, if something is.
+    /// The damage, if any.
     pub(super) damage: Option<OpenError>,
 }
 
-/// Holds what is there against what was written last.
+/// Checks the levels against tally and mark.
 pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenError> {
     let unreadable = |error: EngineError| OpenError::Damaged {
         folder: folder.to_owned(),
@@ -72,7 +72,7 @@ pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenErr
     Ok(Verified { tally, live_bytes, damage })
 }
 
-/// Opens the files that are the database.
+/// Opens the database's files.
 pub(super) fn open_levels(
     folder: &Path,
     current: Current,
@@ -90,7 +90,7 @@ pub(super) fn open_levels(
     Ok(Levels { top, frozen, base })
 }
 
-/// Opens the sled with a number, made if it is not there, so that it survives a loss of power.
+/// Opens the sled with the given number, created durably if it is missing.
 pub(super) fn open_layer(
     folder: &Path,
     number: u64,
@@ -110,7 +110,7 @@ pub(super) fn open_layer(
     Ok(Layer { db, folder: sled_folder, form: Form::of(number) })
 }
 
-/// Damage where the bytes are wrong, else what the operating system says of a file.
+/// Damage if the bytes are wrong, otherwise the operating system's error for the file.
 pub(super) fn unusable(folder: &Path, path: &Path, source: io::Error) -> OpenError {
     match source.kind() {
         io::ErrorKind::InvalidData | io::ErrorKind::UnexpectedEof => {
@@ -120,7 +120,7 @@ pub(super) fn unusable(folder: &Path, path: &Path, source: io::Error) -> OpenErr
     }
 }
 
-/// Takes the lock that says that the folder is in use.
+/// Locks the folder.
 pub(super) fn lock_folder(folder: &Path) -> Result<File, OpenError> {
     let path = folder.join(LOCK_FILE);
     let opened = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
@@ -134,8 +134,8 @@ pub(super) fn lock_folder(folder: &Path) -> Result<File, OpenError> {
     }
 }
 
-/// Moves sled's own snapshots out of its way, which it makes anew from its log; whether there
-/// were any. What it makes of the log is held against tally and mark as always.
+/// Moves sled's own snapshots aside, which it rebuilds from its log; whether there were any.
+/// The rebuilt state is checked against tally and mark as always.
 fn set_derived_aside(folder: &Path, sled_folder: &Path) -> Result<bool, OpenError> {
     let io = |path: &Path| {
         let path = path.to_owned();
@@ -163,7 +163,7 @@ fn open_sled(
     sled_folder: &Path,
     options: &SledOptions,
 ) -> Result<::sled::Db, OpenError> {
-    // No flushes behind the writer's back: concurrent flushes are sled's deadlock.
+    // No flushes behind the writer's back: concurrent flushes deadlock in sled.
     let config = ::sled::Config::new()
         .path(sled_folder)
         .cache_capacity(options.cache_bytes)

@@ -1,9 +1,9 @@
-//! Room on the disk: writes are refused before there is none left.
+//! Disk space: writes are refused before the disk is full.
 //!
-//! A sled that meets a full disk in the middle of a write is lost until it is opened again, and
-//! may not open. So a reserve stays free, and commits that would need it are refused; those
-//! that only remove go on into half of it, and those that must always work, such as revoking a
-//! key, down to a quarter.
+//! A sled that meets a full disk in the middle of a write is unusable until it is opened
+//! again, and may not open. So a reserve stays free, and commits that would need it are
+//! refused. Pure removals may use half of it, and essential commits, such as the revocation
+//! of a key, three quarters.
 
 use std::fmt;
 use std::io;
@@ -12,25 +12,25 @@ use std::sync::Arc;
 
 use crate::engine::{Commit, EngineError};
 
-/// How many bytes of log a byte of a commit may cost: pages are written anew.
+/// Bytes of log per byte of a commit, at most: pages are rewritten.
 const LOG_GROWTH: u64 = 4;
-/// What a commit costs besides its bytes.
+/// Overhead of a commit, bytes.
 const COMMIT_BYTES: u64 = 4096;
 
 type Probe = dyn Fn(&Path) -> io::Result<u64> + Send + Sync;
 
-/// How the free bytes where a folder lies are found.
+/// Source of the number of free bytes at a folder.
 #[derive(Clone)]
 pub struct FreeSpace(Arc<Probe>);
 
 impl FreeSpace {
-    /// What the operating system says.
+    /// The operating system's number.
     #[must_use]
     pub fn of_disk() -> Self {
         Self::from_probe(|folder| fs4::available_space(folder))
     }
 
-    /// What `probe` says of a folder: for quotas that the operating system does not know of.
+    /// The number from `probe`, for quotas that the operating system does not know.
     #[must_use]
     pub fn from_probe(probe: impl Fn(&Path) -> io::Result<u64> + Send + Sync + 'static) -> Self {
         Self(Arc::new(probe))
@@ -43,7 +43,7 @@ impl fmt::Debug for FreeSpace {
     }
 }
 
-/// The disk of a folder, and how much of it must stay free.
+/// The disk of a folder, and its reserve.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     pub(super) folder: PathBuf,
@@ -51,7 +51,7 @@ pub(super) struct Room {
     pub(super) reserve: u64,
 }
 
-/// What a group of commits may still take.
+/// Bytes that a group of commits may still use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Allowance {
     free: u64,
@@ -60,21 +60,21 @@ pub(super) struct Allowance {
 }
 
 impl Room {
-    /// The bytes that are free, if anybody can tell.
+    /// The number of free bytes, if known.
     pub(super) fn free(&self) -> Option<u64> {
         (self.free_space.0)(&self.folder)
             .inspect_err(|error| tracing::warn!(%error, "Cannot tell how full the disk is"))
             .ok()
     }
 
-    /// What the next group of commits may take. A disk that nobody can measure has room.
+    /// The allowance of the next group of commits. A disk of unknown size counts as free.
     pub(super) fn allowance(&self) -> Allowance {
         Allowance { free: self.free().unwrap_or(u64::MAX), reserve: self.reserve, taken: 0 }
     }
 }
 
 impl Allowance {
-    /// Takes the room for a commit.
+    /// Takes the space of a commit.
     pub(super) fn take(&mut self, commit: &Commit) -> Result<(), EngineError> {
         let size = |(key, value): &(Vec<u8>, Option<Vec<u8>>)| {
             key.len() + value.as_ref().map_or(0, Vec::len)
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_reserve_stays_free_but_for_removals_and_what_is_essential() {
+    fn only_removals_and_essential_commits_use_the_reserve() {
         let allowance = |free| Allowance { free, reserve: 1 << 20, taken: 0 };
         let put = Commit::new().put(vec![1; 10], vec![0; 1014]);
         let removal = Commit::new().remove(vec![1; 10]);

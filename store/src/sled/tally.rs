@@ -1,8 +1,9 @@
-//! The tally: how many commits there were, and a sum over all pairs, written with each commit.
+//! The tally: the number of commits and a sum over all pairs, written with each commit.
 //!
-//! A page that sled drops takes its keys with it, and their absence cannot be seen from what is
-//! left. The sum shows it: of every pair the first 16 bytes of blake3 over the key's length
-//! (u32), the key and the value, added up modulo 2¹²⁸. A commit changes it by what it writes.
+//! A page that sled drops takes its keys with it, and their absence cannot be seen in the
+//! rest. The sum reveals it: for every pair the first 16 bytes of BLAKE3 over the key's
+//! length (u32), the key and the value, added up modulo 2¹²⁸. A commit updates it by its own
+//! writes.
 
 use std::ops::Bound;
 
@@ -10,16 +11,16 @@ use super::levels::Levels;
 use crate::engine::EngineError;
 use crate::envelope::{self, Kind};
 
-/// The tally's key. No commit may write a key that begins like it.
+/// The tally's key. No commit may write a key that begins with it.
 pub(super) const TALLY_KEY: [u8; 1] = [0];
-/// The schema of its record.
+/// Schema of its record.
 const SCHEMA: u16 = 1;
 
-/// How many threads read at an opening.
+/// Maximum number of reading threads at an opening.
 const PARTS_MAX: usize = 8;
 const PANICKED: &str = "it panicked";
 
-/// How many commits there were, and the sum of all pairs.
+/// The number of commits, and the sum of all pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Tally {
     pub(super) commits: u64,
@@ -33,7 +34,7 @@ impl Tally {
         envelope::seal(Kind::Tally, SCHEMA, &payload)
     }
 
-    /// The tally of a record, if it is whole.
+    /// The tally of a record; `None` if it is damaged.
     pub(super) fn from_record(bytes: &[u8]) -> Option<Self> {
         let opened = envelope::open(Kind::Tally, bytes).ok()?;
         let (commits, sum) = opened.payload.split_first_chunk::<8>()?;
@@ -52,7 +53,7 @@ impl Tally {
     }
 }
 
-/// What levels hold.
+/// Totals of the levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Contents {
     pub(super) sum: u128,
@@ -69,7 +70,7 @@ impl Contents {
     }
 }
 
-/// Reads all levels, in parts of the key space at the same time where there is a base.
+/// Reads all levels; if there is a base, in parallel parts of the key space.
 pub(super) fn contents(levels: &Levels) -> Result<Contents, EngineError> {
     let n_parts = std::thread::available_parallelism().map_or(1, usize::from).min(PARTS_MAX);
     let cuts = levels.base.as_ref().map_or_else(Vec::new, |base| base.cuts(n_parts));
@@ -124,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sum_does_not_depend_on_the_order_and_a_removed_pair_leaves_it() {
+    fn the_sum_ignores_order_and_removed_pairs() {
         let (mut first, mut second) = (Tally::default(), Tally::default());
         first.add(b"a", b"1");
         first.add(b"b", b"2");
@@ -141,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_gives_the_tally_back_and_a_flipped_bit_gives_none() {
+    fn a_tally_reads_back_and_a_flipped_bit_is_detected() {
         let tally = Tally { commits: 7, sum: 0x0123_4567_89ab_cdef_0011 };
         let bytes = tally.to_record();
         assert_eq!(Tally::from_record(&bytes), Some(tally));

@@ -1,5 +1,7 @@
-//! The one thread that writes: it drains the queue of commits, applies each with the tally as
-//! one batch, makes them durable together, moves the mark, then answers them.
+//! The single writing thread.
+//!
+//! It drains the queue of commits, applies each with the tally as one batch, makes them
+//! durable together, moves the mark, then answers them.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -19,19 +21,19 @@ use super::tally::{TALLY_KEY, Tally};
 use super::{Shared, guarded};
 use crate::engine::{Commit, CommitError, Compacted, EngineError, Expected};
 
-/// How many orders share one flush at most.
+/// Maximum number of orders that share one flush.
 const GROUP_MAX: usize = 1024;
-/// After so long without an order the mark is synced.
+/// Time without an order after which the mark is synced.
 const IDLE: Duration = Duration::from_secs(1);
 
-/// While a compaction is under way the writer looks as often how far it is.
+/// Interval at which the writer advances a compaction in progress.
 const TENDING: Duration = Duration::from_millis(20);
 
-/// What the writer is asked to do.
+/// An order to the writer.
 pub(super) enum Order {
     /// Apply a commit.
     Commit(Commit, oneshot::Sender<Result<(), CommitError>>),
-    /// Begin to remember for the reader of a cut.
+    /// Start to remember old values for the reader of a cut.
     Cut(oneshot::Sender<Result<u64, EngineError>>),
     /// Compact.
     Compact(oneshot::Sender<Result<Compacted, EngineError>>),
@@ -41,7 +43,7 @@ pub(super) enum Order {
 pub(super) struct Writer {
     pub(super) levels: Arc<Levels>,
     pub(super) data: File,
-    /// None where nothing is written.
+    /// `None` if the database is read only.
     pub(super) mark: Option<Mark>,
     pub(super) tally: Tally,
     pub(super) room: Room,
@@ -93,12 +95,12 @@ impl Writer {
         self.shared.commits.fetch_add(written as u64, Ordering::Relaxed);
         for (result, answer) in applied {
             let result = result.and_then(|()| flushed.clone().map_err(CommitError::from));
-            // Nobody waits for a dropped `Pending`; the commit stands.
+            // The receiver of a dropped `Pending` is gone; the commit stands.
             let _ = answer.send(result);
         }
         for answer in cuts {
             let begun = self.memory.begin();
-            // A reader that has gone away is not remembered for.
+            // Nothing is remembered for a reader that has gone away.
             if let (Err(_), Ok(number)) = (answer.send(begun.clone()), begun) {
                 self.memory.end(number);
             }
@@ -148,7 +150,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Returns when everything applied so far is on the disk, and the mark says so.
+    /// Makes everything applied so far durable, and moves the mark.
     pub(super) fn flush(&mut self) -> Result<(), EngineError> {
         self.shared.flushes.fetch_add(1, Ordering::Relaxed);
         let failed = |doing| {
@@ -163,7 +165,7 @@ impl Writer {
         self.poison_if_failed(flushed)
     }
 
-    /// Takes what is there for the whole: writes the tally of it.
+    /// Accepts the present pairs as complete and writes their tally.
     pub(super) fn accept(&mut self) -> Result<(), EngineError> {
         self.tally.commits += 1;
         self.write_tally()?;
@@ -185,7 +187,7 @@ impl Writer {
         }
     }
 
-    /// Says once that the disk is full, and once that it is not any more.
+    /// Logs once that the disk is full, and once that it no longer is.
     fn tell_of_room(&mut self, room: &Result<(), EngineError>) {
         match room {
             Err(error) if !self.is_full => {

@@ -1,4 +1,4 @@
-//! Reading a snapshot: every byte is checked, and nothing is believed before the end.
+//! Reading of a snapshot: every byte is checked, and nothing is trusted before the end.
 
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read};
@@ -15,10 +15,10 @@ use crate::fsck::{Checker, Report};
 use crate::key::{self, ID_KEY_BYTES, Space};
 use crate::record;
 
-/// How many pairs one commit of a restoration carries.
+/// Number of pairs in one commit of a restoration.
 const PAIRS_PER_COMMIT: usize = 256;
 
-/// A snapshot that is read, pair by pair.
+/// Reads a snapshot pair by pair.
 struct Reader<R> {
     source: R,
     at: u64,
@@ -29,11 +29,10 @@ struct Reader<R> {
     bytes: u64,
 }
 
-/// Reads a snapshot to its end: what it holds, and what a check of its records finds.
+/// Reads a snapshot to its end; returns its content and the check of its records.
 ///
 /// # Errors
-/// [`SnapshotError`] says what is wrong with the stream; damage of single records is in the
-/// report.
+/// [`SnapshotError`] names the fault of the stream; damage of single records is in the report.
 pub fn verify(source: impl Read) -> Result<(SnapshotManifest, Report), SnapshotError> {
     let mut reader = Reader::new(source)?;
     let mut checker = Checker::default();
@@ -45,10 +44,10 @@ pub fn verify(source: impl Read) -> Result<(SnapshotManifest, Report), SnapshotE
     }
 }
 
-/// The API keys in a snapshot that was verified, oldest first; damaged ones are left out.
+/// The API keys in a verified snapshot, oldest first, without damaged ones.
 ///
 /// # Errors
-/// [`SnapshotError`] says what is wrong with the stream.
+/// [`SnapshotError`] names the fault of the stream.
 pub fn keys(source: impl Read) -> Result<Vec<AccessKey>, SnapshotError> {
     let (mut reader, mut found) = (Reader::new(source)?, Vec::new());
     while let Some((key, value)) = reader.next()? {
@@ -60,14 +59,14 @@ pub fn keys(source: impl Read) -> Result<Vec<AccessKey>, SnapshotError> {
     Ok(found)
 }
 
-/// Where a restored database has its keys from, with the names of robots that belong to them.
+/// Source of a restored database's API keys, with the names of robots that they own.
 #[derive(Clone, Copy)]
 pub enum KeysFrom<'engine> {
-    /// From the snapshot.
+    /// The snapshot.
     Snapshot,
-    /// It has none.
+    /// None: the database has no keys.
     Nowhere,
-    /// From this database, with its latest time.
+    /// This database, with its latest time.
     Engine(&'engine dyn Engine),
 }
 
@@ -83,10 +82,10 @@ impl KeysFrom<'_> {
     }
 }
 
-/// What belongs to keys.
+/// Spaces of keys and dependent records.
 const OF_KEYS: [Space; 2] = [Space::AccessKey, Space::RobotHolder];
 
-/// Copies keys, and what belongs to them, from another database.
+/// Copies keys and dependent records from another database.
 fn copy_keys(from: &dyn Engine, engine: &dyn Engine) -> Result<(), EngineError> {
     for space in OF_KEYS.into_iter().chain([Space::Clock]) {
         let mut after: Option<Vec<u8>> = None;
@@ -101,11 +100,11 @@ fn copy_keys(from: &dyn Engine, engine: &dyn Engine) -> Result<(), EngineError> 
     Ok(())
 }
 
-/// Writes a snapshot into an empty engine, the layout's number last: a database without it is
-/// refused, so an interrupted restoration is never taken for a whole one. Blocks.
+/// Restores a snapshot into an empty engine, the layout's number last: a database without it
+/// is refused, so an interrupted restoration is never taken for a complete one. Blocks.
 ///
 /// # Errors
-/// [`SnapshotError`]; the engine may hold a part then, without a layout.
+/// [`SnapshotError`]; the engine may then hold a part, without a layout.
 pub fn restore(
     source: impl Read,
     engine: &dyn Engine,
@@ -204,7 +203,7 @@ impl<R: Read> Reader<R> {
         Ok(Some((key, value)))
     }
 
-    /// Reads what follows the last pair.
+    /// Reads the part after the last pair.
     fn finish(mut self) -> Result<SnapshotManifest, SnapshotError> {
         let n_spaces = u16::from_le_bytes(self.array()?);
         if usize::from(n_spaces) != self.pairs.len() {

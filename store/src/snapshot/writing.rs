@@ -1,11 +1,11 @@
-//! Writing a snapshot, a chunk at a time, so that nobody holds it in memory.
+//! Writing of a snapshot in chunks, so that it is never held in memory.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use super::{END, FORM, MADE_BY_BYTES_MAX, MAGIC, PAIR, SnapshotHeader};
 use crate::engine::{Cut, EngineError, Pair};
 
-/// How many pairs are read at once: at most 1 MB.
+/// Number of pairs per read: at most 1 MB.
 const PAIRS_PER_READ: usize = 256;
 
 /// Writes a cut as a snapshot.
@@ -19,7 +19,7 @@ pub struct SnapshotWriter {
 }
 
 impl SnapshotWriter {
-    /// Begins a snapshot of `cut`.
+    /// Starts a snapshot of `cut`.
     #[must_use]
     pub fn new(cut: Box<dyn Cut>, header: &SnapshotHeader) -> Self {
         let made_by = &header.made_by.as_bytes()[..header.made_by.len().min(MADE_BY_BYTES_MAX)];
@@ -36,7 +36,7 @@ impl SnapshotWriter {
     /// The next bytes; `None` after the last.
     ///
     /// # Errors
-    /// The engine's: what was written so far is no snapshot.
+    /// The engine's: the bytes so far are then not a snapshot.
     pub fn next_chunk(&mut self) -> Result<Option<Vec<u8>>, EngineError> {
         if self.is_at_end {
             return Ok(None);

@@ -1,7 +1,8 @@
-//! Keys and the audit log: their frozen bytes, and what the log promises on both engines.
+//! Tests of API keys and the audit log: their frozen bytes, and the log's guarantees on both
+//! engines.
 //!
-//! `golden/access_v1.txt` was written by this test's `written` when entries of the audit log had
-//! schema 1, `golden/access_v2.txt` is written by it today. They are never changed.
+//! This test's `written` wrote `golden/access_v1.txt` when entries of the audit log had
+//! schema 1, and writes `golden/access_v2.txt` today. These files never change.
 
 use std::sync::Arc;
 
@@ -18,7 +19,7 @@ use crate::samples::wait;
 
 /// Entries of the audit log of schema 1.
 const GOLDEN_V1: &str = include_str!("golden/access_v1.txt");
-/// Of schema 2.
+/// Entries of the audit log of schema 2.
 const GOLDEN: &str = include_str!("golden/access_v2.txt");
 
 const SIZES: RingSizes = RingSizes { changes: 10, refused: 10, strangers: 10 };
@@ -88,7 +89,7 @@ fn of(changes: u64) -> RingSizes {
 }
 
 #[test]
-fn todays_bytes_are_the_frozen_bytes() {
+fn written_bytes_equal_the_frozen_bytes() {
     assert_eq!(written(), GOLDEN);
 }
 
@@ -115,7 +116,7 @@ fn frozen_bytes_of_schema_1_are_read() {
 }
 
 #[test]
-fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
+fn the_log_keeps_the_newest_and_continues_when_reopened() {
     let law = |database: &Database| {
         let log = database.audit(of(3), |_| false).unwrap();
         assert_eq!(numbers(&log), []);
@@ -128,7 +129,7 @@ fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
         assert_eq!(pages(Some(4)), [3]);
         assert_eq!(pages(Some(3)), []);
 
-        // Opened anew, for fewer: numbers go on, times do not go back.
+        // Opened again with smaller rings: numbers continue, times do not decrease.
         let log = database.audit(of(2), |_| false).unwrap();
         let entry = change(&log, 0);
         assert_eq!((entry.seq, entry.at_ms), (6, 5));
@@ -140,7 +141,7 @@ fn the_log_keeps_the_newest_and_goes_on_after_it_was_closed() {
 }
 
 #[test]
-fn refusals_and_failures_push_no_change_out() {
+fn refusals_and_failures_displace_no_change() {
     let database = Database::in_memory();
     let sizes = RingSizes { changes: 2, refused: 2, strangers: 1 };
     let log = database.audit(sizes, |_| false).unwrap();
@@ -163,7 +164,7 @@ fn refusals_and_failures_push_no_change_out() {
 }
 
 #[test]
-fn an_entry_that_is_not_settled_pushes_nothing_out() {
+fn an_unsettled_entry_displaces_nothing() {
     let log = Database::in_memory().audit(of(2), |_| false).unwrap();
     let first = wait(log.begin(asked(1))).unwrap();
     for at_ms in 2..=4 {
@@ -175,7 +176,7 @@ fn an_entry_that_is_not_settled_pushes_nothing_out() {
 }
 
 #[test]
-fn an_entry_is_counted_up_unless_it_has_left_the_log() {
+fn an_entry_is_updated_unless_it_has_left_the_log() {
     let database = Database::in_memory();
     let sizes = RingSizes { refused: 1, ..SIZES };
     let log = database.audit(sizes, |_| false).unwrap();
@@ -190,7 +191,7 @@ fn an_entry_is_counted_up_unless_it_has_left_the_log() {
 }
 
 #[test]
-fn a_log_of_more_than_one_window_is_read_whole() {
+fn a_log_of_several_windows_is_read_completely() {
     let log = Database::in_memory().audit(of(1000), |_| false).unwrap();
     for at_ms in 0..600 {
         change(&log, at_ms);

@@ -1,10 +1,10 @@
-//! The stored bytes are a contract: frozen examples of each record, and round trips.
+//! Tests of the stored bytes: frozen examples of each record, and round trips.
 //!
-//! `golden/records_v1.txt` was written by this test's `current` on layout 1 and is never
-//! changed: what it holds must be readable for ever. A new schema adds a file:
+//! `golden/records_v1.txt` was written by this test's `current` on layout 1 and never
+//! changes: its content must stay readable for ever. A new schema adds a file:
 //! `golden/records_v2.txt` has journal entries of schema 2 and calibrations,
-//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4, `golden/records_v5.txt` of schema 5,
-//! `golden/retractions_v1.txt` what withdraws a reading.
+//! `golden/records_v3.txt` journal entries of schema 3, `golden/records_v4.txt` of schema 4,
+//! `golden/records_v5.txt` of schema 5, `golden/retractions_v1.txt` a retraction.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ const GOLDEN: &str = include_str!("golden/records_v1.txt");
 const GOLDEN_V2: &str = include_str!("golden/records_v2.txt");
 const GOLDEN_V3: &str = include_str!("golden/records_v3.txt");
 const GOLDEN_V4: &str = include_str!("golden/records_v4.txt");
-/// Of schema 5, and of robots' names.
+/// Schema 5, and robots' names.
 const GOLDEN_V5: &str = include_str!("golden/records_v5.txt");
 const GOLDEN_RETRACTIONS: &str = include_str!("golden/retractions_v1.txt");
 
@@ -41,7 +41,7 @@ fn current() -> String {
     lines(&*engine)
 }
 
-/// The same of a database with what schema 2 brought.
+/// The dump of a database with the additions of schema 2.
 fn current_v2() -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
@@ -54,7 +54,7 @@ fn current_v2() -> String {
     lines(&*engine)
 }
 
-/// The same of a database with what schema 3 brought.
+/// The dump of a database with the additions of schema 3.
 fn current_v3() -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
@@ -66,7 +66,7 @@ fn current_v3() -> String {
     lines(&*engine)
 }
 
-/// The same of a database with what schema 4 brought.
+/// The dump of a database with the additions of schema 4.
 fn current_v4() -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
@@ -78,7 +78,8 @@ fn current_v4() -> String {
     lines(&*engine)
 }
 
-/// The same of a database with what schema 5 brought: who wrote an entry, and a robot's name.
+/// The dump of a database with the additions of schema 5: the writer of an entry, and a
+/// robot's name.
 fn current_v5() -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
@@ -93,7 +94,7 @@ fn current_v5() -> String {
     lines(&*engine)
 }
 
-/// The same of a database with a reading that is withdrawn.
+/// The dump of a database with a withdrawn reading.
 fn current_retractions() -> String {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
@@ -109,7 +110,7 @@ fn current_retractions() -> String {
 
 pub(crate) fn lines(engine: &dyn Engine) -> String {
     let mut text = String::new();
-    // The layout record, the first, also says which Palpate made it.
+    // The layout record, the first, also contains the version of its creator.
     for (key, value) in engine.scan(b"", Some(b"!"), 1000).unwrap() {
         let value = match value.len() {
             0..=500 => hex(&value),
@@ -138,7 +139,7 @@ fn is_entry(line: &str) -> bool {
 }
 
 #[test]
-fn todays_bytes_are_the_frozen_bytes() {
+fn written_bytes_equal_the_frozen_bytes() {
     let current = current();
     for (now, frozen) in current.lines().zip(GOLDEN.lines()) {
         assert!(now == frozen || is_entry(now), "{now}");
@@ -147,7 +148,7 @@ fn todays_bytes_are_the_frozen_bytes() {
 }
 
 #[test]
-fn todays_bytes_of_schema_2_are_the_frozen_bytes() {
+fn written_bytes_of_schema_2_equal_the_frozen_bytes() {
     let current = current_v2();
     for (now, frozen) in current.lines().zip(GOLDEN_V2.lines()) {
         assert!(now == frozen || is_entry(now), "{now}");
@@ -156,7 +157,7 @@ fn todays_bytes_of_schema_2_are_the_frozen_bytes() {
 }
 
 #[test]
-fn todays_bytes_of_schema_3_are_the_frozen_bytes() {
+fn written_bytes_of_schema_3_equal_the_frozen_bytes() {
     let current = current_v3();
     for (now, frozen) in current.lines().zip(GOLDEN_V3.lines()) {
         assert!(now == frozen || is_entry(now), "{now}");
@@ -165,7 +166,7 @@ fn todays_bytes_of_schema_3_are_the_frozen_bytes() {
 }
 
 #[test]
-fn todays_bytes_of_schema_4_are_the_frozen_bytes() {
+fn written_bytes_of_schema_4_equal_the_frozen_bytes() {
     let current = current_v4();
     for (now, frozen) in current.lines().zip(GOLDEN_V4.lines()) {
         assert!(now == frozen || is_entry(now), "{now}");
@@ -174,7 +175,7 @@ fn todays_bytes_of_schema_4_are_the_frozen_bytes() {
 }
 
 #[test]
-fn todays_bytes_of_schema_5_are_the_frozen_bytes() {
+fn written_bytes_of_schema_5_equal_the_frozen_bytes() {
     assert_eq!(current_v5(), GOLDEN_V5);
 }
 
@@ -190,7 +191,7 @@ fn frozen_bytes_of_schema_5_are_read() {
 }
 
 #[test]
-fn todays_bytes_of_retractions_are_the_frozen_bytes() {
+fn written_bytes_of_retractions_equal_the_frozen_bytes() {
     let current = current_retractions();
     for (now, frozen) in current.lines().zip(GOLDEN_RETRACTIONS.lines()) {
         assert!(now == frozen || is_entry(now), "{now}");
@@ -219,7 +220,7 @@ pub(crate) fn thawed(golden: &str) -> Database {
     Database::with_engine(Arc::clone(&engine)).unwrap();
     for line in golden.lines() {
         let (key, value) = line.split_once(' ').unwrap();
-        // Files' pieces are frozen by their hashes only.
+        // Pieces of files are frozen by their hashes only.
         if !value.contains("bytes") {
             engine.commit(Commit::new().put(unhex(key), unhex(value))).wait().unwrap();
         }
@@ -234,7 +235,7 @@ fn frozen_bytes_are_read() {
     assert_eq!(database.objects().all().unwrap(), [samples::object(20)]);
     assert_eq!(database.jobs().all().unwrap(), [samples::job(40)]);
     assert_eq!(database.sessions().all().unwrap(), [samples::session(50)]);
-    // Journal entries of schemas before 4 are read by `migrations` alone.
+    // Only `migrations` reads journal entries of schemas before 4.
     let error = database.journal().entries(Uuid::from_u128(50), 0, 10).unwrap_err();
     assert!(error.to_string().contains("schema 1"), "{error}");
     let calibrated = thawed(GOLDEN_V2);
@@ -310,23 +311,23 @@ fn manifest() -> impl Strategy<Value = Manifest> {
 
 proptest! {
     #[test]
-    fn entries_come_back_bit_by_bit(entry in entry()) {
+    fn entries_are_restored_bit_by_bit(entry in entry()) {
         prop_assert_eq!(decode::<Entry>(&encode(&entry)).unwrap(), entry);
     }
 
     #[test]
-    fn manifests_come_back(manifest in manifest()) {
+    fn manifests_are_restored(manifest in manifest()) {
         prop_assert_eq!(decode::<Manifest>(&encode(&manifest)).unwrap(), manifest);
     }
 
     #[test]
-    fn objects_come_back(name in "\\PC{0,40}", description in "\\PC{0,400}", at in any::<u64>()) {
+    fn objects_are_restored(name in "\\PC{0,40}", description in "\\PC{0,400}", at in any::<u64>()) {
         let object = Object { name, description, created_at_ms: at, ..samples::object(9) };
         prop_assert_eq!(decode::<Object>(&encode(&object)).unwrap(), object);
     }
 
     #[test]
-    fn any_bytes_are_refused_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes_are_refused_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         prop_assert!(decode::<Object>(&bytes).is_err());
         let sealed = palpate_store::envelope::seal(
             palpate_store::envelope::Kind::JournalEntry, 1, &bytes);

@@ -1,5 +1,7 @@
-//! Compaction gives room back, and nothing that anybody can see changes: not while it runs, not
-//! when it is interrupted at any step, not on a full disk, not in a folder of an older version.
+//! Tests of compaction: it frees space and changes no content.
+//!
+//! This holds during its run, when it is interrupted at any step, on a full disk, and in a
+//! folder of an older version.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,7 +18,7 @@ use crate::samples::{self, copy};
 
 type Model = BTreeMap<Vec<u8>, Vec<u8>>;
 
-/// Only by command.
+/// Compaction on command only.
 fn by_hand() -> SledOptions {
     SledOptions { slack_bytes: u64::MAX, ..SledOptions::default() }
 }
@@ -33,7 +35,7 @@ fn pairs(model: &Model) -> Vec<Pair> {
     model.iter().map(|(key, value)| (key.clone(), value.clone())).collect()
 }
 
-/// A commit of a few writes and removals among 300 keys, made in the model too.
+/// A commit of a few writes and removals among 300 keys, also applied to the model.
 fn random_commit(stream: &mut Stream, model: &mut Model) -> Commit {
     let mut commit = Commit::new();
     for _ in 0..1 + stream.index(6) {
@@ -50,7 +52,7 @@ fn random_commit(stream: &mut Stream, model: &mut Model) -> Commit {
     commit
 }
 
-/// Sleds, bases and what names them.
+/// The sled folders, bases and the file `current`.
 fn files(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder).unwrap();
     let mut names: Vec<String> =
@@ -61,7 +63,7 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn all_records_are_the_same_after_a_compaction_and_a_restart() {
+fn compaction_and_restart_keep_all_records() {
     let folder = TempDir::new().unwrap();
     {
         let engine = Arc::new(open(folder.path(), &by_hand()));
@@ -86,7 +88,7 @@ fn all_records_are_the_same_after_a_compaction_and_a_restart() {
 }
 
 #[test]
-fn reads_writes_and_cuts_go_on_during_compactions() {
+fn reads_writes_and_cuts_continue_during_compactions() {
     let folder = TempDir::new().unwrap();
     let engine = open(folder.path(), &by_hand());
     let mut stream = Stream::new(7, Purpose::ReadingChoice, 0);
@@ -134,7 +136,7 @@ fn reads_writes_and_cuts_go_on_during_compactions() {
 }
 
 #[test]
-fn a_compaction_that_is_killed_at_any_step_loses_nothing() {
+fn a_compaction_killed_at_any_step_loses_nothing() {
     let mut stream = Stream::new(11, Purpose::ReadingChoice, 0);
     let halts = [Halt::Prepared, Halt::Frozen, Halt::Merging(50), Halt::Merged, Halt::Switched];
     for (place, halt) in halts.into_iter().enumerate() {
@@ -169,12 +171,12 @@ fn a_compaction_that_is_killed_at_any_step_loses_nothing() {
 }
 
 #[test]
-fn kept_records_between_short_lived_ones_stay_bounded() {
+fn space_stays_bounded_with_few_kept_records() {
     const SLACK: u64 = 2 << 20;
     let folder = TempDir::new().unwrap();
     let engine = open(folder.path(), &SledOptions { slack_bytes: SLACK, ..by_hand() });
     let put = |key: String, bytes: usize| Commit::new().put(key.into(), vec![7; bytes]);
-    // One in twenty is kept: each pins a segment of sled's, where nothing compacts.
+    // One in twenty is kept: without compaction each pins a segment of sled's.
     for number in 0..20_000_u32 {
         let pending = engine.commit(put(format!("s{number:08}"), 2000));
         if let Some(old) = number.checked_sub(200).filter(|old| old % 20 != 0) {
@@ -183,7 +185,7 @@ fn kept_records_between_short_lived_ones_stay_bounded() {
         }
         pending.wait().unwrap();
     }
-    // What the last writes left is given back too, without anybody asking.
+    // The space of the last writes is freed too, without a command.
     let is_bounded = || {
         let stats = engine.stats().unwrap();
         stats.compactions > 0 && stats.bytes <= 2 * stats.live_bytes + SLACK
@@ -197,7 +199,7 @@ fn kept_records_between_short_lived_ones_stay_bounded() {
 }
 
 #[test]
-fn a_copy_that_would_not_fit_is_not_begun() {
+fn a_compaction_whose_copy_would_not_fit_does_not_start() {
     let folder = TempDir::new().unwrap();
     let free = Arc::new(AtomicU64::new(1 << 30));
     let told = Arc::clone(&free);
@@ -220,7 +222,7 @@ fn a_copy_that_would_not_fit_is_not_begun() {
 }
 
 #[test]
-fn a_lost_or_damaged_file_of_a_compaction_is_named_and_nothing_is_removed() {
+fn a_lost_or_damaged_file_is_reported_and_nothing_removed() {
     let folder = TempDir::new().unwrap();
     {
         let engine = open(folder.path(), &by_hand());

@@ -1,6 +1,6 @@
-//! Power goes, the process is killed: what was acknowledged is there, whole.
+//! Tests of a killed process: acknowledged writes are present and complete.
 //!
-//! The test starts its own binary again as the process to be killed.
+//! The test starts its own binary again as the process to kill.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
@@ -10,9 +10,9 @@ use palpate_store::engine::{Commit, Engine};
 use palpate_store::sled::{SledEngine, SledOptions};
 use tempfile::TempDir;
 
-/// Tells the child which folder to write to; without it, the child's test does nothing.
+/// Folder for the child to write to; without it, the child's test does nothing.
 const FOLDER: &str = "PALPATE_CRASH_TEST_FOLDER";
-/// Tells the child which round it is.
+/// Round of the child.
 const ROUND: &str = "PALPATE_CRASH_TEST_ROUND";
 const ROUNDS: u32 = 5;
 const WRITERS: u32 = 4;
@@ -28,7 +28,7 @@ fn acknowledged_writes_survive_a_kill() {
     for round in 0..ROUNDS {
         let before = acknowledged.len();
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "crash::the_process_that_is_killed", "--nocapture"])
+            .args(["--exact", "crash::child_process_to_kill", "--nocapture"])
             .env(FOLDER, folder.path())
             .env(ROUND, round.to_string())
             .stdout(Stdio::piped())
@@ -54,7 +54,7 @@ fn acknowledged_writes_survive_a_kill() {
         std::thread::sleep(Duration::from_millis(150));
         child.kill().unwrap();
         child.wait().unwrap();
-        // A line that the kill cut off has no newline and is not counted.
+        // A line truncated by the kill has no newline and is not counted.
         lines.map_while(Result::ok).filter(|line| line.ends_with('.')).for_each(&mut note);
         assert!(acknowledged.len() > before + 10, "round {round}: too few writes");
 
@@ -73,7 +73,7 @@ fn acknowledged_writes_survive_a_kill() {
 }
 
 #[test]
-fn the_process_that_is_killed() {
+fn child_process_to_kill() {
     let Some(folder) = std::env::var_os(FOLDER) else { return };
     let round: u32 = std::env::var(ROUND).unwrap().parse().unwrap();
     let engine = SledEngine::open(folder.as_ref(), &SledOptions::default()).unwrap();

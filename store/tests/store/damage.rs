@@ -1,4 +1,4 @@
-//! Damaged bytes are found and named, never passed on and never a panic.
+//! Tests of damaged bytes: they are detected and named, never returned and never a panic.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ fn write(engine: &Arc<dyn Engine>, key: &[u8], value: Option<Vec<u8>>) {
 }
 
 #[test]
-fn a_flipped_byte_in_any_value_is_found() {
+fn a_flipped_byte_in_any_value_is_detected() {
     let engine = filled();
     assert_eq!(read(&engine), Ok(()));
     let pairs = engine.scan(b"", None, 1000).unwrap();
@@ -49,7 +49,7 @@ fn a_flipped_byte_in_any_value_is_found() {
 }
 
 #[test]
-fn a_shortened_or_missing_value_is_found() {
+fn a_shortened_or_missing_value_is_detected() {
     let engine = filled();
     for (key, value) in engine.scan(b"", None, 1000).unwrap() {
         for shortened in [Some(value[..value.len() - 1].to_vec()), Some(Vec::new()), None] {
@@ -61,7 +61,7 @@ fn a_shortened_or_missing_value_is_found() {
 }
 
 #[test]
-fn two_values_in_each_others_place_are_found() {
+fn two_swapped_values_are_detected() {
     let engine = filled();
     let pairs = engine.scan(b"", None, 1000).unwrap();
     for (first, second) in pairs.iter().zip(&pairs[1..]).filter(|(a, b)| a.1 != b.1) {
@@ -74,7 +74,7 @@ fn two_values_in_each_others_place_are_found() {
 }
 
 #[test]
-fn a_damaged_or_cut_data_file_never_panics_and_never_gives_wrong_data() {
+fn a_damaged_data_file_never_panics_or_gives_wrong_data() {
     let folder = TempDir::new().unwrap();
     {
         let database = Database::open_folder(folder.path(), &SledOptions::default()).unwrap();
@@ -101,7 +101,7 @@ fn a_damaged_or_cut_data_file_never_panics_and_never_gives_wrong_data() {
             }
         }
         std::fs::write(copy.path().join("sled/db"), damaged).unwrap();
-        // A byte that lies in free space changes nothing; everything else must be an error.
+        // A byte in free space changes nothing; everything else must be an error.
         let outcome = Database::open_folder(copy.path(), &SledOptions::default())
             .map_err(|error| error.to_string())
             .and_then(|database| samples::read_all(&database));

@@ -1,4 +1,4 @@
-//! The laws of an engine, the same for every engine, and what only sled must show.
+//! Tests of the engines' laws, the same for every engine, and of properties of sled alone.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,7 +30,7 @@ fn put(key: &str, value: &str) -> Commit {
 }
 
 #[test]
-fn a_commit_is_seen_whole() {
+fn a_commit_is_visible_as_a_whole() {
     check(|engine| {
         engine.commit(put("a", "1").put(b"b".to_vec(), b"2".to_vec())).wait().unwrap();
         assert_eq!(engine.get(b"a").unwrap().as_deref(), Some(&b"1"[..]));
@@ -42,7 +42,7 @@ fn a_commit_is_seen_whole() {
 }
 
 #[test]
-fn a_commit_whose_expectation_does_not_hold_writes_nothing() {
+fn a_commit_with_a_failed_expectation_writes_nothing() {
     check(|engine| {
         engine.commit(put("a", "1")).wait().unwrap();
         let commit = put("b", "2")
@@ -67,7 +67,7 @@ fn expectations_see_all_earlier_commits_of_the_same_thread() {
 }
 
 #[test]
-fn a_scan_is_in_order_within_its_prefix_and_behind_its_start() {
+fn scans_are_ordered_within_prefix_and_after_start() {
     check(|engine| {
         let commit = ["a/3", "b/1", "a/1", "a", "a/2", "A"]
             .iter()
@@ -88,7 +88,7 @@ fn a_scan_is_in_order_within_its_prefix_and_behind_its_start() {
 }
 
 #[test]
-fn what_is_out_of_bounds_is_refused() {
+fn commits_out_of_bounds_are_refused() {
     check(|engine| {
         let large = Commit::new().put(b"a".to_vec(), vec![0; VALUE_BYTES_MAX + 1]);
         let error = EngineError::ValueTooLarge { found: VALUE_BYTES_MAX + 1 };
@@ -102,7 +102,7 @@ fn what_is_out_of_bounds_is_refused() {
 }
 
 #[test]
-fn of_many_who_want_the_same_key_one_gets_it() {
+fn one_of_many_concurrent_claims_of_a_key_succeeds() {
     check(|engine| {
         let winners = AtomicU64::new(0);
         std::thread::scope(|scope| {
@@ -145,7 +145,7 @@ fn thirty_two_writers_share_flushes() {
 }
 
 #[test]
-fn everything_is_there_after_a_restart_and_no_value_left_the_log() {
+fn a_restart_keeps_all_values_and_they_stay_in_the_log() {
     let folder = TempDir::new().unwrap();
     {
         let database = Database::with_engine(Arc::new(open(&folder))).unwrap();
@@ -165,7 +165,7 @@ fn everything_is_there_after_a_restart_and_no_value_left_the_log() {
 }
 
 #[test]
-fn a_second_opener_is_refused_and_told_why() {
+fn a_second_opener_is_refused_with_a_reason() {
     let folder = TempDir::new().unwrap();
     let engine = open(&folder);
     let error = SledEngine::open(folder.path(), &SledOptions::default()).unwrap_err();
@@ -176,7 +176,7 @@ fn a_second_opener_is_refused_and_told_why() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_made_is_named() {
+fn a_folder_that_cannot_be_created_is_named() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
@@ -185,10 +185,10 @@ fn a_folder_that_cannot_be_made_is_named() {
 }
 
 #[test]
-fn a_layout_that_is_newer_or_missing_is_refused() {
+fn newer_and_missing_layouts_are_refused() {
     let newer: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     Database::with_engine(Arc::clone(&newer)).unwrap();
-    // The layout number is the first of the payload, behind 20 bytes of envelope.
+    // The layout number is the first of the payload, after 20 bytes of envelope.
     let mut layout = newer.get(b"!").unwrap().unwrap();
     let payload = [&99u32.to_le_bytes()[..], &layout[24..]].concat();
     layout = palpate_store::envelope::seal(palpate_store::envelope::Kind::Layout, 1, &payload);

@@ -1,4 +1,4 @@
-//! A check names what is damaged and what was left over, and nothing else.
+//! Tests of `fsck`: it reports damage and leftovers, and nothing else.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ fn write(engine: &dyn Engine, key: &[u8], value: Option<Vec<u8>>) {
 }
 
 #[test]
-fn a_whole_database_has_no_findings() {
+fn an_undamaged_database_has_no_findings() {
     let report = check(&*filled()).unwrap();
     assert_eq!((report.n_damaged, report.n_leftovers), (0, 0), "{report:?}");
     assert_eq!(report.layout, Some(palpate_store::database::LAYOUT));
@@ -40,7 +40,7 @@ fn a_whole_database_has_no_findings() {
 }
 
 #[test]
-fn any_flipped_byte_and_any_missing_value_is_named() {
+fn flipped_bytes_and_missing_values_are_reported() {
     let engine = filled();
     for (key, value) in engine.scan(b"", None, 1000).unwrap() {
         let mut flipped = value.clone();
@@ -49,7 +49,7 @@ fn any_flipped_byte_and_any_missing_value_is_named() {
             let is_missing = damaged.is_none();
             write(&*engine, &key, damaged);
             let report = check(&*engine).unwrap();
-            // A robot's number that is gone leaves no trace, but for the sum of all records; nor
+            // A missing robot's number leaves no trace except in the sum of all records, nor
             // does an unnamed job or calibration.
             let leaves_trace = !matches!(key[0], b'w' | b'u' | b'j' | b'k');
             let found = report.n_damaged + report.n_leftovers;
@@ -60,7 +60,7 @@ fn any_flipped_byte_and_any_missing_value_is_named() {
 }
 
 #[test]
-fn a_missing_piece_damages_its_block_and_the_version_that_names_it() {
+fn a_missing_piece_damages_its_block_and_version() {
     let engine = filled();
     let pieces = engine.scan(b"b", None, 100).unwrap();
     let (piece, _) = pieces.iter().find(|(key, _)| key.len() == 37).unwrap();
@@ -77,7 +77,7 @@ fn a_missing_piece_damages_its_block_and_the_version_that_names_it() {
 }
 
 #[test]
-fn a_journal_without_its_last_entry_is_named() {
+fn a_journal_without_its_last_entry_is_reported() {
     let engine = filled();
     let entries = engine.scan(b"r", None, 100).unwrap();
     write(&*engine, &entries.last().unwrap().0, None);
@@ -87,7 +87,7 @@ fn a_journal_without_its_last_entry_is_named() {
 }
 
 #[test]
-fn a_withdrawal_without_its_record_is_named() {
+fn a_retraction_without_its_record_is_reported() {
     let engine = filled();
     let journal = Database::with_engine(Arc::clone(&engine)).unwrap().journal();
     let owner = Uuid::from_u128(50);
@@ -101,12 +101,12 @@ fn a_withdrawal_without_its_record_is_named() {
 }
 
 #[test]
-fn leftovers_of_crashes_are_removed_and_nothing_else() {
+fn only_leftovers_of_crashes_are_removed() {
     let engine = filled();
     let before = engine.scan(b"", None, 1000).unwrap();
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
     samples::wait(async {
-        // A training that was killed after its blocks; a removal after its record; an upload.
+        // A training killed after its blocks; a removal after its record; an upload.
         let draft = samples::draft(&[("stray", 9000)]);
         let stray = samples::catalogue(71);
         database.catalogues().create(&stray).await.unwrap();
@@ -128,13 +128,13 @@ fn leftovers_of_crashes_are_removed_and_nothing_else() {
     assert!(report.n_leftovers >= 3, "{report:?}");
     samples::wait(collect(&*engine, &report)).unwrap();
     let mut left = engine.scan(b"", None, 1000).unwrap();
-    // Numbers of robots of a removed session say nothing to anybody.
+    // Robots' numbers of a removed session are not referenced.
     left.retain(|(key, _)| key[0] != b'w' || key[1..17] != *Uuid::from_u128(51).as_bytes());
     assert_eq!(left, before);
 }
 
 #[test]
-fn a_list_goes_on_behind_a_damaged_item() {
+fn a_list_continues_after_a_damaged_item() {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
     let objects = database.objects();

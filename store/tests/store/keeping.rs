@@ -1,5 +1,5 @@
-//! What is acknowledged is kept: lost commits are noticed, a full disk refuses before it hurts,
-//! and a cut is one moment whatever is written while it is read.
+//! Tests of durability: lost commits are detected, a full disk refuses early, and cuts are
+//! consistent.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -33,7 +33,7 @@ fn an_older_copy_of_the_log_is_refused_inspected_and_accepted() {
     let older = TempDir::new().unwrap();
     copy(folder.path(), older.path());
     written(folder.path(), 40..50);
-    // The log as it was ten commits ago, and the mark of today.
+    // The log of ten commits ago, and the present mark.
     std::fs::copy(folder.path().join("mark"), older.path().join("mark")).unwrap();
     let error = open(older.path(), OnDamage::Refuse).unwrap_err();
     let OpenError::LostCommits { acknowledged: 50, found: 40, .. } = error else {
@@ -54,7 +54,7 @@ fn an_older_copy_of_the_log_is_refused_inspected_and_accepted() {
 }
 
 #[test]
-fn a_mark_that_is_missing_or_damaged_is_named() {
+fn a_missing_or_damaged_mark_is_reported() {
     let folder = TempDir::new().unwrap();
     written(folder.path(), 0..3);
     let path = folder.path().join("mark");
@@ -69,11 +69,11 @@ fn a_mark_that_is_missing_or_damaged_is_named() {
 }
 
 #[test]
-fn a_key_that_sled_drops_is_missed() {
+fn a_key_dropped_by_sled_is_detected() {
     let folder = TempDir::new().unwrap();
     written(folder.path(), 0..20);
     {
-        // As a page that is lost: without a commit.
+        // Like a lost page: without a commit.
         let db = sled::open(folder.path().join("sled")).unwrap();
         db.remove("k000007").unwrap();
         db.flush().unwrap();
@@ -83,7 +83,7 @@ fn a_key_that_sled_drops_is_missed() {
 }
 
 #[test]
-fn a_full_disk_refuses_writes_and_goes_on_when_there_is_room() {
+fn a_full_disk_refuses_writes_until_space_is_free() {
     let folder = TempDir::new().unwrap();
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
@@ -125,7 +125,7 @@ fn read_all(cut: &mut dyn Cut, mut between: impl FnMut()) -> Vec<Pair> {
 }
 
 #[test]
-fn a_cut_is_one_moment_whatever_is_written_meanwhile() {
+fn a_cut_is_consistent_under_concurrent_writes() {
     let folder = TempDir::new().unwrap();
     let sled = open(folder.path(), OnDamage::Refuse).unwrap();
     let memory = MemoryEngine::new();
@@ -135,7 +135,7 @@ fn a_cut_is_one_moment_whatever_is_written_meanwhile() {
         let mut cut = engine.cut().unwrap();
         let mut round = 0;
         let read = read_all(&mut *cut, || {
-            // Changes, removals and new keys, before and behind the reader.
+            // Changes, removals and new keys, before and after the reader.
             round += 1;
             let key = |number: u32| format!("k{:06}", number % 200).into_bytes();
             let commit = Commit::new()
@@ -155,7 +155,7 @@ fn a_cut_is_one_moment_whatever_is_written_meanwhile() {
 }
 
 #[test]
-fn cuts_are_read_side_by_side_each_of_its_own_moment() {
+fn concurrent_cuts_each_show_their_own_moment() {
     let folder = TempDir::new().unwrap();
     let engine = open(folder.path(), OnDamage::Refuse).unwrap();
     let mut cuts = Vec::new();
@@ -185,9 +185,9 @@ fn cuts_are_read_side_by_side_each_of_its_own_moment() {
 }
 
 #[test]
-fn a_damaged_file_that_can_be_made_anew_is_made_anew() {
+fn a_damaged_file_that_can_be_rebuilt_is_rebuilt() {
     let folder = TempDir::new().unwrap();
-    // Sled makes its snapshots when it opens a log that has something in it.
+    // Sled makes its snapshots when it opens a log with content.
     written(folder.path(), 0..19);
     written(folder.path(), 19..20);
     let sled_folder = folder.path().join("sled");

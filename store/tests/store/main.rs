@@ -1,4 +1,4 @@
-//! The store's tests, one binary: laws of the engines, repositories, bytes and crashes.
+//! Tests of the store in one binary: laws of the engines, repositories, bytes and crashes.
 #![allow(clippy::unwrap_used, reason = "tests may panic, helpers outside of test functions too")]
 
 mod access;

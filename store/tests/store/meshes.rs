@@ -1,4 +1,4 @@
-//! Meshes read block by block: whole and unharmed, or not to their end.
+//! Tests of block-wise mesh reading: complete and undamaged, or an error before the end.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ fn filled(bytes: usize) -> (Arc<dyn Engine>, Database) {
     (engine, database)
 }
 
-/// All blocks from here on, each of them bounded.
+/// All remaining blocks, each of bounded length.
 fn rest(reader: &mut MeshReader) -> Result<Vec<u8>, StoreError> {
     let mut file = Vec::new();
     while let Some(block) = reader.next_block()? {
@@ -32,7 +32,7 @@ fn rest(reader: &mut MeshReader) -> Result<Vec<u8>, StoreError> {
 }
 
 #[test]
-fn blocks_of_a_mesh_are_its_file() {
+fn the_blocks_of_a_mesh_are_its_file() {
     assert!(Database::in_memory().meshes().open(OBJECT).unwrap().is_none());
     // A header of 20 bytes and one piece of 4096; 64 pieces a block.
     for bytes in [0, 1, 4076, 4077, 4076 + (256 << 10), 4077 + (256 << 10), 2_000_000] {
@@ -45,7 +45,7 @@ fn blocks_of_a_mesh_are_its_file() {
 }
 
 #[test]
-fn a_damaged_mesh_is_never_given_to_its_end() {
+fn a_damaged_mesh_is_never_returned_completely() {
     let bytes = 600_000;
     let (engine, database) = filled(bytes);
     for (key, value) in engine.scan(b"", None, 1000).unwrap() {
@@ -64,7 +64,7 @@ fn a_damaged_mesh_is_never_given_to_its_end() {
 }
 
 #[test]
-fn a_mesh_that_is_replaced_while_it_is_read_breaks_off() {
+fn reading_a_replaced_mesh_gives_an_error() {
     let (_, database) = filled(2_000_000);
     let mut reader = database.meshes().open(OBJECT).unwrap().unwrap();
     reader.next_block().unwrap().unwrap();

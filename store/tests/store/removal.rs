@@ -1,4 +1,4 @@
-//! What is removed gives its room back, and leaves what others share.
+//! Tests of removal: it frees space, and keeps shared blocks.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ fn check(law: impl Fn(&Database)) {
 }
 
 #[test]
-fn a_removed_version_frees_the_blocks_that_no_other_names() {
+fn removing_a_version_frees_its_unshared_blocks() {
     check(|database| {
         let (catalogues, id) = (database.catalogues(), Uuid::from_u128(70));
         wait(catalogues.create(&catalogue(70))).unwrap();
@@ -39,7 +39,7 @@ fn a_removed_version_frees_the_blocks_that_no_other_names() {
 }
 
 #[test]
-fn a_removed_catalogue_or_sensor_leaves_nothing() {
+fn removing_a_catalogue_or_sensor_leaves_nothing() {
     let engine: Arc<dyn Engine> = Arc::new(MemoryEngine::new());
     let database = Database::with_engine(Arc::clone(&engine)).unwrap();
     let empty = database.stats().unwrap().bytes;

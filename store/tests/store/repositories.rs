@@ -1,4 +1,4 @@
-//! What the repositories promise, on both engines.
+//! Tests of the repositories' guarantees, on both engines.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ fn check(law: impl Fn(&Database)) {
 }
 
 #[test]
-fn one_of_everything_reads_back() {
+fn one_item_of_every_kind_reads_back() {
     check(|database| {
         samples::fill(database);
         assert_eq!(samples::read_all(database), Ok(()));
@@ -29,7 +29,7 @@ fn one_of_everything_reads_back() {
 }
 
 #[test]
-fn names_are_unique_and_follow_their_object() {
+fn names_are_unique_and_follow_renaming() {
     check(|database| {
         let objects = database.objects();
         wait(objects.create(&object(1))).unwrap();
@@ -103,7 +103,7 @@ fn a_refused_update_changes_nothing() {
 }
 
 #[test]
-fn a_record_may_grow_over_many_pieces_and_shrink_again() {
+fn a_record_may_grow_to_many_pieces_and_shrink() {
     check(|database| {
         let objects = database.objects();
         for id in 1..=3 {
@@ -125,7 +125,7 @@ fn a_record_may_grow_over_many_pieces_and_shrink_again() {
 }
 
 #[test]
-fn pages_follow_each_other_without_gap() {
+fn pages_follow_each_other_without_gaps() {
     check(|database| {
         let objects = database.objects();
         for id in 1..=50 {
@@ -149,7 +149,7 @@ fn pages_follow_each_other_without_gap() {
 }
 
 #[test]
-fn a_journal_takes_what_is_expected_and_tells_the_loser() {
+fn a_journal_accepts_the_expected_append_and_refuses_others() {
     check(|database| {
         let (journal, owner) = (database.journal(), Uuid::from_u128(1));
         wait(journal.append(owner, 0, &[entry("a", 1), entry("a", 2)])).unwrap();
@@ -173,7 +173,7 @@ fn a_journal_takes_what_is_expected_and_tells_the_loser() {
 }
 
 #[test]
-fn a_repeated_reading_is_found_and_not_stored_twice() {
+fn a_repeated_reading_is_found_and_stored_once() {
     check(|database| {
         let (journal, owner) = (database.journal(), Uuid::from_u128(1));
         wait(journal.append(owner, 0, &[entry("a", 7)])).unwrap();
@@ -242,7 +242,7 @@ fn an_entry_is_withdrawn_once() {
 }
 
 #[test]
-fn many_writers_of_one_journal_leave_no_gap() {
+fn concurrent_writers_of_a_journal_leave_no_gap() {
     check(|database| {
         let (journal, owner) = (database.training(), Uuid::from_u128(1));
         std::thread::scope(|scope| {
@@ -306,7 +306,7 @@ fn versions_are_numbered_share_blocks_and_switch_with_history() {
 }
 
 #[test]
-fn publishers_at_the_same_time_get_different_versions() {
+fn concurrent_publishers_get_different_versions() {
     check(|database| {
         let (catalogues, id) = (database.catalogues(), Uuid::from_u128(70));
         wait(catalogues.create(&catalogue(70))).unwrap();
@@ -323,7 +323,7 @@ fn publishers_at_the_same_time_get_different_versions() {
 }
 
 #[test]
-fn a_removed_object_leaves_nothing() {
+fn removing_an_object_leaves_nothing() {
     let database = Database::in_memory();
     let empty = database.stats().unwrap().bytes;
     let id = Uuid::from_u128(20);
@@ -336,7 +336,7 @@ fn a_removed_object_leaves_nothing() {
 }
 
 #[test]
-fn calibrations_are_numbered_for_each_sensor_and_stay() {
+fn calibrations_are_numbered_per_sensor_and_stay() {
     let database = Database::in_memory();
     let calibrations = database.calibrations();
     let (one, other) = (Uuid::from_u128(10), Uuid::from_u128(11));
@@ -367,7 +367,7 @@ fn a_repeated_reading_is_the_same_under_another_calibration() {
 }
 
 #[test]
-fn robots_numbers_count_per_key() {
+fn robots_numbers_are_unique_per_key() {
     let (journal, owner) = (Database::in_memory().journal(), Uuid::from_u128(50));
     let id = |seq| ReadingId { robot: "a".to_owned(), seq };
     let [one, other] = [1, 2].map(|key| Some(Uuid::from_u128(key)));

@@ -1,4 +1,4 @@
-//! Values to store, each field different from every other.
+//! Sample values to store, each field different from every other.
 
 use std::path::Path;
 
@@ -103,7 +103,7 @@ pub(crate) fn coded_entry(robot: &str, seq: u64) -> NewEntry {
     NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
 }
 
-/// A reading that a calibration applies to.
+/// A reading with a calibration.
 pub(crate) fn calibrated_entry(robot: &str, seq: u64, calibration: u32) -> NewEntry {
     let event = Event::Reading(StoredReading { calibration, ..reading(36) });
     NewEntry { event, ..entry(robot, seq) }
@@ -173,7 +173,7 @@ pub(crate) fn draft(blocks: &[(&str, usize)]) -> Draft {
     }
 }
 
-/// A database with one of everything.
+/// Fills a database with one item of every kind.
 pub(crate) fn fill(database: &Database) {
     let file = mesh_file(10_000);
     wait(async {
@@ -195,7 +195,7 @@ pub(crate) fn fill(database: &Database) {
     .unwrap();
 }
 
-/// Reads everything that [`fill`] wrote and says what is wrong.
+/// Reads everything that [`fill`] wrote; the error names the first fault.
 pub(crate) fn read_all(database: &Database) -> Result<(), String> {
     let text = |error: StoreError| error.to_string();
     let same = |what: &str, same: bool| if same { Ok(()) } else { Err(what.to_owned()) };
@@ -230,14 +230,14 @@ pub(crate) fn read_all(database: &Database) -> Result<(), String> {
     same("blocks", blocks == draft(&[("postings", 9_000), ("report", 100)]).blocks)
 }
 
-/// A reading after a way of 70 mm, of an object that may have moved.
+/// A reading after a free path of 70 mm, of an object that may have moved.
 pub(crate) fn moved_entry(robot: &str, seq: u64) -> NewEntry {
     let object_moved = Some(Looseness { position: 0.002, angle: 0.03 });
     let reading = StoredReading { approach: 0.07, object_moved, ..reading(36) };
     NewEntry { event: Event::Reading(reading), ..entry(robot, seq) }
 }
 
-/// Copies a folder as it lies there, as a `kill -9` would leave it.
+/// Copies a folder unchanged, as a `kill -9` would leave it.
 pub(crate) fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
     for entry in std::fs::read_dir(from).unwrap() {

@@ -1,4 +1,4 @@
-//! A snapshot gives back every byte, and anything else than a whole one is refused.
+//! Tests of snapshots: they restore every byte, and incomplete ones are refused.
 
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ fn snapshot(engine: &dyn Engine) -> Vec<u8> {
 }
 
 #[test]
-fn a_restored_database_has_every_byte_of_the_one_before() {
+fn a_restored_database_has_every_byte() {
     let engine = filled();
     let bytes = snapshot(&*engine);
     let (manifest, report) = verify(&bytes[..]).unwrap();
@@ -101,7 +101,7 @@ fn keys_of_a_snapshot_are_kept_dropped_or_replaced() {
 }
 
 #[test]
-fn a_snapshot_that_was_cut_off_anywhere_is_refused_and_never_opens() {
+fn a_truncated_snapshot_is_refused_and_never_opens() {
     let bytes = snapshot(&*filled());
     for length in (0..bytes.len()).step_by(97).chain(bytes.len() - 40..bytes.len()) {
         let error = verify(&bytes[..length]).unwrap_err();
@@ -117,7 +117,7 @@ fn a_snapshot_that_was_cut_off_anywhere_is_refused_and_never_opens() {
 }
 
 #[test]
-fn any_changed_byte_is_found() {
+fn any_changed_byte_is_detected() {
     let bytes = snapshot(&*filled());
     for place in (0..bytes.len()).step_by(31) {
         let mut changed = bytes.clone();
@@ -127,7 +127,7 @@ fn any_changed_byte_is_found() {
 }
 
 #[test]
-fn newer_forms_and_layouts_are_refused_by_name() {
+fn newer_forms_and_layouts_are_refused() {
     let bytes = snapshot(&*filled());
     let changed = |place: usize| {
         let mut changed = bytes.clone();

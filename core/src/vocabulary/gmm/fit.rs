@@ -1,8 +1,8 @@
-//! Fitting a Gaussian mixture: independent starts from k-means++, EM until nothing gains.
+//! Fits a Gaussian mixture: independent starts from k-means++, EM until convergence.
 //!
 //! Source: section 4.4.2.1; floors and bounds as in `docs/equations.md`. Every start runs a
-//! few steps of its own, and the likeliest goes on to convergence (Biernacki, Celeux and
-//! Govaert, 2003).
+//! few steps, and the likeliest continues to convergence (Biernacki, Celeux and Govaert,
+//! 2003).
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -11,33 +11,33 @@ use super::steps::{Blocks, Expectation, blocks, expect, maximize, raise_eigenval
 use super::{Component, Mixture};
 use crate::vocabulary::kmeans::{KMeansConfig, one_start};
 
-/// Which covariances components have.
+/// Covariances of the components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Covariances {
-    /// One each, as printed (equation 4.16).
+    /// One per component, as printed (equation 4.16).
     Full,
-    /// One that all components share, beyond print: for few features.
+    /// One for all components, beyond print: for few features.
     Shared,
 }
 
-/// How a mixture is fitted.
+/// Configuration of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MixtureConfig {
-    /// How many components; fewer when there are fewer than (dimension + 1) features each, or
-    /// two where they share a covariance.
+    /// Number of components; fewer when there are fewer than (dimension + 1) features each,
+    /// or two with a shared covariance.
     pub n_components: usize,
-    /// Which covariances they have.
+    /// Covariances of the components.
     pub covariances: Covariances,
-    /// Independent starts; the likeliest after `short_steps` goes on.
+    /// Independent starts; the likeliest after `short_steps` continues.
     pub n_starts: usize,
-    /// EM steps by which starts are compared.
+    /// EM steps before starts are compared.
     pub short_steps: usize,
-    /// EM ends after this many steps in all.
+    /// Maximum EM steps in total.
     pub max_steps: usize,
-    /// EM ends when the mean ln density of a feature gains less than this share of itself
+    /// EM ends when the mean ln density of a feature gains less than this fraction of itself
     /// (of 1 when it is smaller than 1).
     pub tolerance: f64,
-    /// The smallest eigenvalue of a covariance, as a share of the features' mean variance.
+    /// Smallest eigenvalue of a covariance, as a fraction of the features' mean variance.
     pub variance_floor: f64,
 }
 
@@ -57,7 +57,7 @@ impl MixtureConfig {
     }
 }
 
-/// A fitted mixture, and how the likelihood grew.
+/// A fitted mixture, and its likelihood over the steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MixtureFit {
     /// The mixture.
@@ -77,7 +77,7 @@ pub fn fit_mixture(features: &[Vec<f64>], config: &MixtureConfig, seed: u64) -> 
     fit.expect("nobody stops it")
 }
 
-/// As [`fit_mixture`]; `None` when `go_on`, which is asked before every step, was false.
+/// Like [`fit_mixture`]; calls `go_on` before every step and returns `None` once it is false.
 ///
 /// # Panics
 /// Without any feature: there is nothing to fit.
@@ -113,7 +113,7 @@ pub fn fit_mixture_while(
     go_on().then_some(MixtureFit { mixture: run.mixture, mean_log_density: run.trace })
 }
 
-/// The features, what they have in common, and the floor that follows.
+/// The features with their common covariance and the floor derived from it.
 struct Data {
     blocks: Blocks,
     /// The covariance of all features together, row-major.
@@ -131,7 +131,7 @@ impl Data {
         let whole = maximize(&blocks, &ones, 0.0).remove(0);
         let covariance = whole.map_or(vec![0.0; dimension * dimension], |all| all.covariance);
         let trace: f64 = covariance.iter().step_by(dimension + 1).sum();
-        // Features that are all equal have no variance; any positive floor serves them.
+        // Equal features have no variance; any positive floor serves them.
         let floor = (config.variance_floor * trace / dimension as f64).max(1e-12);
         let raised =
             raise_eigenvalues(DMatrix::from_row_slice(dimension, dimension, &covariance), floor);
@@ -139,7 +139,7 @@ impl Data {
         Self { blocks, covariance, covariances: config.covariances, floor }
     }
 
-    /// The M step. A covariance that is shared is the mean of the components', by weight.
+    /// The M step. A shared covariance is the mean of the components', by weight.
     fn maximize(&self, shares: &[DMatrix<f64>]) -> Vec<Option<Component>> {
         let floor = match self.covariances {
             Covariances::Full => self.floor,
@@ -161,7 +161,7 @@ impl Data {
     }
 }
 
-/// EM on its way.
+/// State of an EM run.
 struct Run {
     mixture: Mixture,
     expectation: Expectation,
@@ -219,7 +219,7 @@ impl Run {
         }
     }
 
-    /// One step of EM; true when a component had lost its features and started anew.
+    /// One step of EM; true when a component had lost its features and was re-seeded.
     fn step(&mut self, data: &Data) -> bool {
         let maximized = data.maximize(&self.expectation.shares);
         let lost = maximized.iter().filter(|part| part.is_none()).count();
@@ -236,7 +236,7 @@ impl Run {
         lost > 0
     }
 
-    /// Components at the features that are explained worst, as wide as all features.
+    /// New components at the features explained worst, as wide as all features.
     fn new_components(&self, data: &Data, n: usize) -> Vec<Component> {
         let densities = &self.expectation.log_densities;
         let mut order: Vec<usize> = (0..densities.len()).collect();
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_component_without_features_starts_anew_at_the_worst_explained_one() {
+    fn an_empty_component_restarts_at_the_worst_feature() {
         let mut features = clouds(300, 2, 4);
         features.push(vec![500.0, 500.0, 500.0]);
         let config = MixtureConfig { variance_floor: 1e-9, ..MixtureConfig::with_components(2) };
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_threads_does_not_change_a_bit() {
+    fn the_result_does_not_depend_on_threads() {
         let features = clouds(1_500, 4, 5);
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -8,16 +8,16 @@ use rayon::prelude::*;
 
 use super::{Component, Mixture};
 
-/// Features of one block.
+/// Number of features of one block.
 const BLOCK: usize = 512;
 
-/// A component takes no notice of features that belong to it with less than this share.
+/// Share below which a component ignores a feature.
 const MIN_SHARE: f64 = 1e-12;
 
 /// A block of features as columns.
 pub(super) type Blocks = Vec<DMatrix<f64>>;
 
-/// Which features belong to which component, and how likely the features are.
+/// Membership of the features in the components, and their densities.
 pub(super) struct Expectation {
     /// Shares: one matrix a block, features × components.
     pub(super) shares: Vec<DMatrix<f64>>,
@@ -67,7 +67,7 @@ fn expect_block(mixture: &Mixture, block: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f
 }
 
 /// Turns each row of logs into shares that sum to 1; returns ln of the rows' totals. Runs
-/// over columns, so that memory is read in its order.
+/// over columns, in the order of memory.
 fn normalize_rows(logs: &mut DMatrix<f64>) -> Vec<f64> {
     let n = logs.nrows();
     let mut max = vec![f64::NEG_INFINITY; n];
@@ -77,7 +77,7 @@ fn normalize_rows(logs: &mut DMatrix<f64>) -> Vec<f64> {
     let mut total = vec![0.0; n];
     for mut column in logs.column_iter_mut() {
         for ((log, max), total) in column.iter_mut().zip(&max).zip(&mut total) {
-            // exp of less than −60 is below 1e-26: nothing, and half of the time.
+            // exp of less than −60 is below 1e-26: skipping it saves half of the time.
             let offset = *log - max;
             *log = if offset < -60.0 { 0.0 } else { offset.exp() };
             *total += *log;
@@ -89,10 +89,10 @@ fn normalize_rows(logs: &mut DMatrix<f64>) -> Vec<f64> {
     max.iter().zip(&total).map(|(max, total)| max + total.ln()).collect()
 }
 
-/// The M step: each component from its features; `None` stands for one that lost them.
+/// The M step: each component from its features; `None` for one that lost them.
 ///
-/// A covariance's eigenvalues are raised to `floor`, which is the maximum of the likelihood
-/// among covariances that have no smaller ones: the likelihood still never falls.
+/// A covariance's eigenvalues are raised to `floor`, which maximises the likelihood among
+/// covariances with no smaller ones: the likelihood still never falls.
 pub(super) fn maximize(
     blocks: &Blocks,
     shares: &[DMatrix<f64>],
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_component_takes_mean_and_covariance_of_its_features() {
+    fn components_have_mean_and_covariance_of_their_features() {
         // Four features with share 1: mean (1, 0), variance 1 along x, 4 along y.
         let features = vec![vec![0.0, 2.0], vec![2.0, 2.0], vec![0.0, -2.0], vec![2.0, -2.0]];
         let parts = maximize(&blocks(&features), &[DMatrix::from_element(4, 1, 1.0)], 1e-6);

@@ -1,4 +1,4 @@
-//! Features of training sets, and which readings are held back.
+//! Features of training sets, split into training and held-out readings.
 
 use super::{AppearanceSet, AppearanceTrainError};
 use crate::appearance::model::AppearanceSource;
@@ -6,11 +6,11 @@ use palpate_core::contact::touches;
 use palpate_core::descriptor::{DescriptorKind, FeatureMatrix};
 use palpate_core::reading::TactileImage;
 
-/// The features of one object's readings that touched it, one matrix a reading.
+/// The features of one object's readings with contact, one matrix per reading.
 pub(super) struct Split {
-    /// Readings that make histograms.
+    /// Readings of the histograms.
     pub(super) training: Vec<FeatureMatrix>,
-    /// Readings that choose, calibrate and report.
+    /// Readings for choice, calibration and report.
     pub(super) held_back: Vec<FeatureMatrix>,
 }
 
@@ -21,7 +21,7 @@ impl Split {
     }
 }
 
-/// What the sets' features are made of.
+/// The source of the sets' features.
 pub(super) fn source_of(
     sets: &[AppearanceSet<'_>],
     descriptor: DescriptorKind,
@@ -38,8 +38,8 @@ pub(super) fn source_of(
     sets.iter().find_map(of_set).ok_or(AppearanceTrainError::NothingTouched)
 }
 
-/// Describes the readings of a set that touched, and holds an even share of them back: every
-/// m-th in their order, so that all parts of an object are in both.
+/// Describes the readings of a set with contact, and holds out an even share of them: every
+/// m-th in order, so that both parts cover the whole object.
 pub(super) fn split(
     set: &AppearanceSet<'_>,
     source: AppearanceSource,
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_fifth_reading_is_held_back() {
+    fn every_fifth_reading_is_held_out() {
         let features: Vec<Vec<f64>> = (0..12).map(|n| vec![f64::from(n)]).collect();
         let source = AppearanceSource::External { dimension: 1 };
         let found = split(&AppearanceSet::Features(&features), source, 0.2).unwrap();
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn features_of_another_length_or_without_numbers_are_refused() {
+    fn features_of_wrong_length_or_not_finite_are_refused() {
         let source = AppearanceSource::External { dimension: 2 };
         for wrong in [vec![1.0], vec![1.0, f64::NAN]] {
             let features = [vec![0.0, 1.0], wrong];

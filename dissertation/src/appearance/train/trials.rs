@@ -1,7 +1,7 @@
-//! Trials on held-back readings: accuracy, the calibrated exponent, confusion and affinity.
+//! Trials on held-out readings: accuracy, the calibrated exponent, confusion and affinity.
 //!
-//! A trial draws readings of one object without replacement and asks who it is. Draws depend
-//! on the seed and the object alone.
+//! A trial draws readings of one object without replacement and identifies the object. Draws
+//! depend on the seed and the object alone.
 
 use std::sync::Arc;
 
@@ -16,15 +16,15 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::vocabulary::bag::correlation;
 use palpate_core::vocabulary::choice::ClassCount;
 
-/// Trials of each object.
+/// Number of trials of each object.
 const N_TRIALS: usize = 50;
 
-/// Objects whose histograms correlate at least this much are reported as nearly the same.
+/// Correlation of histograms from which two objects are reported as nearly equal.
 pub const NEAR_DUPLICATE: f64 = 0.95;
 
-/// And those whose held-back readings give the other object at least this share of what both
-/// get; readings of one object taken for two would give 0.5, whatever noise few readings
-/// leave in the histograms.
+/// Share of the probability that held-out readings give to the other object of a pair, from
+/// which the pair is reported too. Readings of one object trained as two would give 0.5,
+/// whatever noise few readings leave in the histograms.
 pub const CONFUSED_SHARE: f64 = 0.4;
 
 /// One trial: the true object, and the sum of its readings' ln likelihoods by object.
@@ -33,7 +33,7 @@ struct Trial {
     log_likelihoods: Vec<f64>,
 }
 
-/// Trials of `n_readings` of every object; of all its held-back readings where those are
+/// Trials of `n_readings` of every object, or of all its held-out readings if those are
 /// fewer; none for an object without any.
 fn trials(
     objects: &[Arc<ObjectAppearance>],
@@ -84,7 +84,7 @@ fn share_right(trials: &[Trial]) -> f64 {
     trials.iter().filter(|trial| is_right(trial)).count() as f64 / trials.len().max(1) as f64
 }
 
-/// How well a number of classes does: section 4.4.2.1.
+/// Result of a number of classes: section 4.4.2.1.
 pub(super) fn count(
     objects: &[Arc<ObjectAppearance>],
     shares: &ObjectShares,
@@ -101,8 +101,8 @@ pub(super) fn count(
     }
 }
 
-/// The exponent, 0.01 to 1, under which the true objects of trials of 1, 3, 10, … readings
-/// are likeliest; 1 without held-back readings or with a single object.
+/// The exponent, 0.01 to 1, that maximises the likelihood of the true objects in trials of 1,
+/// 3, 10, … readings; 1 without held-out readings or with a single object.
 ///
 /// The loss is convex in the exponent, so a ternary search finds its minimum.
 pub(super) fn fit_exponent(
@@ -197,7 +197,7 @@ mod tests {
     use crate::appearance::model::ReadingClasses;
     use palpate_core::vocabulary::bag::ClassHistogram;
 
-    /// An object with these shares whose held-back readings are hard: `held` of each class.
+    /// An object with these shares and `held` hard held-out readings of each class.
     fn object(mass: [f64; 2], held: [usize; 2]) -> Arc<ObjectAppearance> {
         let hard = |class: usize| {
             let shares = if class == 0 { vec![1.0, 0.0] } else { vec![0.0, 1.0] };
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn objects_that_look_alike_are_named() {
+    fn objects_with_similar_histograms_are_reported() {
         let objects =
             [object([9.0, 1.0], [0, 0]), object([1.0, 9.0], [0, 0]), object([8.8, 1.2], [0, 0])];
         let found = report(&objects, &shares(&objects), 1.0, 1, 1).near_duplicates;
@@ -236,9 +236,10 @@ mod tests {
     }
 
     #[test]
-    fn objects_whose_readings_cannot_be_told_apart_are_named() {
-        // Histograms differ (cos = 0.48 / 0.52 = 0.92), but every held-back reading of both
-        // is of class 0: 0.6 / (0.6 + 0.4) and 0.4, so the other gets half of what both get.
+    fn objects_with_confused_readings_are_reported() {
+        // Histograms differ (cos = 0.48 / 0.52 = 0.92), but every held-out reading of both is
+        // of class 0: 0.6 / (0.6 + 0.4) and 0.4, so the other gets half of the probability of
+        // the pair.
         let objects = [object([6.0, 4.0], [5, 0]), object([4.0, 6.0], [5, 0])];
         let found = report(&objects, &shares(&objects), 1.0, 1, 1);
         assert!((found.affinity[0][1] - 0.48 / 0.52).abs() < 1e-12);
@@ -249,8 +250,8 @@ mod tests {
     }
 
     #[test]
-    fn the_exponent_falls_when_histograms_promise_too_much() {
-        // Promised 90 to 10, held back 60 to 40: the likeliest exponent for single readings
+    fn the_exponent_falls_for_overconfident_histograms() {
+        // Predicted 90 to 10, held out 60 to 40: the likeliest exponent for single readings
         // solves 9^e = 1.5: e = ln 1.5 / ln 9 = 0.185.
         let objects = [object([9.0, 1.0], [60, 40]), object([1.0, 9.0], [40, 60])];
         let found = fit_exponent(&objects, &shares(&objects), 1, 3);
@@ -262,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_candidate_is_counted_by_right_trials_and_their_probability() {
+    fn a_candidate_is_rated_by_accuracy_and_reliability() {
         let objects = [object([9.0, 1.0], [5, 0]), object([3.0, 7.0], [0, 5])];
         let found = count(&objects, &shares(&objects), 2, 1, 1);
         assert!((found.accuracy - 1.0).abs() < 1e-12);

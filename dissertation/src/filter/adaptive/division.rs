@@ -1,8 +1,8 @@
-//! How a box of poses is divided into bins, and bins into halves.
+//! Division of a box of poses into bins, and of bins into halves.
 //!
-//! Bins of one depth have one size. Axes are compared by what a step along them moves.
+//! Bins of one depth have one size. Axes are compared by the displacement per unit along them.
 
-/// How a box of poses is divided: counts of the first bins, and the axes of each split.
+/// Division of a box of poses: numbers of the first bins, and the axes of each split.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Division<const D: usize> {
     low: [f64; D],
@@ -14,9 +14,9 @@ pub struct Division<const D: usize> {
 }
 
 impl<const D: usize> Division<D> {
-    /// Divides the box from `low` to `high` into `n` bins along each axis. `lengths` (m a unit
-    /// of the axis) compare axes; a split halves all axes that are at least three quarters of
-    /// the widest, and there are splits until none is wider than `smallest` (m).
+    /// Divides the box from `low` to `high` into `n` bins along each axis. `lengths` (metres
+    /// per unit of the axis) compare axes; a split halves all axes that are at least three
+    /// quarters of the widest, and there are splits until none is wider than `smallest` (m).
     #[must_use]
     pub fn new(
         low: [f64; D],
@@ -60,13 +60,13 @@ impl<const D: usize> Division<D> {
         self.widths[depth.min(self.widths.len() - 1)]
     }
 
-    /// The deepest bins.
+    /// Depth of the smallest bins.
     #[must_use]
     pub fn depth_max(&self) -> usize {
         self.widths.len() - 1
     }
 
-    /// The share of the box that a bin of this depth fills, as ln.
+    /// ln of the fraction of the box that a bin of this depth fills.
     #[must_use]
     pub fn log_share(&self, depth: usize) -> f64 {
         self.log_shares[depth.min(self.log_shares.len() - 1)]
@@ -103,5 +103,5 @@ impl<const D: usize> Division<D> {
     }
 }
 
-/// Deeper trees than this would have bins below a micrometre.
+/// Maximum depth; deeper bins would be below a micrometre.
 const DEPTH_MAX: usize = 24;

@@ -1,9 +1,9 @@
-//! The adaptive histogram on points of a line.
+//! Tests of the adaptive histogram on points of a line.
 
 use super::*;
 
-/// Readings of a point on a line, each with deviation `sigma`; object 1 is never seen. A
-/// bin is as likely as its best point.
+/// Readings of a point on a line, each with deviation `sigma`; object 1 is never observed.
+/// The likelihood of a bin is that of its best point.
 struct Points {
     readings: Vec<f64>,
     sigma: f64,
@@ -54,7 +54,7 @@ fn best(histogram: &AdaptiveHistogram<1>) -> Bin<1> {
 }
 
 #[test]
-fn widths_halve_down_to_the_smallest_and_shares_with_them() {
+fn widths_and_shares_halve_down_to_the_smallest() {
     let division = Division::new([0.0; 2], [1.0, 4.0], [2, 2], [1.0, 1.0], 0.5, 2);
     // 0.5 × 2 → only y is widest: 0.5 × 1, 0.5 × 0.5.
     assert_eq!(division.depth_max(), 2);
@@ -65,12 +65,12 @@ fn widths_halve_down_to_the_smallest_and_shares_with_them() {
 }
 
 #[test]
-fn the_place_is_found_finer_than_the_first_bins() {
+fn the_position_is_found_finer_than_the_first_bins() {
     let (histogram, _) = run(&[0.333, 0.331, 0.335], &EFFORT);
     let found = best(&histogram);
     assert_eq!(found.object, 0);
     assert!((found.center[0] - 0.333).abs() < 0.01, "{found:?}");
-    // Splitting replaces a bin by its children: the shares still add up to the objects'.
+    // Splitting replaces a bin by its children: the shares still sum to the objects'.
     let total: f64 = histogram
         .bins()
         .iter()
@@ -81,7 +81,7 @@ fn the_place_is_found_finer_than_the_first_bins() {
 
 #[test]
 fn a_sleeping_bin_wakes_when_the_best_falls_back() {
-    // One reading far off puts the truth 50 nats behind; it sleeps, and comes back.
+    // One outlier puts the truth 50 nats behind; it sleeps, and comes back.
     let (histogram, _) = run(&[0.9, 0.1, 0.1, 0.1], &EFFORT);
     let found = best(&histogram);
     assert!((found.center[0] - 0.1).abs() < 0.02, "{found:?}");
@@ -89,7 +89,7 @@ fn a_sleeping_bin_wakes_when_the_best_falls_back() {
 }
 
 #[test]
-fn no_more_is_evaluated_than_the_budget() {
+fn evaluations_stay_within_the_budget() {
     let none = Effort { evaluations_max: 0, ..EFFORT };
     let (histogram, model) = run(&[0.5], &none);
     assert_eq!(model.evaluated, 20);
@@ -97,7 +97,7 @@ fn no_more_is_evaluated_than_the_budget() {
 }
 
 #[test]
-fn a_screening_leaves_out_what_is_far_behind() {
+fn a_screening_drops_bins_far_behind() {
     let few = Effort { screened_max: 4, evaluations_max: 0, ..EFFORT };
     let (histogram, model) = run(&[0.33], &few);
     assert_eq!(model.evaluated, 24);

@@ -1,4 +1,4 @@
-//! The histogram filter against its definition, one bin and one taxel at a time.
+//! Tests of the histogram filter against its definition, one bin and one taxel at a time.
 
 use glam::DVec3;
 
@@ -26,7 +26,7 @@ fn bins() -> PlanarBins {
     PlanarBins { n: [9, 7, 6], center: DVec2::new(0.003, -0.002), half: DVec2::splat(0.01) }
 }
 
-/// A press of 36 taxels, of the classes that the first map suggests under `pose`.
+/// A press of 36 taxels with the classes that the first map predicts under `pose`.
 fn press(session_from_object: &Pose, stream: &mut Stream) -> ClassifiedPress {
     let center = DVec3::new(stream.uniform(-0.008, 0.008), stream.uniform(-0.008, 0.008), 0.0);
     let map = &maps()[0];
@@ -58,7 +58,7 @@ fn presses(seed: u64, n: usize) -> (Pose, Vec<ClassifiedPress>) {
 }
 
 #[test]
-fn bins_have_their_centers_where_table_3_1_puts_them() {
+fn bin_centers_follow_table_3_1() {
     let bins = PlanarBins { n: [5, 5, 4], center: DVec2::ZERO, half: DVec2::splat(10.0 * MM) };
     assert_eq!(bins.count(), 100);
     // Bin 1 + 5·(2 + 5·3): x −4 mm, y 0, angle 7/8 of a turn.
@@ -69,7 +69,7 @@ fn bins_have_their_centers_where_table_3_1_puts_them() {
 }
 
 #[test]
-fn the_literal_filter_is_the_product_of_all_presses_at_every_bin() {
+fn the_literal_filter_is_the_product_of_all_presses() {
     let (pose, presses) = presses(3, 4);
     let mut belief = filter(Extent::Literal);
     presses.iter().for_each(|press| belief.add(press.clone()));
@@ -93,9 +93,9 @@ fn the_literal_filter_is_the_product_of_all_presses_at_every_bin() {
 }
 
 #[test]
-fn planes_answer_as_the_definition_does_within_their_sampling() {
-    // A taxel is looked up within 0.2 mm along each axis where log-odds change by at most
-    // 0.8 a millimetre: 0.2 nats a taxel at worst, and the signs cancel over 36 of them.
+fn planes_match_the_definition_within_their_sampling() {
+    // A taxel is looked up within 0.2 mm along each axis, where log-odds change by at most
+    // 0.8 a millimetre: at most 0.2 nats a taxel, and the signs cancel over 36 of them.
     let (_, presses) = presses(5, 6);
     let (mut literal, mut planes) = (filter(Extent::Literal), filter(Extent::Exhaustive));
     for press in &presses {
@@ -119,7 +119,7 @@ fn planes_answer_as_the_definition_does_within_their_sampling() {
 
 #[test]
 fn a_press_on_the_planes_samples_is_summed_exactly() {
-    // Taxels whose distances from every bin are whole samples have nothing to round.
+    // Taxels whose distances from every bin are whole samples are not rounded.
     let bins = PlanarBins { n: [10, 10, 4], center: DVec2::ZERO, half: DVec2::splat(10.0 * MM) };
     let table = ClassTable::literal();
     let model = Arc::new(HistogramModel::new(maps(), table.clone(), &bins, BinShare::Center));
@@ -143,7 +143,7 @@ fn a_press_on_the_planes_samples_is_summed_exactly() {
 }
 
 #[test]
-fn left_out_bins_come_back_when_nothing_else_explains_a_press() {
+fn left_out_bins_return_when_no_other_bin_explains_a_press() {
     // Presses on a wrong place first, then many on the true one.
     let (_, wrong) = presses(7, 3);
     let (pose, right) = presses(8, 12);
@@ -162,7 +162,7 @@ fn left_out_bins_come_back_when_nothing_else_explains_a_press() {
 }
 
 #[test]
-fn a_wide_margin_leaves_the_answer_as_it_is() {
+fn a_wide_margin_keeps_the_answer() {
     for seed in 0..8 {
         let (_, presses) = presses(seed, 5);
         let sparse = Extent::Sparse { nats: 40.0, reseed: Reseed::Never };
@@ -180,8 +180,8 @@ fn a_wide_margin_leaves_the_answer_as_it_is() {
 }
 
 #[test]
-fn a_bin_that_stands_for_its_extent_averages_over_it() {
-    // One angle only would turn the map round; 360 angles turn it by a third of a degree.
+fn extent_bins_average_over_their_extent() {
+    // One angle only would turn the map around; 360 angles turn it by a third of a degree.
     let bins = PlanarBins { n: [4, 4, 360], center: DVec2::ZERO, half: DVec2::splat(4.0 * MM) };
     let table = ClassTable::literal();
     let model = HistogramModel::new(maps(), table.clone(), &bins, BinShare::Extent);
@@ -210,7 +210,7 @@ fn a_bin_that_stands_for_its_extent_averages_over_it() {
 }
 
 #[test]
-fn bins_narrower_than_a_sample_share_samples_and_memory() {
+fn narrow_bins_share_samples_and_memory() {
     // Bins of 0.02 mm: a taxel is looked up within 0.05 mm, where log-odds change by at most
     // 0.8 a millimetre.
     let n = [20, 16, 6];
@@ -237,7 +237,7 @@ fn bins_narrower_than_a_sample_share_samples_and_memory() {
         }
     }
     assert!(sparse.n_active() < planes.n_active() / 8, "looked up one by one in the end");
-    // Logarithms are relative to the best bin that is left, which may be another one.
+    // Logarithms are relative to the best active bin, which may be another one.
     let all = planes.logs(0);
     let apart: Vec<f64> = sparse.logs(0).iter().map(|(bin, log)| all[*bin].1 - log).collect();
     assert!(apart.iter().all(|one| (one - apart[0]).abs() < 1e-3), "{apart:?}");

@@ -1,4 +1,4 @@
-//! The particle filter against hand-computed weights and a posterior that is known.
+//! Tests of the particle filter against hand-computed weights and a known posterior.
 
 use super::*;
 use palpate_core::units::DEG;
@@ -26,7 +26,7 @@ fn run(options: ParticleOptions, readings: usize) -> ParticleFilter {
 }
 
 #[test]
-fn all_kinds_of_resampling_find_the_object_and_its_pose() {
+fn every_resampling_method_finds_object_and_pose() {
     let literal = ParticleOptions::literal(4_000);
     let systematic = ParticleOptions {
         resampling: Resampling::Systematic,
@@ -51,8 +51,8 @@ fn all_kinds_of_resampling_find_the_object_and_its_pose() {
 }
 
 #[test]
-fn weights_and_effective_number_by_hand() {
-    // Two objects whose likelihoods are as 3 to 1; the noise changes neither.
+fn weights_and_effective_number_match_hand_computed_values() {
+    // Two objects with likelihoods 3 to 1; the noise changes neither.
     let mut filter = ParticleFilter::new(ParticleOptions::literal(1_000), PLANE, 2, 1);
     let n_first = filter.particles().iter().filter(|p| p.object == 0).count() as f64;
     filter.add(|object, _| if object == 0 { 3.0_f64.ln() } else { 0.0 });
@@ -63,7 +63,7 @@ fn weights_and_effective_number_by_hand() {
 }
 
 #[test]
-fn systematic_drawing_keeps_whole_shares() {
+fn systematic_resampling_keeps_whole_shares() {
     let mut stream = Stream::new(1, Purpose::Particles, 0);
     let picked: Vec<usize> =
         pick(&[0.5, 0.0, 0.25, 0.25], 8, Resampling::Systematic, &mut stream).collect();
@@ -71,7 +71,7 @@ fn systematic_drawing_keeps_whole_shares() {
 }
 
 #[test]
-fn multinomial_drawing_follows_the_weights() {
+fn multinomial_resampling_follows_the_weights() {
     let mut stream = Stream::new(2, Purpose::Particles, 0);
     let picked = pick(&[0.1, 0.9], 10_000, Resampling::Multinomial, &mut stream);
     let share = picked.filter(|idx| *idx == 1).count() as f64 / 1e4;

@@ -1,4 +1,4 @@
-//! The printed filters as beliefs, on maps that are drawn by hand.
+//! Tests of the printed filters as beliefs, on hand-drawn maps.
 
 use super::*;
 use crate::filter::particle::ParticleOptions;
@@ -83,7 +83,7 @@ fn belief(filter: &PrintedFilter, log_prior: &[f64]) -> PrintedBelief {
 }
 
 #[test]
-fn both_filters_find_the_bar_in_its_plane() {
+fn both_filters_locate_the_bar_in_its_plane() {
     for filter in filters() {
         let belief = belief(&filter, &[0.5_f64.ln(); 2]);
         let answer = belief.answer(3, 9);
@@ -146,7 +146,7 @@ fn the_prior_over_objects_weighs_the_answer() {
 }
 
 #[test]
-fn what_a_printed_filter_cannot_do_is_refused() {
+fn unsupported_options_of_printed_filters_are_refused() {
     let new = |prior: &PosePrior, filter: &PrintedFilter| {
         PrintedBelief::new(&prepared(), prior, filter, 1, &[0.0; 2]).map(drop)
     };

@@ -1,4 +1,4 @@
-//! The inverse sensor model against its definition and numbers worked by hand.
+//! Tests of the inverse sensor model against its definition and hand-computed values.
 
 use glam::DQuat;
 use proptest::prelude::*;
@@ -50,7 +50,7 @@ fn naive(readings: &[Reading], shape: &GridShape, model: &InverseModel, cell: us
 }
 
 #[test]
-fn evidence_by_hand() {
+fn evidence_matches_hand_computed_values() {
     // Prior ½, κ 0.6, d = σ/2: weight 0.6·exp(−½) = 0.363918, so Pr = 0.681959 in contact
     // and its log-odds ln(1.363918/0.636082) = 0.762790; no contact is the opposite.
     let model = InverseModel::default();
@@ -77,14 +77,14 @@ fn planar_and_solid_maps_are_the_naive_sum() {
         for cell in (0..shape.n_cells()).step_by(7) {
             let (found, expected) =
                 (f64::from(map.log_odds()[cell]), naive(&readings, &shape, &model, cell));
-            // What lies beyond the reach is left out: 12·36 taxels of less than 1e-4.
+            // Evidence beyond the reach is left out: 12·36 taxels of less than 1e-4.
             assert!((found - expected).abs() < 6e-3, "cell {cell}: {found}, {expected}");
         }
     }
 }
 
 #[test]
-fn the_order_of_readings_and_the_number_of_threads_do_not_matter() {
+fn order_of_readings_and_threads_do_not_matter() {
     let mut readings = presses(2, 40);
     let (shape, model) = (plane(&readings), InverseModel::default());
     let map = map_occupancy(&readings, &SENSOR(), shape, &model);

@@ -1,4 +1,4 @@
-//! Equations 5.14 and 5.21–5.25 against numbers worked out by hand.
+//! Tests of equations 5.14 and 5.21–5.25 against hand-computed values.
 
 use super::super::test_support::{map, one_turn, patch};
 use super::*;
@@ -8,7 +8,7 @@ use palpate_core::pose::Pose;
 /// Stored weights are rounded to 65,535ths.
 const ROUNDING: f64 = 1e-4;
 
-/// What a pair that is observed `distance_mm` long along x says about the map.
+/// Total evidence for the map from an observed pair that is `distance_mm` long along x.
 fn total(map: &ObjectMap, distance_mm: f64, classes: [&[(u8, f64)]; 2]) -> f64 {
     let a = patch([0.0; 3], classes[0]);
     let b = patch([distance_mm, 0.0, 0.0], classes[1]);
@@ -16,7 +16,7 @@ fn total(map: &ObjectMap, distance_mm: f64, classes: [&[(u8, f64)]; 2]) -> f64 {
 }
 
 #[test]
-fn bins_of_the_distance_weigh_their_matches_by_their_share() {
+fn matches_are_weighted_by_the_share_of_their_distance_bin() {
     // Bins of 10 mm: 37.5 mm is spread over 32.5–42.5 mm, ¾ in bin 3 and ¼ in bin 4. One
     // stored pair is 34 mm long (bin 3), one 45 mm (bin 4), one 55 mm (bin 5, no share).
     let certain = |class: u8| vec![(class, 1.0)];
@@ -39,22 +39,22 @@ fn associations_of_query_and_map_multiply() {
         map(&[patch([0.0; 3], &[(0, 0.8), (1, 0.2)]), patch([35.0, 0.0, 0.0], &[(2, 1.0)])], 10);
     let found = total(&stored, 35.0, [&[(0, 0.6), (1, 0.4)], &[(2, 0.7), (3, 0.3)]]);
     assert!((found - 0.392).abs() < ROUNDING, "{found}");
-    // The other way round the pair says the same: it is stored once, under ordered classes.
+    // The reversed pair gives the same: it is stored once, under ordered classes.
     let turned = total(&stored, 35.0, [&[(2, 0.7), (3, 0.3)], &[(0, 0.6), (1, 0.4)]]);
     assert!((turned - 0.392).abs() < ROUNDING, "{turned}");
 }
 
 #[test]
-fn two_patches_of_one_class_match_both_ways_round() {
+fn two_patches_of_one_class_match_in_both_orders() {
     let stored = map(&[patch([0.0; 3], &[(0, 1.0)]), patch([35.0, 0.0, 0.0], &[(0, 0.5)])], 10);
-    // 1 · 0.5 for each way round.
+    // 1 · 0.5 for each order.
     let found = total(&stored, 35.0, [&[(0, 1.0)], &[(0, 1.0)]]);
     assert!((found - 1.0).abs() < ROUNDING, "{found}");
 }
 
 #[test]
-fn turns_share_the_weight_of_their_match() {
-    // Equation 5.34: however many turns are sampled, a match of weight 0.5 weighs 0.5.
+fn sampled_rotations_share_the_weight_of_their_match() {
+    // Equation 5.34: a match of weight 0.5 contributes 0.5 for any number of sampled rotations.
     let stored = map(&[patch([0.0; 3], &[(0, 1.0)]), patch([35.0, 0.0, 0.0], &[(1, 0.5)])], 10);
     let (a, b) = (patch([0.0; 3], &[(0, 1.0)]), patch([35.0, 0.0, 0.0], &[(1, 1.0)]));
     let options = SvaOptions { sigma_init: 0.5, ..SvaOptions::literal() };
@@ -63,7 +63,7 @@ fn turns_share_the_weight_of_their_match() {
 }
 
 #[test]
-fn a_match_names_the_pose_that_lays_it_onto_the_observed_pair() {
+fn a_match_gives_the_pose_that_aligns_it() {
     let pair = [patch([0.0; 3], &[(0, 1.0)]), patch([35.0, 0.0, 0.0], &[(1, 1.0)])];
     let stored = map(&pair, 10);
     let session_from_object =

@@ -1,4 +1,4 @@
-//! Appearance to blocks and back, and what blocks that are none are refused for.
+//! Round trips of appearance blocks, and refusals of invalid ones.
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::vocabulary::gmm::MixtureError;
@@ -15,7 +15,7 @@ fn component(weight: f64, mean: [f64; 2]) -> Component {
 pub(in crate::model_codec) fn model() -> AppearanceModel {
     let components = vec![1.0, 0.0, 0.0, 0.0, 0.6, 0.8];
     let pca = Pca::from_parts(vec![0.1, 0.2, 0.3], components, vec![4.0, 1.0], 5.5).unwrap();
-    // Thirds do not sum to 1 exactly: they come back all the same.
+    // Thirds do not sum to 1 exactly; they must be restored unchanged.
     let weights = [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0 - 1e-14];
     let means = [[0.0, 0.0], [3.0, -1.0], [-2.0, 4.0]];
     let parts = weights.iter().zip(means).map(|(weight, mean)| component(*weight, mean));
@@ -50,7 +50,7 @@ pub(in crate::model_codec) fn model() -> AppearanceModel {
     }
 }
 
-/// Features of clients, discriminant axes and k-means: the other branches of the format.
+/// Clients' features, discriminant axes and k-means: the other branches of the format.
 fn other_model() -> AppearanceModel {
     let mean = vec![0.0; 2];
     let vocabulary = AppearanceVocabulary {
@@ -71,7 +71,7 @@ fn decoded(blocks: &[(String, Vec<u8>)]) -> Result<AppearanceModel, CodecError> 
 }
 
 #[test]
-fn appearance_comes_back_bit_by_bit() {
+fn appearance_is_restored_bit_by_bit() {
     for model in [model(), other_model()] {
         let blocks = to_blocks(&model, &OBJECTS);
         let names: Vec<&str> = blocks.iter().map(|(name, _)| name.as_str()).collect();
@@ -84,7 +84,7 @@ fn appearance_comes_back_bit_by_bit() {
 }
 
 #[test]
-fn the_bytes_are_those_of_the_format() {
+fn block_lengths_follow_the_format() {
     let hash = |block: &[u8]| blake3::hash(block).to_hex()[..16].to_owned();
     let lengths = |model: &AppearanceModel| -> Vec<(usize, String)> {
         to_blocks(model, &OBJECTS).iter().map(|(_, b)| (b.len(), hash(b))).collect()
@@ -118,7 +118,7 @@ fn cut_longer_and_changed_blocks_never_panic() {
                 assert!(decodes(block[..length].to_vec()).is_err(), "{length} bytes");
             }
             assert!(decodes([block.as_slice(), &[0]].concat()).is_err());
-            // Whatever one byte is changed to, the block is refused or makes a valid model.
+            // A block with a changed byte is refused or makes a valid model.
             for (at, value) in (0..block.len()).flat_map(|at| [(at, 0), (at, 0x7f), (at, 0xff)]) {
                 let mut changed = block.clone();
                 changed[at] = value;
@@ -131,7 +131,7 @@ fn cut_longer_and_changed_blocks_never_panic() {
 }
 
 #[test]
-fn what_does_not_fit_is_named() {
+fn invalid_blocks_are_refused_by_fault() {
     let with = |place: usize, at: usize, bytes: &[u8]| {
         let mut all = to_blocks(&model(), &OBJECTS);
         all[place].1[at..at + bytes.len()].copy_from_slice(bytes);
