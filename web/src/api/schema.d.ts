@@ -2248,7 +2248,7 @@ export interface components {
         };
         /**
          * Format: binary
-         * @description A map of contact as an image or a model.
+         * @description A contact map as an image or a PLY file.
          */
         MapFile: string;
         /** @description A patch: a trained piece of an object's surface, in the object frame. */
@@ -2335,7 +2335,7 @@ export interface components {
         };
         /**
          * Format: binary
-         * @description A mesh file, as its program wrote it.
+         * @description A mesh file.
          */
         MeshFile: string;
         /**
@@ -3548,7 +3548,7 @@ export interface components {
         };
         /**
          * Format: binary
-         * @description A snapshot, as `docs/formats.md` draws it.
+         * @description A snapshot file, in the format of `docs/formats.md`.
          */
         SnapshotFile: string;
         /** @description Spatial acuity at one force resolution. */
