@@ -1037,8 +1037,7 @@ export interface paths {
         };
         /**
          * List a session's readings
-         * @description Lists readings in the order of arrival, with the sequence numbers by which they can be
-         *     retracted.
+         * @description Lists readings in the order of arrival, with the `number` by which each can be retracted.
          */
         get: operations["list_session_readings"];
         put?: never;
@@ -3713,9 +3712,8 @@ export interface components {
             /** @description Whether to learn the surfaces that `surface` needs. Default: the value of `sva`. */
             surface?: boolean | null;
             /**
-             * @description Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
-             *     only train `appearance`, and, together with `surface`, large catalogues for `surface` alone.
-             *     Default: true.
+             * @description Whether to learn the pair maps that `sva` needs. Set false for readings without poses, which
+             *     only train `appearance`, or, with `surface` true, for large catalogues. Default: true.
              */
             sva?: boolean | null;
         };
