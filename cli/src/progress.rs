@@ -120,7 +120,7 @@ fn stage_words(job: &Job) -> &'static str {
         (_, Some(JobStage::Vocabulary)) => "Learning the vocabulary of touch",
         (_, Some(JobStage::Mapping)) => "Mapping the objects",
         (_, Some(JobStage::Surface)) => "Learning the surfaces",
-        (_, Some(JobStage::Geometry)) => "Learning maps of contact",
+        (_, Some(JobStage::Geometric)) => "Learning maps of contact",
         (_, Some(JobStage::Appearance)) => "Learning classes of appearance",
         (_, Some(JobStage::Storing)) => "Storing the version",
         (_, None) => "Training",

@@ -14,7 +14,7 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::geometric::model::GeometricModel;
-use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
     PreparedGeometry,
@@ -70,7 +70,7 @@ fn model() -> GeometricModel {
     let readings: Vec<Vec<Reading>> = (0..2).map(|object| presses(object, 150, 1)).collect();
     let sets: Vec<TrainingSet<'_>> =
         readings.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
-    map_geometry(&sets, &[DVec3::ZERO; 2], &GeometryConfig::planar()).unwrap()
+    map_geometry(&sets, &[DVec3::ZERO; 2], &GeometricConfig::planar()).unwrap()
 }
 
 fn prepared(model: GeometricModel) -> PreparedGeometry {

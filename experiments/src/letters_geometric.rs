@@ -20,7 +20,7 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_dissertation::geometric::model::GeometricModel;
-use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::occupancy::{ClassifiedPress, InverseModel, SpreadForm};
 use palpate_sim::letters::{Font, Letter, RotationOrder, SYMBOLS};
 use palpate_sim::rig::{LetterField, Rig, RigNoise, rig_sensor};
@@ -46,7 +46,7 @@ pub struct LettersGeometric {
     /// A font file; the built-in font when not given.
     pub font: Option<PathBuf>,
     /// How maps are made.
-    pub geometry: GeometryConfig,
+    pub geometry: GeometricConfig,
     /// Methods of these names, or whose names begin with one that is none; all when empty.
     pub methods: Vec<String>,
 }
@@ -65,7 +65,7 @@ pub enum LetterMaps {
 impl LetterMaps {
     /// Planar maps in this form.
     #[must_use]
-    pub fn geometry(self) -> GeometryConfig {
+    pub fn geometry(self) -> GeometricConfig {
         let corrected = InverseModel::default();
         let inverse = match self {
             Self::Corrected => corrected,
@@ -73,7 +73,7 @@ impl LetterMaps {
             // About a fifth of what is pressed is letter.
             Self::AsPrinted => InverseModel::literal(0.2),
         };
-        GeometryConfig { inverse, ..GeometryConfig::planar() }
+        GeometricConfig { inverse, ..GeometricConfig::planar() }
     }
 }
 
@@ -88,7 +88,7 @@ impl Default for LettersGeometric {
             readings: 46,
             noise: RigNoise::physical(),
             font: None,
-            geometry: GeometryConfig::planar(),
+            geometry: GeometricConfig::planar(),
             methods: Vec::new(),
         }
     }

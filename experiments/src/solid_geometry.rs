@@ -14,7 +14,7 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
-use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
     PreparedGeometry,
@@ -90,7 +90,7 @@ pub fn run(
     let sets: Vec<TrainingSet<'_>> =
         train.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
     let origins = vec![DVec3::ZERO; sets.len()];
-    let model = map_geometry(&sets, &origins, &GeometryConfig::solid())?;
+    let model = map_geometry(&sets, &origins, &GeometricConfig::solid())?;
     let prepared = PreparedGeometry::new(Arc::new(model));
     let mut lines = Vec::new();
     for (done, [half, turn]) in config.boxes.iter().enumerate() {

@@ -9,9 +9,9 @@ use crate::pose::Pose;
 /// Training options of the methods `geometric…`.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct GeometryTraining {
+pub struct GeometricTraining {
     /// Kind of contact map: a pressed plane or a whole surface.
-    pub kind: GeometryKind,
+    pub kind: GeometricKind,
     /// Cell size in metres, 0.0001 to 0.05. Default: suited to the kind.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.0001, maximum = 0.05)]
@@ -21,7 +21,7 @@ pub struct GeometryTraining {
 /// Kind of contact map.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum GeometryKind {
+pub enum GeometricKind {
     /// A raised shape pressed from above, such as a letter: x, y and the rotation about the plane's
     /// normal. Also learns pressures.
     Planar,
@@ -31,9 +31,9 @@ pub enum GeometryKind {
 
 /// Summary of an object's contact map.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, ToSchema)]
-pub struct GeometryReport {
+pub struct GeometricReport {
     /// Kind of the map.
-    pub kind: GeometryKind,
+    pub kind: GeometricKind,
     /// Cell size in metres.
     pub cell: f64,
     /// Number of cells along x, y and z; a planar map has one layer.
@@ -53,7 +53,7 @@ pub struct OccupancyMap {
     /// The object's name when it was trained.
     pub name: String,
     /// Kind of the map.
-    pub kind: GeometryKind,
+    pub kind: GeometricKind,
     /// Corner with the smallest coordinates, in the object frame, in metres. A planar map lies at z
     /// = `min[2]`.
     #[schema(value_type = Vec<f64>, min_items = 3, max_items = 3)]

@@ -44,9 +44,9 @@ pub use calibration::{
 };
 pub use fleet::{Fleet, FleetQuery, FleetSession};
 pub use geometry::{
-    AxisUnit, GeometryKind, GeometryReport, GeometryTraining, Marginal, Marginals, MarginalsQuery,
-    MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior, SliceQuery,
-    VersionReference,
+    AxisUnit, GeometricKind, GeometricReport, GeometricTraining, Marginal, Marginals,
+    MarginalsQuery, MergeMaps, OccupancyMap, PlaneMarginal, PlyForm, PlyQuery, PosePrior,
+    SliceQuery, VersionReference,
 };
 pub use health::{Check, Compacted, Liveness, Readiness, Version};
 pub use history::{

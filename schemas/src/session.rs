@@ -174,7 +174,7 @@ pub enum Method {
     /// Spatially varying appearance as the dissertation prints it, for its figures.
     SvaLiteral,
     /// Contact and pressure maps over the poses of a bounded prior. Needs a version trained with
-    /// `geometry`; accepts readings of any sensor.
+    /// `geometric`; accepts readings of any sensor.
     Geometric,
     /// Contact maps with the dissertation's histogram filter, for its figures.
     GeometricHistogram,

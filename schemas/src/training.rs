@@ -6,7 +6,7 @@ use uuid::Uuid;
 
 use crate::appearance::{AppearanceSummary, AppearanceTraining};
 use crate::belief::UncalibratedReason;
-use crate::geometry::{GeometryReport, GeometryTraining, VersionReference};
+use crate::geometry::{GeometricReport, GeometricTraining, VersionReference};
 use crate::symmetry::{SymmetryAxis, SymmetryBy};
 use crate::warning::Warning;
 
@@ -159,7 +159,7 @@ pub struct ObjectReport {
     pub surface: Option<SurfaceReport>,
     /// Report of the contact map; null if not requested.
     #[serde(default)]
-    pub geometry: Option<GeometryReport>,
+    pub geometric: Option<GeometricReport>,
     /// Symmetry axes in the object frame, highest order first; empty if there are none or if the
     /// touches cannot tell. Null without surfaces.
     #[serde(default)]
@@ -272,21 +272,21 @@ pub struct StartTraining {
     pub distance_range: Option<DistanceRange>,
     /// Contact maps for the methods `geometric…`. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub geometry: Option<GeometryTraining>,
+    pub geometric: Option<GeometricTraining>,
     /// Training options for the methods `appearance…`. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub appearance: Option<AppearanceTraining>,
-    /// Whether to learn the surfaces that `surface` needs. Default: the value of `pair_maps`.
+    /// Whether to learn the surfaces that `surface` needs. Default: the value of `sva`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub surfaces: Option<bool>,
+    pub surface: Option<bool>,
     /// Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
-    /// only train `appearance`, and, together with `surfaces`, large catalogues for `surface` alone.
+    /// only train `appearance`, and, together with `surface`, large catalogues for `surface` alone.
     /// Default: true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pair_maps: Option<bool>,
+    pub sva: Option<bool>,
     /// Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;
     /// only `objects` are trained (default: those it does not know). `n_classes`, `descriptor`,
-    /// `distance_range`, `geometry`, `appearance`, `surfaces` and `pair_maps` are taken from that
+    /// `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken from that
     /// version and must not be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 1)]
@@ -437,7 +437,7 @@ pub enum JobStage {
     /// calibration.
     Surface,
     /// Learning contact and pressure maps; steps are objects.
-    Geometry,
+    Geometric,
     /// Learning the appearance classes, then the histograms; steps are the candidates for the
     /// number of classes and the objects.
     Appearance,

@@ -83,7 +83,7 @@ impl SessionBelief {
         let options = options(session);
         match options.method {
             Method::Surface => {
-                let surfaces = Arc::clone(model.surfaces()?);
+                let surfaces = Arc::clone(model.surface()?);
                 let options = surface_options(&options);
                 Ok(Self::Surface(Box::new(SurfaceBelief::new(surfaces, options, prior)?)))
             }

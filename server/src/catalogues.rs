@@ -65,7 +65,7 @@ impl Model {
     }
 
     /// What the version knows of its objects' geometry.
-    pub(crate) fn geometry(&self) -> Result<&Arc<GeometricModel>, Refusal> {
+    pub(crate) fn geometric(&self) -> Result<&Arc<GeometricModel>, Refusal> {
         self.core.geometric.as_ref().ok_or_else(|| self.no_geometry())
     }
 
@@ -78,7 +78,7 @@ impl Model {
     }
 
     /// The surfaces of its objects.
-    pub(crate) fn surfaces(&self) -> Result<&Arc<SurfaceModel>, Refusal> {
+    pub(crate) fn surface(&self) -> Result<&Arc<SurfaceModel>, Refusal> {
         self.core.surface.as_ref().ok_or_else(|| Refusal::NoSurface {
             catalogue: self.name.clone(),
             version: self.version,
@@ -86,7 +86,7 @@ impl Model {
     }
 
     /// The maps of pairs of touches, one an object.
-    pub(crate) fn pair_maps(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
+    pub(crate) fn sva(&self) -> Result<&[Arc<ObjectMap>], Refusal> {
         let maps = self.core.sva.objects.as_slice();
         if maps.len() == self.objects.len() {
             return Ok(maps);
@@ -251,9 +251,9 @@ impl Catalogues {
         query: &wire::PageQuery,
     ) -> Result<wire::ObjectMap, Refusal> {
         let (from, limit) = (page_number(query)?, page_length(query)?);
-        let (model, place) = self.object_of(name, version, object, ModelPart::PairMaps).await?;
+        let (model, place) = self.object_of(name, version, object, ModelPart::Sva).await?;
         let from = usize::try_from(from).unwrap_or(usize::MAX);
-        Ok(training::object_map(&model.objects[place], &model.pair_maps()?[place], from, limit))
+        Ok(training::object_map(&model.objects[place], &model.sva()?[place], from, limit))
     }
 
     /// A part of a version's model and the place of one of its objects, all as a path names them.
@@ -333,7 +333,7 @@ impl Catalogues {
                 self.manifest(&catalogue, current.ok_or_else(untrained)?)?
             }
         };
-        let has_surfaces = manifest.has(ModelPart::Surfaces);
+        let has_surfaces = manifest.has(ModelPart::Surface);
         Ok(Pinned { catalogue: catalogue.id, version: manifest.version, has_surfaces })
     }
 

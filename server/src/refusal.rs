@@ -58,7 +58,7 @@ pub(crate) enum Refusal {
     Untrained { catalogue: String },
     #[error(
         "version {version} of catalogue {catalogue:?} has no geometry: train one with \
-         `\"geometry\": {{\"kind\": \"planar\"}}` or `solid`"
+         `\"geometric\": {{\"kind\": \"planar\"}}` or `solid`"
     )]
     NoGeometric { catalogue: String, version: u32 },
     #[error(
@@ -68,7 +68,7 @@ pub(crate) enum Refusal {
     NoAppearance { catalogue: String, version: u32 },
     #[error(
         "version {version} of catalogue {catalogue:?} has no pair maps: it was trained with \
-         `\"pair_maps\": false`, use the methods `appearance…`"
+         `\"sva\": false`, use the methods `appearance…`"
     )]
     NoSva { catalogue: String, version: u32 },
     #[error(

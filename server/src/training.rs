@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use palpate_core::pose::Pose;
 use palpate_core::training::TrainingSet;
 use palpate_core::vocabulary::Vocabulary;
-use palpate_dissertation::geometric::train::GeometryConfig;
+use palpate_dissertation::geometric::train::GeometricConfig;
 use palpate_dissertation::sva::model::{ObjectMap, SvaModel};
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_schemas::{JobStage, ObjectReport, SkippedObject, SymmetryBy, Warning};
@@ -51,13 +51,13 @@ pub(crate) struct Plan {
     pub(crate) seed: u64,
     pub(crate) config: TrainingConfig,
     /// How maps of contact are trained, if they are.
-    pub(crate) geometry: Option<GeometryConfig>,
+    pub(crate) geometric: Option<GeometricConfig>,
     /// How appearance is trained, if it is.
     pub(crate) appearance: Option<AppearancePlan>,
     /// Whether maps of pairs of touches are learnt.
-    pub(crate) pair_maps: bool,
+    pub(crate) sva: bool,
     /// Whether surfaces are learnt.
-    pub(crate) surfaces: bool,
+    pub(crate) surface: bool,
     /// The version that is extended: its vocabularies and its other objects stay.
     pub(crate) base: Option<Base>,
     /// Whether an object that nothing can be learnt of fails the training.
@@ -116,13 +116,12 @@ fn learn(
     progress: &Progress<'_>,
 ) -> Result<(TrainedModel, Vec<ObjectReport>), TrainingFailure> {
     let vocabulary = vocabulary(plan, materials, progress)?;
-    let maps =
-        if plan.pair_maps { map_all(plan, materials, &vocabulary, progress)? } else { Vec::new() };
-    let geometry = match &plan.geometry {
+    let maps = if plan.sva { map_all(plan, materials, &vocabulary, progress)? } else { Vec::new() };
+    let geometry = match &plan.geometric {
         Some(config) => Some(geometry::learn(config, materials, &maps, progress)?),
         None => None,
     };
-    let surface = if plan.surfaces {
+    let surface = if plan.surface {
         Some(surface::learn(plan, materials, &maps, sources, progress)?)
     } else {
         None
@@ -134,7 +133,7 @@ fn learn(
     let mut objects: Vec<ObjectReport> =
         materials.iter().enumerate().map(|(n, material)| report(material, maps.get(n))).collect();
     for (object, map) in objects.iter_mut().zip(geometry.iter().flat_map(|model| &model.maps)) {
-        object.geometry = Some(wire_geometry::report(map));
+        object.geometric = Some(wire_geometry::report(map));
     }
     if let Some(learnt) = &surface {
         for (object, map) in objects.iter_mut().zip(&learnt.new) {
@@ -151,7 +150,7 @@ fn learn(
     }
     let maps: Vec<Arc<ObjectMap>> = maps.into_iter().map(Arc::new).collect();
     let maps = match &plan.base {
-        Some(base) if plan.pair_maps => {
+        Some(base) if plan.sva => {
             base::extended(&base.model.core.sva.objects, &base.places(materials), maps)
         }
         _ => maps,
@@ -184,7 +183,7 @@ fn vocabulary(
     if let Some(base) = &plan.base {
         return Ok(base.model.core.sva.vocabulary.clone());
     }
-    if !plan.pair_maps {
+    if !plan.sva {
         let grid = materials.first().map_or(plan.sensor.description.grid(), Material::grid);
         let (rows, cols, descriptor) = (grid.rows, grid.cols, plan.config.descriptor);
         let (mean, medoids, spreads) = (Vec::new(), Vec::new(), Vec::new());
@@ -226,7 +225,7 @@ fn report(material: &Material, map: Option<&ObjectMap>) -> ObjectReport {
         index_bytes: map.map_or(0, |map| map.index().bytes() as u64),
         origin_in_mesh: map.map_or([0.0; 3], |map| map.origin_in_training().to_array()),
         surface: None,
-        geometry: None,
+        geometric: None,
         symmetry: None,
         symmetry_by: None,
         symmetry_touches_needed: None,

@@ -12,7 +12,7 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::MM;
-use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
     PreparedGeometry,
@@ -27,7 +27,7 @@ fn height_error(symbol: char, sensor: &SensorDescription) -> [f64; 2] {
     let field = rig.field(font.letter(symbol).unwrap());
     let readings = rig.session(&field, 0);
     let set = TrainingSet { readings: &readings, sensor: rig.sensor() };
-    let model = map_geometry(&[set], &[DVec3::ZERO], &GeometryConfig::planar()).unwrap();
+    let model = map_geometry(&[set], &[DVec3::ZERO], &GeometricConfig::planar()).unwrap();
     let session_from_plane =
         Pose::from_parts(DQuat::from_rotation_x(0.4), DVec3::new(0.3, 0.2, 0.1));
     let pose = PosePrior::Planar {

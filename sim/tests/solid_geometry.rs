@@ -12,7 +12,7 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::{DEG, MM};
-use palpate_dissertation::geometric::train::{GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricError, GeometricFilter, GeometricOptions, PosePrior,
     PreparedGeometry,
@@ -36,7 +36,7 @@ fn geometry() -> PreparedGeometry {
     let readings: Vec<Vec<Reading>> = BODIES.iter().map(|body| touches(body, 400, 1)).collect();
     let sets: Vec<TrainingSet<'_>> =
         readings.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
-    let geometry = map_geometry(&sets, &[DVec3::ZERO; 3], &GeometryConfig::solid()).unwrap();
+    let geometry = map_geometry(&sets, &[DVec3::ZERO; 3], &GeometricConfig::solid()).unwrap();
     PreparedGeometry::new(Arc::new(geometry))
 }
 

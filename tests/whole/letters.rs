@@ -14,9 +14,9 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::{DEG, MM};
 use palpate_schemas::{
-    AddTrainingReadings, BeliefQuery, CreateObject, CreateSession, GeometryKind, GeometryTraining,
-    JobState, MarginalsQuery, Method, PlyForm, PosePrior, Reading as WireReading, SliceQuery,
-    StartTraining,
+    AddTrainingReadings, BeliefQuery, CreateObject, CreateSession, GeometricKind,
+    GeometricTraining, JobState, MarginalsQuery, Method, PlyForm, PosePrior,
+    Reading as WireReading, SliceQuery, StartTraining,
 };
 use palpate_server::{Config, Server};
 use palpate_sim::letters::Font;
@@ -68,8 +68,8 @@ async fn train(client: &Client) {
         let readings = AddTrainingReadings { readings: readings.iter().map(wire).collect() };
         client.add_training_readings(&symbol.to_string(), &readings).await.unwrap();
     }
-    let geometry = Some(GeometryTraining { kind: GeometryKind::Planar, cell: None });
-    let training = StartTraining { geometry, n_classes: Some(8), ..StartTraining::default() };
+    let geometric = Some(GeometricTraining { kind: GeometricKind::Planar, cell: None });
+    let training = StartTraining { geometric, n_classes: Some(8), ..StartTraining::default() };
     let job = client.start_training("default", &training).await.unwrap();
     let job = client.follow_job(job.id, |_| ()).await.unwrap();
     assert_eq!(job.state, JobState::Succeeded, "{job:?}");
@@ -115,7 +115,7 @@ async fn a_letter_is_recognised_in_its_plane() {
 
     let report = client.catalogue_version("default", 1).await.unwrap().report;
     let object = report.objects.iter().find(|object| object.name == "U").unwrap();
-    assert!(object.geometry.is_some_and(|geometry| geometry.has_force), "{object:?}");
+    assert!(object.geometric.is_some_and(|geometry| geometry.has_force), "{object:?}");
     let letter_from_object = Pose { translation: object.origin_in_mesh.into(), ..Pose::IDENTITY };
     let truth = plane_from_letter * letter_from_object;
     let found = belief.poses[0].pose;

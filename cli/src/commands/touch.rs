@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use palpate_client::schemas::{
-    CatalogueVersion, CreateSensor, CreateSession, GeometryKind, Method, ProblemType, SensorPreset,
+    CatalogueVersion, CreateSensor, CreateSession, GeometricKind, Method, ProblemType, SensorPreset,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::sensor::SensorDescription;
@@ -56,7 +56,7 @@ pub(crate) struct TouchArgs {
     #[arg(long, default_value = "default")]
     catalogue: String,
     /// Recognition method [default: surface]. The methods `geometric…` need a version trained with
-    /// `--geometry`. With `planar` maps, the robot presses straight down within 8 mm of where a
+    /// `--geometric`. With `planar` maps, the robot presses straight down within 8 mm of where a
     /// camera saw the object; with `solid` maps, it touches from all sides, and the camera is
     /// accurate to 8 mm and 0.2 rad. The methods `appearance…` need a version trained with
     /// `--appearance`; the robot then sends no poses.
@@ -232,8 +232,8 @@ fn is_geometric(method: Option<Method>) -> bool {
 
 /// The approach of the robot: straight down for planar maps.
 fn approach(method: Option<Method>, version: &CatalogueVersion) -> Approach {
-    let mut kinds = version.report.objects.iter().filter_map(|object| object.geometry);
-    let is_planar = kinds.any(|geometry| geometry.kind == GeometryKind::Planar);
+    let mut kinds = version.report.objects.iter().filter_map(|object| object.geometric);
+    let is_planar = kinds.any(|geometry| geometry.kind == GeometricKind::Planar);
     if is_geometric(method) && is_planar { Approach::StraightDown } else { Approach::Anywhere }
 }
 

@@ -7,8 +7,8 @@ use std::io::{IsTerminal, Write};
 use clap::{Args, ValueEnum};
 use palpate_client::Client;
 use palpate_client::schemas::{
-    CatalogueVersion, GeometryKind, GeometryReport, GeometryTraining, Job, JobState, StartTraining,
-    SurfaceReport, TrainingReport, Warning, WarningCode,
+    CatalogueVersion, GeometricKind, GeometricReport, GeometricTraining, Job, JobState,
+    StartTraining, SurfaceReport, TrainingReport, Warning, WarningCode,
 };
 use serde::Serialize;
 
@@ -25,7 +25,7 @@ use appearance::{AppearanceArgs, DescriptorName, appearance_words};
 #[command(after_help = "Examples:\n  palpate train\n  \
     palpate train mug hammer --readings-per-object 500 --seed 3\n  \
     palpate train --descriptor polar_fourier\n  \
-    palpate train A E I O U --geometry planar\n  \
+    palpate train A E I O U --geometric planar\n  \
     palpate train --appearance --appearance-classes 24,48,96\n  \
     palpate train cup --extend 3\n\n\
     Ctrl-C asks whether to cancel the training. Without a terminal it continues in the server.")]
@@ -53,19 +53,19 @@ pub(crate) struct TrainArgs {
     /// Also learn contact maps for the methods `geometric…`: of a plane pressed from above, or of a
     /// solid.
     #[arg(long, value_enum)]
-    geometry: Option<Geometry>,
+    geometric: Option<Geometry>,
     /// Cell size of the contact maps, 0.1 to 50 mm [default: suited to the kind].
-    #[arg(long, requires = "geometry", value_parser = parse_cell_mm)]
+    #[arg(long, requires = "geometric", value_parser = parse_cell_mm)]
     cell_mm: Option<f64>,
     /// Learn only what the method `surface` needs: a tenth of the memory, for large catalogues.
-    #[arg(long, conflicts_with_all = ["geometry", "classes", "descriptor", "no_pair_maps"])]
-    only_surfaces: bool,
+    #[arg(long, conflicts_with_all = ["geometric", "classes", "descriptor", "no_sva"])]
+    only_surface: bool,
     #[command(flatten)]
     appearance: AppearanceArgs,
     /// Version to extend. Its vocabularies and objects stay as they are; only the named objects
     /// (default: those it lacks) are trained, with its options.
     #[arg(long, value_name = "VERSION", value_parser = clap::value_parser!(u32).range(1..),
-        conflicts_with_all = ["classes", "descriptor", "geometry", "only_surfaces", "AppearanceArgs"])]
+        conflicts_with_all = ["classes", "descriptor", "geometric", "only_surface", "AppearanceArgs"])]
     extend: Option<u32>,
     /// Fail if an object cannot be trained, instead of skipping it.
     #[arg(long)]
@@ -100,10 +100,10 @@ struct Trained {
 
 /// Runs the command.
 pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
-    let geometry = args.geometry.map(|kind| GeometryTraining {
+    let geometry = args.geometric.map(|kind| GeometricTraining {
         kind: match kind {
-            Geometry::Planar => GeometryKind::Planar,
-            Geometry::Solid => GeometryKind::Solid,
+            Geometry::Planar => GeometricKind::Planar,
+            Geometry::Solid => GeometricKind::Solid,
         },
         cell: args.cell_mm.map(|cell| cell / 1e3),
     });
@@ -114,10 +114,10 @@ pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()
         seed: args.seed,
         n_classes: args.classes,
         descriptor: args.descriptor.map(DescriptorName::wire),
-        geometry,
+        geometric: geometry,
         appearance: args.appearance.wire(),
-        surfaces: args.only_surfaces.then_some(true),
-        pair_maps: (args.only_surfaces || args.appearance.no_pair_maps).then_some(false),
+        surface: args.only_surface.then_some(true),
+        sva: (args.only_surface || args.appearance.no_sva).then_some(false),
         extend: args.extend,
         strict: args.strict.then_some(true),
         ..StartTraining::default()
@@ -221,7 +221,7 @@ fn trained_words(trained: &Trained) -> String {
                 format!("{:.1} MB", object.index_bytes as f64 / 1e6),
                 object.surface.as_ref().map_or("–".to_owned(), surface),
                 symmetry::trained_words(object),
-                object.geometry.as_ref().map_or("–".to_owned(), cells),
+                object.geometric.as_ref().map_or("–".to_owned(), cells),
             ]
         }),
     );
@@ -267,7 +267,7 @@ fn surface(surface: &SurfaceReport) -> String {
     format!("{} touches, {:.1} MB", surface.n_patches, surface.bytes as f64 / 1e6)
 }
 
-fn cells(geometry: &GeometryReport) -> String {
+fn cells(geometry: &GeometricReport) -> String {
     let [x, y, z] = geometry.n_cells;
     format!("{x} × {y} × {z} of {}", output::mm(geometry.cell))
 }

@@ -71,7 +71,7 @@ pub enum Dimensions {
 
 /// Configuration of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GeometryConfig {
+pub struct GeometricConfig {
     /// Planar or solid maps.
     pub dimensions: Dimensions,
     /// The side of a cell, metres.
@@ -80,7 +80,7 @@ pub struct GeometryConfig {
     pub inverse: InverseModel,
 }
 
-impl GeometryConfig {
+impl GeometricConfig {
     /// Planar maps of 1 mm cells.
     #[must_use]
     pub fn planar() -> Self {
@@ -94,7 +94,7 @@ impl GeometryConfig {
     }
 }
 
-impl Default for GeometryConfig {
+impl Default for GeometricConfig {
     fn default() -> Self {
         Self::planar()
     }
@@ -111,7 +111,7 @@ impl Default for GeometryConfig {
 pub fn map_geometry(
     sets: &[TrainingSet<'_>],
     origins_in_training: &[DVec3],
-    config: &GeometryConfig,
+    config: &GeometricConfig,
 ) -> Result<GeometricModel, GeometricTrainError> {
     if sets.len() != origins_in_training.len() {
         let (expected, found) = (sets.len(), origins_in_training.len());
@@ -169,7 +169,7 @@ fn in_object_frame(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Vec<Read
 fn map_one(
     readings: &[Reading],
     set: &TrainingSet<'_>,
-    config: &GeometryConfig,
+    config: &GeometricConfig,
 ) -> Result<(OccupancyGrid, Vec<ClassifiedPress>), GeometricTrainError> {
     if readings.is_empty() {
         return Err(TrainingError::Map(MapError::TooFew { found: 0, expected: 1 }).into());
@@ -249,7 +249,7 @@ mod tests {
     fn mapped(
         readings: &[Reading],
         origin: DVec3,
-        config: &GeometryConfig,
+        config: &GeometricConfig,
     ) -> Result<GeometricModel, GeometricTrainError> {
         let sensor = SensorDescription::digitacts_6x6();
         map_geometry(&[TrainingSet { readings, sensor: &sensor }], &[origin], config)
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn a_planar_map_lies_in_the_object_frame_at_the_face() {
         let origin = DVec3::new(4.0 * MM, 0.0, 1.0 * MM);
-        let model = mapped(&presses(3.0 * MM, 0.0), origin, &GeometryConfig::planar()).unwrap();
+        let model = mapped(&presses(3.0 * MM, 0.0), origin, &GeometricConfig::planar()).unwrap();
         let (map, mosaic) = (&model.maps[0].occupancy, model.maps[0].mosaic.as_ref().unwrap());
         // The sensors are 2 mm above the origin. 10 kPa are half of the covering's 2.54 mm,
         // so the face is 1.27 to 2.54 mm higher: in the middle, except for the effect of
@@ -278,18 +278,18 @@ mod tests {
     #[test]
     fn tilted_readings_are_refused_in_planar_maps_alone() {
         let readings = presses(0.0, 40.0 * DEG);
-        let error = mapped(&readings, DVec3::ZERO, &GeometryConfig::planar()).unwrap_err();
+        let error = mapped(&readings, DVec3::ZERO, &GeometricConfig::planar()).unwrap_err();
         let GeometricTrainError::NotPlanar { object: 0, reading: 0, tilt_degrees } = error else {
             panic!("{error}");
         };
         assert!((tilt_degrees - 40.0).abs() < 1e-9);
-        let solid = mapped(&readings, DVec3::ZERO, &GeometryConfig::solid()).unwrap();
+        let solid = mapped(&readings, DVec3::ZERO, &GeometricConfig::solid()).unwrap();
         assert!(!solid.maps[0].occupancy.shape().is_planar());
     }
 
     #[test]
     fn objects_without_readings_or_origins_are_refused() {
-        let none = mapped(&[], DVec3::ZERO, &GeometryConfig::planar());
+        let none = mapped(&[], DVec3::ZERO, &GeometricConfig::planar());
         assert!(matches!(
             none,
             Err(GeometricTrainError::Readings(TrainingError::Map(MapError::TooFew {
@@ -299,7 +299,7 @@ mod tests {
         ));
         let sensor = SensorDescription::digitacts_6x6();
         let set = TrainingSet { readings: &presses(0.0, 0.0), sensor: &sensor };
-        let error = map_geometry(&[set], &[], &GeometryConfig::planar()).unwrap_err();
+        let error = map_geometry(&[set], &[], &GeometricConfig::planar()).unwrap_err();
         assert_eq!(error, GeometricTrainError::Origins { expected: 1, found: 0 });
     }
 }

@@ -121,20 +121,20 @@ impl Catalogues {
 /// A part's name for people and metrics.
 pub(crate) fn part_name(part: ModelPart) -> &'static str {
     match part {
-        ModelPart::PairMaps => "pair maps",
-        ModelPart::Geometry => "geometry",
+        ModelPart::Sva => "sva",
+        ModelPart::Geometric => "geometric",
         ModelPart::Appearance => "appearance",
-        ModelPart::Surfaces => "surfaces",
+        ModelPart::Surface => "surface",
     }
 }
 
 /// A version that was trained without a part.
 fn untrained(part: ModelPart, catalogue: String, version: u32) -> Refusal {
     match part {
-        ModelPart::PairMaps => Refusal::NoSva { catalogue, version },
-        ModelPart::Geometry => Refusal::NoGeometric { catalogue, version },
+        ModelPart::Sva => Refusal::NoSva { catalogue, version },
+        ModelPart::Geometric => Refusal::NoGeometric { catalogue, version },
         ModelPart::Appearance => Refusal::NoAppearance { catalogue, version },
-        ModelPart::Surfaces => Refusal::NoSurface { catalogue, version },
+        ModelPart::Surface => Refusal::NoSurface { catalogue, version },
     }
 }
 
@@ -144,8 +144,8 @@ fn bytes_expected(manifest: &Manifest, part: ModelPart) -> u64 {
     let blocks = manifest.blocks.iter().filter(|block| part.needs(&block.name));
     let stored: u64 = blocks.map(|block| block.length).sum();
     match part {
-        ModelPart::PairMaps | ModelPart::Geometry | ModelPart::Appearance => stored,
-        ModelPart::Surfaces => match parameters_of(manifest) {
+        ModelPart::Sva | ModelPart::Geometric | ModelPart::Appearance => stored,
+        ModelPart::Surface => match parameters_of(manifest) {
             Some(known) if known.report.surface_bytes > 0 => known.report.surface_bytes,
             _ => SURFACE_GROWTH * stored,
         },
@@ -174,7 +174,7 @@ fn read_part(
     }
     let symmetries: Arc<[Symmetry]> = match (&core.surface, part) {
         (Some(surface), _) => surface.maps().iter().map(|map| map.symmetry().clone()).collect(),
-        (None, ModelPart::PairMaps) => table.symmetries(&manifest)?.into(),
+        (None, ModelPart::Sva) => table.symmetries(&manifest)?.into(),
         (None, _) => Arc::default(),
     };
     let geometry = core.geometric.clone();

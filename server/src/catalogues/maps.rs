@@ -82,8 +82,8 @@ impl Catalogues {
         version: &str,
         object: &str,
     ) -> Result<Mapped, Refusal> {
-        let (model, place) = self.object_of(name, version, object, ModelPart::Geometry).await?;
-        let map = Arc::clone(&model.geometry()?.maps[place]);
+        let (model, place) = self.object_of(name, version, object, ModelPart::Geometric).await?;
+        let map = Arc::clone(&model.geometric()?.maps[place]);
         Ok(Mapped { model, map, place })
     }
 
@@ -116,7 +116,7 @@ impl Catalogues {
         let (blocks, core) = self.pool.place()?.run_long(merging).await??;
         let maps = core.geometric.iter().flat_map(|geometry| &geometry.maps);
         for (object, map) in parameters.report.objects.iter_mut().zip(maps) {
-            object.geometry = Some(geometry::report(map));
+            object.geometric = Some(geometry::report(map));
         }
         let draft = Draft {
             job: None,
@@ -140,7 +140,7 @@ fn reference(model: &Model) -> wire::VersionReference {
 /// The geometry of `ours` with the evidence of `theirs`. Objects that `theirs` does not know
 /// keep their maps.
 fn merge(ours: &Model, theirs: &Model) -> Result<GeometricModel, Refusal> {
-    let (our_geometry, their_geometry) = (ours.geometry()?, theirs.geometry()?);
+    let (our_geometry, their_geometry) = (ours.geometric()?, theirs.geometric()?);
     let mut n_shared = 0;
     let mut maps = Vec::with_capacity(ours.objects.len());
     for (place, object) in ours.objects.iter().enumerate() {

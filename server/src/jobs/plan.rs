@@ -76,10 +76,10 @@ impl Jobs {
             readings_per_object: training.readings_per_object.map_or(1000, |n| n as usize),
             seed: training.seed.unwrap_or(1),
             config: convert::training::config(training)?,
-            geometry: training.geometry.as_ref().map(convert::geometry::config),
+            geometric: training.geometric.as_ref().map(convert::geometry::config),
             appearance,
-            pair_maps: training.pair_maps.unwrap_or(true),
-            surfaces: training.surfaces.unwrap_or(false),
+            sva: training.sva.unwrap_or(true),
+            surface: training.surface.unwrap_or(false),
             base,
             strict: training.strict.unwrap_or(false),
         })

@@ -16,7 +16,7 @@ const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 
 /// Get an object's contact map
 ///
-/// Returns the cells around the object that generate contact, as learnt with `geometry`, in the
+/// Returns the cells around the object that generate contact, as learnt with `geometric`, in the
 /// object frame. `slice` adds the log-odds of one layer of cells. The map never changes. 409 if the
 /// version was trained without geometry.
 #[utoipa::path(get, path = "/v1/catalogues/{name}/versions/{version}/objects/{object}/occupancy",

@@ -23,8 +23,8 @@ pub(super) fn usable(
 /// Whether anything is learnt from images.
 fn needs_images(plan: &Plan) -> bool {
     let from_images = |source| source == FeatureSource::Images;
-    plan.pair_maps
-        || plan.surfaces
+    plan.sva
+        || plan.surface
         || plan.appearance.as_ref().is_some_and(|settings| from_images(settings.source))
 }
 

@@ -60,7 +60,7 @@ pub(crate) enum TrainingFailure {
     Cells { object: String, cell: f64, found: usize },
     #[error(
         "object {object:?} has readings without poses, which pair maps, surfaces and geometry \
-         need: train with `\"pair_maps\": false` and `appearance`"
+         need: train with `\"sva\": false` and `appearance`"
     )]
     NoPoses { object: String },
     #[error(

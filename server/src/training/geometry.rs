@@ -8,7 +8,7 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::training::TrainingSet;
 use palpate_dissertation::geometric::model::GeometricModel;
 use palpate_dissertation::geometric::train::GeometricTrainError;
-use palpate_dissertation::geometric::train::{Dimensions, GeometryConfig, map_geometry};
+use palpate_dissertation::geometric::train::{Dimensions, GeometricConfig, map_geometry};
 use palpate_dissertation::occupancy::grid::CELLS_MAX;
 use palpate_dissertation::occupancy::mapping::shape_around;
 use palpate_dissertation::sva::model::ObjectMap;
@@ -27,7 +27,7 @@ pub(super) fn planar_presses(
     object: &VersionObject,
     simulator: &PressSimulator,
 ) -> Result<Option<Vec<Reading>>, TrainingFailure> {
-    let is_planar = plan.geometry.is_some_and(|config| config.dimensions == Dimensions::Planar);
+    let is_planar = plan.geometric.is_some_and(|config| config.dimensions == Dimensions::Planar);
     if !is_planar {
         return Ok(None);
     }
@@ -40,23 +40,23 @@ pub(super) fn planar_presses(
 
 /// Learns the geometry of all objects, in the frames of their `maps`.
 pub(super) fn learn(
-    config: &GeometryConfig,
+    config: &GeometricConfig,
     materials: &[Material],
     maps: &[ObjectMap],
     progress: &Progress<'_>,
 ) -> Result<GeometricModel, TrainingFailure> {
     let total = materials.len();
-    step(progress, JobStage::Geometry, 0, total)?;
+    step(progress, JobStage::Geometric, 0, total)?;
     check_size(config, materials)?;
     let sets: Vec<TrainingSet<'_>> = materials.iter().map(Material::pressed).collect();
     let origins: Vec<DVec3> = maps.iter().map(ObjectMap::origin_in_training).collect();
     let model = map_geometry(&sets, &origins, config).map_err(|error| named(error, materials))?;
-    step(progress, JobStage::Geometry, total, total)?;
+    step(progress, JobStage::Geometric, total, total)?;
     Ok(model)
 }
 
 /// Refuses maps that would be too large, before any is made.
-fn check_size(config: &GeometryConfig, materials: &[Material]) -> Result<(), TrainingFailure> {
+fn check_size(config: &GeometricConfig, materials: &[Material]) -> Result<(), TrainingFailure> {
     let cell = config.cell;
     let plane = match config.dimensions {
         Dimensions::Planar => Some(0.0),

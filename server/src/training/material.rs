@@ -111,7 +111,7 @@ pub(super) fn own_readings(
     let mut sensor: Option<Arc<Sensor>> = None;
     for entry in &entries {
         let Event::Reading(stored) = &entry.event else { continue };
-        if (plan.pair_maps || plan.surfaces) && stored.session_from_sensor.is_none() {
+        if (plan.sva || plan.surface) && stored.session_from_sensor.is_none() {
             return Err(TrainingFailure::NoPoses { object: name() });
         }
         let used = match &sensor {
@@ -127,7 +127,7 @@ pub(super) fn own_readings(
         sensor = Some(used);
     }
     let object = object.clone();
-    let are_placed = plan.pair_maps || plan.surfaces;
+    let are_placed = plan.sva || plan.surface;
     Ok(sensor.map(|sensor| Material {
         object,
         touched: Touched::of(&readings, &sensor.description, are_placed),
@@ -152,7 +152,7 @@ fn touch(
     let name = || object.name.clone();
     let mesh = mesh(object.id, sources, &name)?;
     let (origin, size) = (mesh.centroid(), mesh.largest_dimension());
-    let symmetry = plan.surfaces.then(|| symmetry::of_mesh(&mesh).seen_from(origin));
+    let symmetry = plan.surface.then(|| symmetry::of_mesh(&mesh).seen_from(origin));
     let simulator = PressSimulator::new(mesh, plan.sensor.description.clone());
     let planar = geometry::planar_presses(plan, index, object, &simulator)?;
     let config = SamplerConfig::for_simulator(&simulator);

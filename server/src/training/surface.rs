@@ -75,7 +75,7 @@ pub(super) fn learn(
         .zip(materials)
         .map(|(split, material)| TrainingSet { readings: &split.kept, ..material.set() })
         .collect();
-    let base = plan.base.as_ref().map(|base| base.model.surfaces()).transpose()?;
+    let base = plan.base.as_ref().map(|base| base.model.surface()).transpose()?;
     let space = match base {
         Some(known) => known.space.clone(),
         None => learn_space(&sets, plan.seed)?,

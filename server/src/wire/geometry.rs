@@ -3,11 +3,11 @@
 use std::f64::consts::PI;
 
 use palpate_dissertation::geometric::model::{GeometricMap, GeometricModel};
-use palpate_dissertation::geometric::train::GeometryConfig;
+use palpate_dissertation::geometric::train::GeometricConfig;
 use palpate_dissertation::geometric::{AxisMarginal, PosePrior as CorePrior};
 use palpate_dissertation::occupancy::OccupancyGrid;
 use palpate_schemas as wire;
-use palpate_schemas::{AxisUnit, GeometryKind, PosePrior};
+use palpate_schemas::{AxisUnit, GeometricKind, PosePrior};
 use palpate_store::catalogue::VersionObject;
 use uuid::Uuid;
 
@@ -30,37 +30,39 @@ const HALF_ANGLE_MIN: f64 = 1e-3;
 const CENTER_MAX: f64 = 1e3;
 
 /// A training's geometry with its default filled in, its numbers checked.
-pub(crate) fn training(request: wire::GeometryTraining) -> Result<wire::GeometryTraining, Refusal> {
+pub(crate) fn training(
+    request: wire::GeometricTraining,
+) -> Result<wire::GeometricTraining, Refusal> {
     let [low, high] = CELL;
     let cell = request.cell.unwrap_or(config(&request).cell);
-    let cell = number("/geometry/cell", cell, low, high)?;
-    Ok(wire::GeometryTraining { cell: Some(cell), ..request })
+    let cell = number("/geometric/cell", cell, low, high)?;
+    Ok(wire::GeometricTraining { cell: Some(cell), ..request })
 }
 
 /// Core's configuration of a training's geometry.
-pub(crate) fn config(training: &wire::GeometryTraining) -> GeometryConfig {
+pub(crate) fn config(training: &wire::GeometricTraining) -> GeometricConfig {
     let default = match training.kind {
-        GeometryKind::Planar => GeometryConfig::planar(),
-        GeometryKind::Solid => GeometryConfig::solid(),
+        GeometricKind::Planar => GeometricConfig::planar(),
+        GeometricKind::Solid => GeometricConfig::solid(),
     };
-    GeometryConfig { cell: training.cell.unwrap_or(default.cell), ..default }
+    GeometricConfig { cell: training.cell.unwrap_or(default.cell), ..default }
 }
 
 /// What the maps of a version are of.
-pub(crate) fn kind(model: &GeometricModel) -> GeometryKind {
+pub(crate) fn kind(model: &GeometricModel) -> GeometricKind {
     let mut maps = model.maps.iter();
     if maps.all(|map| map.occupancy.shape().is_planar()) {
-        GeometryKind::Planar
+        GeometricKind::Planar
     } else {
-        GeometryKind::Solid
+        GeometricKind::Solid
     }
 }
 
 /// What was learnt of an object's geometry.
-pub(crate) fn report(map: &GeometricMap) -> wire::GeometryReport {
+pub(crate) fn report(map: &GeometricMap) -> wire::GeometricReport {
     let shape = map.occupancy.shape();
     let n_force = map.mosaic.as_ref().map_or(0, |mosaic| 2 * mosaic.shape().n_cells());
-    wire::GeometryReport {
+    wire::GeometricReport {
         kind: kind_of(&map.occupancy),
         cell: shape.cell(),
         n_cells: shape.n().map(count),
@@ -111,35 +113,35 @@ pub(crate) fn slice_number(grid: &OccupancyGrid, slice: u32) -> Result<usize, Re
     super::within("?slice", u64::from(slice), 0, last).map(|slice| slice as usize)
 }
 
-fn kind_of(grid: &OccupancyGrid) -> GeometryKind {
-    if grid.shape().is_planar() { GeometryKind::Planar } else { GeometryKind::Solid }
+fn kind_of(grid: &OccupancyGrid) -> GeometricKind {
+    if grid.shape().is_planar() { GeometricKind::Planar } else { GeometricKind::Solid }
 }
 
 /// A session's prior over poses with every default filled in, checked against the kind of
 /// maps it is for.
 pub(crate) fn pose_prior(
     given: Option<&PosePrior>,
-    kind: GeometryKind,
+    kind: GeometricKind,
 ) -> Result<PosePrior, Refusal> {
     match (kind, given) {
-        (GeometryKind::Planar, None) => planar(None, None, None, None, None),
+        (GeometricKind::Planar, None) => planar(None, None, None, None, None),
         (
-            GeometryKind::Planar,
+            GeometricKind::Planar,
             Some(PosePrior::Planar { plane, center, half_extent, angle, half_angle }),
         ) => planar(*plane, *center, *half_extent, *angle, *half_angle),
-        (GeometryKind::Solid, Some(PosePrior::Bounded { pose, half_extents, half_angle })) => {
+        (GeometricKind::Solid, Some(PosePrior::Bounded { pose, half_extents, half_angle })) => {
             bounded(pose, *half_extents, *half_angle)
         }
-        (GeometryKind::Solid, None) => Err(Refusal::field(
+        (GeometricKind::Solid, None) => Err(Refusal::field(
             "/pose_prior",
             "missing: the version's maps are of solids, expected a prior of kind `bounded` that \
              says about where the object is",
         )),
-        (GeometryKind::Planar, Some(PosePrior::Bounded { .. })) => Err(Refusal::field(
+        (GeometricKind::Planar, Some(PosePrior::Bounded { .. })) => Err(Refusal::field(
             "/pose_prior/kind",
             "came `bounded`, but the version's maps are planar: expected `planar`",
         )),
-        (GeometryKind::Solid, Some(PosePrior::Planar { .. })) => Err(Refusal::field(
+        (GeometricKind::Solid, Some(PosePrior::Planar { .. })) => Err(Refusal::field(
             "/pose_prior/kind",
             "came `planar`, but the version's maps are of solids: expected `bounded`",
         )),

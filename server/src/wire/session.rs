@@ -222,11 +222,11 @@ pub(crate) fn method(request: &wire::CreateSession, pinned: &Pinned) -> Method {
 /// The part of a model that a method recognises by.
 pub(crate) fn part(method: Method) -> ModelPart {
     match method {
-        Method::Surface => ModelPart::Surfaces,
-        Method::Sva | Method::SvaLiteral => ModelPart::PairMaps,
+        Method::Surface => ModelPart::Surface,
+        Method::Sva | Method::SvaLiteral => ModelPart::Sva,
         Method::Appearance | Method::AppearanceLiteral => ModelPart::Appearance,
         Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => {
-            ModelPart::Geometry
+            ModelPart::Geometric
         }
     }
 }
@@ -277,9 +277,9 @@ fn checked_options(
             options.is_unknown_prior_told = unknown_prior.is_some();
             options.unknown_prior =
                 Some(unknown_prior.unwrap_or(SurfaceOptions::default().unknown));
-            return model.surfaces().map(|_| options);
+            return model.surface().map(|_| options);
         }
-        Method::Sva | Method::SvaLiteral => return model.pair_maps().map(|_| options),
+        Method::Sva | Method::SvaLiteral => return model.sva().map(|_| options),
         Method::Appearance | Method::AppearanceLiteral => {
             return model.appearance().map(|_| options);
         }
@@ -290,7 +290,7 @@ fn checked_options(
             options.particles = Some(count(super::within("/particles", n, 100, HYPOTHESES_MAX)?));
         }
     }
-    let kind = geometry::kind(model.geometry()?);
+    let kind = geometry::kind(model.geometric()?);
     options.pose_prior = Some(geometry::pose_prior(request.pose_prior.as_ref(), kind)?);
     Ok(options)
 }

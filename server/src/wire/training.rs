@@ -152,7 +152,7 @@ pub(crate) fn stage_name(stage: JobStage) -> &'static str {
         JobStage::Vocabulary => "vocabulary",
         JobStage::Mapping => "mapping",
         JobStage::Surface => "surface",
-        JobStage::Geometry => "geometry",
+        JobStage::Geometric => "geometric",
         JobStage::Appearance => "appearance",
         JobStage::Storing => "storing",
     }
@@ -164,7 +164,7 @@ fn stage(name: &str) -> Option<JobStage> {
         JobStage::Vocabulary,
         JobStage::Mapping,
         JobStage::Surface,
-        JobStage::Geometry,
+        JobStage::Geometric,
         JobStage::Appearance,
         JobStage::Storing,
     ]
@@ -208,10 +208,10 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
         n_classes: Some(count(n_classes)),
         descriptor: Some(chosen),
         distance_range: request.distance_range,
-        geometry: request.geometry.map(super::geometry::training).transpose()?,
+        geometric: request.geometric.map(super::geometry::training).transpose()?,
         appearance: request.appearance.as_ref().map(super::appearance::training).transpose()?,
-        surfaces: Some(surfaces(request)),
-        pair_maps: Some(pair_maps(request)?),
+        surface: Some(surface(request)),
+        sva: Some(sva(request)?),
         extend: None,
         activate: Some(request.activate.unwrap_or(true)),
         strict: Some(request.strict.unwrap_or(false)),
@@ -219,20 +219,20 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Refusal
 }
 
 /// Whether surfaces are to be learnt: like pair maps they need poses.
-fn surfaces(request: &StartTraining) -> bool {
-    request.surfaces.or(request.pair_maps).unwrap_or(true)
+fn surface(request: &StartTraining) -> bool {
+    request.surface.or(request.sva).unwrap_or(true)
 }
 
 /// Whether pair maps are to be learnt; without them there must be something else.
-fn pair_maps(request: &StartTraining) -> Result<bool, Refusal> {
-    let wanted = request.pair_maps.unwrap_or(true);
-    if !wanted && request.appearance.is_none() && !surfaces(request) {
-        let detail = "came false without `appearance` or `surfaces`: nothing would be learnt";
-        return Err(Refusal::field("/pair_maps", detail));
+fn sva(request: &StartTraining) -> Result<bool, Refusal> {
+    let wanted = request.sva.unwrap_or(true);
+    if !wanted && request.appearance.is_none() && !surface(request) {
+        let detail = "came false without `appearance` or `surface`: nothing would be learnt";
+        return Err(Refusal::field("/sva", detail));
     }
-    if !wanted && request.geometry.is_some() {
-        let detail = "came false with `geometry`, whose maps need the frames of pair maps";
-        return Err(Refusal::field("/pair_maps", detail));
+    if !wanted && request.geometric.is_some() {
+        let detail = "came false with `geometric`, whose maps need the frames of pair maps";
+        return Err(Refusal::field("/sva", detail));
     }
     Ok(wanted)
 }
@@ -248,16 +248,16 @@ pub(crate) fn extension(
         ("/n_classes", request.n_classes.is_some()),
         ("/descriptor", request.descriptor.is_some()),
         ("/distance_range", request.distance_range.is_some()),
-        ("/geometry", request.geometry.is_some()),
+        ("/geometric", request.geometric.is_some()),
         ("/appearance", request.appearance.is_some()),
-        ("/surfaces", request.surfaces.is_some()),
-        ("/pair_maps", request.pair_maps.is_some()),
+        ("/surface", request.surface.is_some()),
+        ("/sva", request.sva.is_some()),
     ];
     if let Some((field, _)) = given.iter().find(|(_, came)| *came) {
         let detail = format!("came with `extend`: it is as version {version} has it");
         return Err(Refusal::field(*field, detail));
     }
-    if base.geometry.is_some() {
+    if base.geometric.is_some() {
         let detail = format!(
             "version {version} has maps of contact, whose classes are learnt from all objects \
              together: train all objects anew"
@@ -270,8 +270,8 @@ pub(crate) fn extension(
         distance_range: base.distance_range,
         appearance: base.appearance.clone(),
         // Versions of before there were surfaces do not say that they have none.
-        surfaces: Some(base.surfaces.unwrap_or(false)),
-        pair_maps: base.pair_maps,
+        surface: Some(base.surface.unwrap_or(false)),
+        sva: base.sva,
         ..request.clone()
     };
     Ok(StartTraining { extend: Some(version), ..training(&settings)? })

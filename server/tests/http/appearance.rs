@@ -200,9 +200,9 @@ async fn readings_without_poses_train_appearance_alone() {
     assert_eq!(failed["state"], "failed");
     let reason = failed["reason"].as_str().unwrap();
     assert!(reason.contains("\"cube\" has readings without poses"), "{reason}");
-    let nothing = it.post(TRAININGS, &json!({"pair_maps": false})).await;
-    nothing.problem(422, "invalid-value", Some("/pair_maps"));
-    let job = train(&it, json!({"pair_maps": false, "appearance": {"n_classes": [5]}})).await;
+    let nothing = it.post(TRAININGS, &json!({"sva": false})).await;
+    nothing.problem(422, "invalid-value", Some("/sva"));
+    let job = train(&it, json!({"sva": false, "appearance": {"n_classes": [5]}})).await;
     assert_eq!(job["state"], "succeeded", "{job}");
     it.post("/v1/sessions", &json!({})).await.problem(409, "wrong-state", None);
     let map = it.get("/v1/catalogues/default/versions/1/objects/rod/map").await;
@@ -246,7 +246,7 @@ async fn clients_train_and_recognise_by_features_of_their_own() {
         without.problem(422, "invalid-value", Some("/readings/0/feature"));
     }
     let appearance = json!({"source": "features", "n_classes": [6]});
-    let job = train(&it, json!({"pair_maps": false, "appearance": appearance})).await;
+    let job = train(&it, json!({"sva": false, "appearance": appearance})).await;
     assert_eq!(job["state"], "succeeded", "{job}");
     let report = report(&it, 1).await;
     assert_eq!((&report["source"], &report["descriptor"]), (&json!("features"), &Value::Null));
@@ -309,6 +309,6 @@ async fn what_cannot_be_trained_or_asked_is_refused_by_name() {
         let refused = it.post(TRAININGS, &json!({"appearance": appearance})).await;
         refused.problem(422, "invalid-value", Some(pointer));
     }
-    let both = json!({"pair_maps": false, "appearance": {}, "geometry": {"kind": "solid"}});
-    it.post(TRAININGS, &both).await.problem(422, "invalid-value", Some("/pair_maps"));
+    let both = json!({"sva": false, "appearance": {}, "geometric": {"kind": "solid"}});
+    it.post(TRAININGS, &both).await.problem(422, "invalid-value", Some("/sva"));
 }

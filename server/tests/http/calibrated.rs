@@ -42,8 +42,8 @@ async fn report_and_belief_say_whether_probabilities_are_calibrated_and_why_not(
     assert_eq!(found, (json!(false), json!("few_readings")));
     assert_eq!(believed(&it, of_first("sva")).await, (json!(false), json!("method")));
 
-    let alone = json!({"objects": ["bar"], "readings_per_object": 60, "pair_maps": false,
-        "surfaces": true, "activate": false});
+    let alone = json!({"objects": ["bar"], "readings_per_object": 60, "sva": false,
+        "surface": true, "activate": false});
     check(&report(&it, alone).await, (false, 0, json!("one_object")));
 
     // What the first version could not hold back is touched anew for the third.

@@ -21,7 +21,7 @@ async fn places_free(it: &Harness) -> usize {
 /// A session of a slow method, and readings that take seconds.
 async fn heavy(it: &Harness) -> (String, Value) {
     add_letters(it, &['A', 'E']).await;
-    train(it, &json!({"geometry": {"kind": "planar"}})).await;
+    train(it, &json!({"geometric": {"kind": "planar"}})).await;
     let plane = json!({"kind": "planar", "plane": {"position": [0.0, 0.0, 0.0],
         "orientation": [0.0, 0.0, 0.0, 1.0]}});
     let request =

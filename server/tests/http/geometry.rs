@@ -120,10 +120,10 @@ fn sum(probabilities: &Value) -> f64 {
 async fn letters_are_recognised_and_located_and_a_restart_loses_nothing() {
     let it = Harness::start().await;
     add_letters(&it, &LETTERS).await;
-    train(&it, &json!({"n_classes": 8, "geometry": {"kind": "planar"}})).await;
+    train(&it, &json!({"n_classes": 8, "geometric": {"kind": "planar"}})).await;
     let report = it.get("/v1/catalogues/default/versions/1").await.expect(200);
-    assert_eq!(report["training"]["geometry"], json!({"kind": "planar", "cell": 0.001}));
-    let learnt = &report["report"]["objects"][0]["geometry"];
+    assert_eq!(report["training"]["geometric"], json!({"kind": "planar", "cell": 0.001}));
+    let learnt = &report["report"]["objects"][0]["geometric"];
     assert_eq!((&learnt["has_force"], &learnt["n_cells"][2]), (&json!(true), &json!(1)));
 
     let plane_from_letter =
@@ -178,7 +178,7 @@ async fn letters_are_recognised_and_located_and_a_restart_loses_nothing() {
 async fn the_printed_filters_recognise_letters_too() {
     let it = Harness::start().await;
     add_letters(&it, &['A', 'I', 'O']).await;
-    train(&it, &json!({"n_classes": 4, "geometry": {"kind": "planar"}})).await;
+    train(&it, &json!({"n_classes": 4, "geometric": {"kind": "planar"}})).await;
     let plane_from_letter =
         Pose::from_parts(DQuat::from_rotation_z(-0.7), DVec3::new(-0.003, 0.005, 0.0));
     let session_from_letter = session_from_plane() * plane_from_letter;
@@ -214,7 +214,7 @@ async fn a_solid_is_recognised_near_where_it_should_be() {
         it.put_mesh(name, &off_box(size)).await.expect(200);
     }
     let geometry = json!({"kind": "solid", "cell": 0.003});
-    let training = json!({"readings_per_object": 120, "n_classes": 8, "geometry": geometry});
+    let training = json!({"readings_per_object": 120, "n_classes": 8, "geometric": geometry});
     train(&it, &training).await;
     let truth = Pose::from_parts(DQuat::from_rotation_z(0.1), DVec3::new(0.302, 0.001, -0.002));
     let middle = Pose { translation: DVec3::new(0.3, 0.0, 0.0), ..Pose::IDENTITY };
@@ -249,11 +249,11 @@ async fn a_solid_is_recognised_near_where_it_should_be() {
 async fn what_a_geometric_session_cannot_use_is_refused() {
     let it = Harness::start().await;
     add_letters(&it, &['I', 'O']).await;
-    let flat = json!({"n_classes": 4, "geometry": {"kind": "planar"}});
+    let flat = json!({"n_classes": 4, "geometric": {"kind": "planar"}});
     assert_eq!(train(&it, &json!({"n_classes": 4})).await, 1);
     let bare = it.post("/v1/sessions", &json!({"method": "geometric"})).await;
     let problem = bare.problem(409, "wrong-state", None);
-    assert!(problem["detail"].as_str().unwrap().contains("geometry"), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains("geometric"), "{problem}");
     let occupancy = "/v1/catalogues/default/versions/1/objects/I/occupancy";
     it.get(occupancy).await.problem(409, "wrong-state", None);
     let sva = it.session(json!({})).await;
@@ -310,19 +310,19 @@ async fn a_training_whose_map_would_be_too_large_fails_and_names_the_object() {
     it.put_mesh("huge", &off_box([900.0, 900.0, 900.0])).await.expect(200);
     let geometry = json!({"kind": "solid", "cell": 0.0002});
     let training = json!({"objects": ["huge"], "readings_per_object": 20, "n_classes": 4,
-        "geometry": geometry});
+        "geometric": geometry});
     let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
     let job = it.finished(job["id"].as_str().unwrap()).await;
     assert_eq!(job["state"], "failed", "{job}");
     let reason = job["reason"].as_str().unwrap();
     assert!(reason.contains("huge") && reason.contains("0.2 mm"), "{reason}");
     for (geometry, pointer) in [
-        (json!({"kind": "planar", "cell": 0.06}), "/geometry/cell"),
-        (json!({"kind": "flat"}), "/geometry/kind"),
-        (json!({"kind": "solid", "cells": 3}), "/geometry/cells"),
+        (json!({"kind": "planar", "cell": 0.06}), "/geometric/cell"),
+        (json!({"kind": "flat"}), "/geometric/kind"),
+        (json!({"kind": "solid", "cells": 3}), "/geometric/cells"),
     ] {
         let refused =
-            it.post("/v1/catalogues/default/trainings", &json!({"geometry": geometry})).await;
+            it.post("/v1/catalogues/default/trainings", &json!({"geometric": geometry})).await;
         refused.problem(422, "invalid-value", Some(pointer));
     }
 }
@@ -331,7 +331,7 @@ async fn a_training_whose_map_would_be_too_large_fails_and_names_the_object() {
 async fn maps_are_shown_exported_and_merged() {
     let it = Harness::start().await;
     add_letters(&it, &['I', 'O']).await;
-    train(&it, &json!({"n_classes": 4, "geometry": {"kind": "planar"}})).await;
+    train(&it, &json!({"n_classes": 4, "geometric": {"kind": "planar"}})).await;
     let path = "/v1/catalogues/default/versions/1/objects/O/occupancy";
     let map = it.get(path).await;
     assert_eq!(map.headers["cache-control"], "private, max-age=31536000, immutable");
@@ -380,7 +380,7 @@ async fn maps_are_shown_exported_and_merged() {
     }
     it.session(json!({"method": "geometric"})).await;
 
-    train(&it, &json!({"n_classes": 4, "geometry": {"kind": "planar", "cell": 0.002}})).await;
+    train(&it, &json!({"n_classes": 4, "geometric": {"kind": "planar", "cell": 0.002}})).await;
     train(&it, &json!({"n_classes": 4, "objects": ["I"]})).await;
     let with = |version: u32, catalogue: &str| json!({"version": 1, "with": {"catalogue": catalogue, "version": version}});
     for (request, status, kind, pointer) in [

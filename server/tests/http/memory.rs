@@ -42,7 +42,7 @@ async fn in_turn(it: &Harness, budget: u64) -> Vec<Value> {
             let mut belief = added["belief"].clone();
             belief.as_object_mut().unwrap().remove("session");
             believed.push(belief);
-            let bytes = bytes_in_memory(it, "surfaces").await;
+            let bytes = bytes_in_memory(it, "surface").await;
             assert!(bytes <= budget, "{bytes} of {budget}");
         }
     }
@@ -71,7 +71,7 @@ async fn a_session_loads_what_its_method_needs_and_a_model_that_does_not_fit_is_
     let problem = refused.problem(503, "unavailable", None);
     let detail = problem["detail"].as_str().unwrap();
     let megabytes = |bytes: u64| format!("{:.3} MB", bytes as f64 / 1e6);
-    for named in ["surfaces", "default", &megabytes(needed), &megabytes(needed - 1)] {
+    for named in ["surface", "default", &megabytes(needed), &megabytes(needed - 1)] {
         assert!(detail.contains(named), "{named} in {detail}");
     }
     assert!(!refused.headers.contains_key("retry-after"), "waiting does not help");
@@ -80,7 +80,7 @@ async fn a_session_loads_what_its_method_needs_and_a_model_that_does_not_fit_is_
     let readings = json!({"readings": touches(BAR, 3, 77, Pose::IDENTITY)});
     let added = it.post(&format!("/v1/sessions/{session}/readings"), &readings).await.expect(200);
     assert_eq!(added["belief"]["n_readings"], 3);
-    assert_eq!(bytes_in_memory(&it, "surfaces").await, 0);
+    assert_eq!(bytes_in_memory(&it, "surface").await, 0);
     let missing = it.post("/v1/sessions", &json!({"method": "appearance"})).await;
     missing.problem(409, "wrong-state", None);
 }

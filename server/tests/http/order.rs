@@ -72,7 +72,7 @@ async fn every_method_folds_late_readings_as_if_they_had_come_in_time() {
     let names = ["cube", "bar"];
     it.train().await;
     let training = json!({"readings_per_object": 60, "n_classes": 8, "seed": 3,
-        "geometry": {"kind": "solid"}, "appearance": {"n_classes": [8]}, "objects": names});
+        "geometric": {"kind": "solid"}, "appearance": {"n_classes": [8]}, "objects": names});
     let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
     let job = it.finished(job["id"].as_str().unwrap()).await;
     assert_eq!(job["state"], "succeeded", "{job}");

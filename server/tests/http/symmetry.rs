@@ -105,7 +105,7 @@ async fn a_mesh_decides_a_symmetry_and_few_touches_leave_it_undetermined() {
     let readings = touches(BRICK, 70, 5, Pose::IDENTITY);
     it.post("/v1/objects/taught/readings", &json!({"readings": readings})).await.expect(200);
     let training = json!({
-        "readings_per_object": 100, "pair_maps": false, "surfaces": true, "seed": 2,
+        "readings_per_object": 100, "sva": false, "surface": true, "seed": 2,
         "objects": ["mug", "taught"],
     });
     let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);

@@ -14,7 +14,7 @@ use crate::limits::belief_bytes;
 async fn letters(belief_bytes_max: usize) -> Harness {
     let it = Harness::start_with(|config| config.belief_memory_bytes_max = belief_bytes_max).await;
     add_letters(&it, &['I', 'O']).await;
-    train(&it, &json!({"n_classes": 4, "geometry": {"kind": "planar"}})).await;
+    train(&it, &json!({"n_classes": 4, "geometric": {"kind": "planar"}})).await;
     it
 }
 

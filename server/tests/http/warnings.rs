@@ -173,7 +173,7 @@ async fn sizes_that_cannot_be_are_among_the_warnings_of_a_training() {
     it.send(Method::PUT, "/v1/objects/hall/mesh?unit=m", body()).await.expect(200);
     it.post("/v1/objects/bar/readings", &in_units(60, 1.0, 1e3)).await.expect(200);
     let job = train(&it, &json!({
-        "readings_per_object": 60, "pair_maps": false, "surfaces": true, "objects": ["hall", "cube", "bar"],
+        "readings_per_object": 60, "sva": false, "surface": true, "objects": ["hall", "cube", "bar"],
     }))
     .await;
     assert_eq!(job["state"], "succeeded", "{job}");

@@ -9,28 +9,28 @@ use super::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ModelPart {
     /// Maps of pairs of touches.
-    PairMaps,
+    Sva,
     /// Maps of contact and pressure.
-    Geometry,
+    Geometric,
     /// Classes of appearance.
     Appearance,
     /// Surfaces and symmetries.
-    Surfaces,
+    Surface,
 }
 
 impl ModelPart {
     /// All parts.
-    pub const ALL: [Self; 4] = [Self::PairMaps, Self::Geometry, Self::Appearance, Self::Surfaces];
+    pub const ALL: [Self; 4] = [Self::Sva, Self::Geometric, Self::Appearance, Self::Surface];
 
     /// Whether a block, by its name, belongs to this part alone.
     #[must_use]
     pub fn owns(self, block: &str) -> bool {
         let kind = block.split_once('/').map_or(block, |(kind, _)| kind);
         match self {
-            Self::PairMaps => kind == "map",
-            Self::Geometry => kind == GEOMETRY_BLOCK,
+            Self::Sva => kind == "map",
+            Self::Geometric => kind == GEOMETRY_BLOCK,
             Self::Appearance => kind == APPEARANCE_BLOCK || kind == APPEARANCE_REPORT_BLOCK,
-            Self::Surfaces => kind == SURFACE_BLOCK || kind == "symmetry",
+            Self::Surface => kind == SURFACE_BLOCK || kind == "symmetry",
         }
     }
 
@@ -55,15 +55,15 @@ mod tests {
     fn every_block_but_the_vocabulary_belongs_to_one_part() {
         let object = Uuid::from_u128(7);
         let blocks = [
-            (map_block_name(object), ModelPart::PairMaps),
-            (GEOMETRY_BLOCK.to_owned(), ModelPart::Geometry),
-            (geometry_block_name(object), ModelPart::Geometry),
+            (map_block_name(object), ModelPart::Sva),
+            (GEOMETRY_BLOCK.to_owned(), ModelPart::Geometric),
+            (geometry_block_name(object), ModelPart::Geometric),
             (APPEARANCE_BLOCK.to_owned(), ModelPart::Appearance),
             (APPEARANCE_REPORT_BLOCK.to_owned(), ModelPart::Appearance),
             (appearance_block_name(object), ModelPart::Appearance),
-            (SURFACE_BLOCK.to_owned(), ModelPart::Surfaces),
-            (surface_block_name(object), ModelPart::Surfaces),
-            (symmetry_block_name(object), ModelPart::Surfaces),
+            (SURFACE_BLOCK.to_owned(), ModelPart::Surface),
+            (surface_block_name(object), ModelPart::Surface),
+            (symmetry_block_name(object), ModelPart::Surface),
         ];
         for (block, owner) in blocks {
             for part in ModelPart::ALL {

@@ -44,10 +44,10 @@ pub(crate) async fn set_up(asked: &Asked) {
     }
     for training in [
         json!({"objects": ["hammer", "mug"], "readings_per_object": 60, "n_classes": 8,
-            "geometry": {"kind": "solid", "cell": 0.004}, "appearance": {"n_classes": [8]}}),
-        json!({"objects": ["I", "O"], "n_classes": 4, "geometry": {"kind": "planar"}}),
+            "geometric": {"kind": "solid", "cell": 0.004}, "appearance": {"n_classes": [8]}}),
+        json!({"objects": ["I", "O"], "n_classes": 4, "geometric": {"kind": "planar"}}),
     ] {
-        let flat = training["geometry"]["kind"] == "planar";
+        let flat = training["geometric"]["kind"] == "planar";
         let catalogue = if flat { "flat" } else { "solid" };
         let path = format!("/v1/catalogues/{catalogue}/trainings");
         let job = asked.must(Method::POST, &path, Some(&training)).await;
@@ -139,10 +139,10 @@ fn bodies(path: &str) -> Vec<Value> {
         "/v1/catalogues/{name}/trainings" => vec![
             json!({"objects": ["mug"], "readings_per_object": 20, "n_classes": 2, "seed": 1,
                 "distance_range": {"min": 0.008, "max": 0.16},
-                "geometry": {"kind": "solid", "cell": 0.004},
+                "geometric": {"kind": "solid", "cell": 0.004},
                 "appearance": {"n_classes": [2], "discriminant_axes": 1, "report_readings": 1,
                     "variance_share": 0.9}}),
-            json!({"objects": ["I"], "n_classes": 2, "geometry": {"kind": "planar", "cell": 0.001}}),
+            json!({"objects": ["I"], "n_classes": 2, "geometric": {"kind": "planar", "cell": 0.001}}),
             json!({"objects": ["I"], "extend": 1}),
         ],
         "/v1/keys" => vec![json!({"name": "probing", "role": "viewer", "expires_in_s": 60})],

@@ -286,7 +286,7 @@ export interface paths {
         };
         /**
          * Get an object's contact map
-         * @description Returns the cells around the object that generate contact, as learnt with `geometry`, in the
+         * @description Returns the cells around the object that generate contact, as learnt with `geometric`, in the
          *     object frame. `slice` adds the log-odds of one layer of cells. The map never changes. 409 if the
          *     version was trained without geometry.
          */
@@ -2100,9 +2100,9 @@ export interface components {
          * @description Kind of contact map.
          * @enum {string}
          */
-        GeometryKind: "planar" | "solid";
+        GeometricKind: "planar" | "solid";
         /** @description Summary of an object's contact map. */
-        GeometryReport: {
+        GeometricReport: {
             /**
              * Format: int64
              * @description Memory of the maps, in bytes.
@@ -2116,19 +2116,19 @@ export interface components {
             /** @description Whether the map includes pressures. */
             has_force: boolean;
             /** @description Kind of the map. */
-            kind: components["schemas"]["GeometryKind"];
+            kind: components["schemas"]["GeometricKind"];
             /** @description Number of cells along x, y and z; a planar map has one layer. */
             n_cells: number[];
         };
         /** @description Training options of the methods `geometric…`. */
-        GeometryTraining: {
+        GeometricTraining: {
             /**
              * Format: double
              * @description Cell size in metres, 0.0001 to 0.05. Default: suited to the kind.
              */
             cell?: number | null;
             /** @description Kind of contact map: a pressed plane or a whole surface. */
-            kind: components["schemas"]["GeometryKind"];
+            kind: components["schemas"]["GeometricKind"];
         };
         /** @description Orientation of the driver's image relative to the row-major order of the sensor frame. */
         ImageOrder: {
@@ -2202,7 +2202,7 @@ export interface components {
          * @description Stage of a running training.
          * @enum {string}
          */
-        JobStage: "sampling" | "vocabulary" | "mapping" | "surface" | "geometry" | "appearance" | "storing";
+        JobStage: "sampling" | "vocabulary" | "mapping" | "surface" | "geometric" | "appearance" | "storing";
         /**
          * @description State of a job.
          * @enum {string}
@@ -2583,7 +2583,7 @@ export interface components {
         };
         /** @description Training report of one object. */
         ObjectReport: {
-            geometry?: components["schemas"]["GeometryReport"] | null;
+            geometric?: components["schemas"]["GeometricReport"] | null;
             /**
              * Format: uuid
              * @description The object's id.
@@ -2643,7 +2643,7 @@ export interface components {
              */
             id: string;
             /** @description Kind of the map. */
-            kind: components["schemas"]["GeometryKind"];
+            kind: components["schemas"]["GeometricKind"];
             /** @description Log-odds of the cells of the slice, x fastest, then y; null without `slice`. */
             log_odds?: number[] | null;
             /**
@@ -3677,11 +3677,11 @@ export interface components {
              * Format: int32
              * @description Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;
              *     only `objects` are trained (default: those it does not know). `n_classes`, `descriptor`,
-             *     `distance_range`, `geometry`, `appearance`, `surfaces` and `pair_maps` are taken from that
+             *     `distance_range`, `geometric`, `appearance`, `surface` and `sva` are taken from that
              *     version and must not be given.
              */
             extend?: number | null;
-            geometry?: components["schemas"]["GeometryTraining"] | null;
+            geometric?: components["schemas"]["GeometricTraining"] | null;
             /**
              * Format: int32
              * @description Number of appearance classes, 2 to 255. Default: 25.
@@ -3689,12 +3689,6 @@ export interface components {
             n_classes?: number | null;
             /** @description Ids or names of the objects. Default: every object that has a mesh or readings. */
             objects?: string[] | null;
-            /**
-             * @description Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
-             *     only train `appearance`, and, together with `surfaces`, large catalogues for `surface` alone.
-             *     Default: true.
-             */
-            pair_maps?: boolean | null;
             /**
              * Format: int32
              * @description Number of simulated readings per object that has only a mesh, 20 to 20000. Default: 1000.
@@ -3716,8 +3710,14 @@ export interface components {
              *     fails. Default: false.
              */
             strict?: boolean | null;
-            /** @description Whether to learn the surfaces that `surface` needs. Default: the value of `pair_maps`. */
-            surfaces?: boolean | null;
+            /** @description Whether to learn the surfaces that `surface` needs. Default: the value of `sva`. */
+            surface?: boolean | null;
+            /**
+             * @description Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
+             *     only train `appearance`, and, together with `surface`, large catalogues for `surface` alone.
+             *     Default: true.
+             */
+            sva?: boolean | null;
         };
         /** @description Advice on whether to stop touching. */
         StopAdvice: {

@@ -88,7 +88,7 @@ function Row(props: { version: CatalogueVersion; isCurrent: boolean; busy: boole
     (report.surface_bytes ?? 0) > 0 && "surfaces",
     report.n_classes > 0 && `pair maps (${report.n_classes} classes)`,
     report.appearance && `appearance (${report.appearance.n_classes} classes)`,
-    report.objects.some((object) => object.geometry) && "contact maps",
+    report.objects.some((object) => object.geometric) && "contact maps",
   ].filter(Boolean);
   return (
     <tr>

@@ -74,7 +74,7 @@ function Objects({ version }: { version: CatalogueVersion }) {
                 <td class="num">{count(object.n_patches)}</td>
                 <td class="num">{object.surface ? count(object.surface.n_pairs) : "–"}</td>
                 <td>{symmetryWords(object)}</td>
-                <td class="tight">{object.geometry ? `${object.geometry.kind}, ${object.geometry.n_cells.join(" × ")}` : "none"}</td>
+                <td class="tight">{object.geometric ? `${object.geometric.kind}, ${object.geometric.n_cells.join(" × ")}` : "none"}</td>
               </tr>
             ))}
           </tbody>

@@ -10,8 +10,8 @@ import { Facts, Panel } from "../parts/Panel";
 export function OccupancyPanel({ version, object }: { version: CatalogueVersion; object: string }) {
   const trained = version.report.objects.find((one) => one.id === object);
   const path = `/v1/catalogues/${encodeURIComponent(version.catalogue)}/versions/${version.version}/objects/${object}/occupancy`;
-  const map = useResource(trained?.geometry ? path : null, (signal) => getJson<OccupancyMap>(path, signal));
-  if (!trained?.geometry) {
+  const map = useResource(trained?.geometric ? path : null, (signal) => getJson<OccupancyMap>(path, signal));
+  if (!trained?.geometric) {
     return (
       <Panel title="Contact map">
         <p class="faint">

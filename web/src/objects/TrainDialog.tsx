@@ -31,7 +31,7 @@ export function TrainDialog({ objects, onClose }: { objects: ObjectInfo[]; onClo
         seed,
         activate,
         ...(appearance ? { appearance: {} } : {}),
-        ...(geometry === "none" ? {} : { geometry: { kind: geometry } }),
+        ...(geometry === "none" ? {} : { geometric: { kind: geometry } }),
       };
       const path = `/v1/catalogues/${encodeURIComponent(catalogue)}/trainings`;
       startedJobs.value = [...startedJobs.value, await sendJson<Job>("POST", path, asked)];

@@ -7,7 +7,7 @@ const STAGES: Record<string, string> = {
   vocabulary: "Learning appearance classes",
   mapping: "Building pair maps",
   surface: "Learning surfaces",
-  geometry: "Learning contact maps",
+  geometric: "Learning contact maps",
   appearance: "Learning appearance",
   storing: "Storing the version",
 };

@@ -32,8 +32,8 @@ pub(super) struct AppearanceArgs {
     #[arg(long, requires = "appearance", value_parser = clap::value_parser!(u32).range(1..=1000))]
     discriminant_axes: Option<u32>,
     /// Learn nothing else: for readings without poses.
-    #[arg(long, requires = "appearance", conflicts_with = "geometry")]
-    pub(super) no_pair_maps: bool,
+    #[arg(long, requires = "appearance", conflicts_with = "geometric")]
+    pub(super) no_sva: bool,
 }
 
 /// Clustering method.

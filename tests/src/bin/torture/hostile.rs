@@ -294,7 +294,7 @@ async fn teach(
         post(teacher.clone(), "/v1/objects/large/readings".to_owned(), body).await?;
     }
     let training = json!({"objects": ["cube", "bar"], "readings_per_object": 60, "n_classes": 8,
-        "seed": 3, "geometry": {"kind": "solid", "cell": 0.004}});
+        "seed": 3, "geometric": {"kind": "solid", "cell": 0.004}});
     let job = post(teacher.clone(), "/v1/catalogues/solid/trainings".to_owned(), training).await?;
     let state = kill::ended(teacher, url, job["id"].as_str().unwrap_or_default()).await;
     if state != "succeeded" {
