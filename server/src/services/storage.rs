@@ -18,8 +18,9 @@ use uuid::Uuid;
 
 use crate::asker::Asker;
 use crate::client::Client;
+use crate::limits::megabytes;
+use crate::refusal::Refusal;
 use crate::services::keys::Keys;
-use crate::refusal::{Refusal, megabytes};
 
 /// How many things are named.
 const NAMED: usize = 10;
