@@ -17,8 +17,6 @@ use futures::channel::oneshot;
 use thiserror::Error;
 use uuid::Uuid;
 
-use crate::holding::Account;
-
 /// Maximum length of a value, bytes; larger records are split by `pieces`.
 ///
 /// sled moves values above 128 KiB to files that it never syncs and never reclaims.
@@ -32,6 +30,15 @@ pub const COMMIT_WRITES_MAX: usize = 16_384;
 
 /// A key and its value.
 pub type Pair = (Vec<u8>, Vec<u8>);
+
+/// The API key that the bytes of a commit count to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Account {
+    /// The key's id; nil where nobody is asked for a key.
+    pub key: Uuid,
+    /// Bytes that the key may hold; `None` is no bound.
+    pub quota: Option<u64>,
+}
 
 /// A store of ordered keys and values.
 pub trait Engine: Send + Sync + 'static {

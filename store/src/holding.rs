@@ -11,7 +11,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use uuid::Uuid;
 
-use crate::engine::{Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending};
+use crate::engine::{
+    Account, Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending,
+};
 use crate::envelope::{self, Kind};
 use crate::key::{self, Space};
 use crate::pieces;
@@ -21,15 +23,6 @@ const SCHEMA: u16 = 1;
 /// How many records are read at once.
 const RECORDS_PER_SCAN: usize = 1024;
 const COUNTING: &str = "counting the bytes of a key";
-
-/// The API key that the bytes of a commit count to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Account {
-    /// The key's id; nil where nobody is asked for a key.
-    pub key: Uuid,
-    /// Bytes that the key may hold; `None` is no bound.
-    pub quota: Option<u64>,
-}
 
 /// What kind of thing bytes belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

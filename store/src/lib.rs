@@ -9,21 +9,21 @@
 //! milliseconds since 1970. Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
 
 pub mod engine;
-pub mod memory;
 mod essential;
 pub mod key;
 pub mod envelope;
 pub mod private;
-pub mod sled;
 mod descriptor_code;
 pub mod model;
 pub mod model_codec;
 pub mod error;
 pub mod record;
 pub mod entity;
-pub mod robot;
 mod pieces;
 pub mod holding;
+pub mod memory;
+pub mod sled;
+pub mod robot;
 pub mod table;
 pub mod access;
 pub mod journal;

@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 use palpate_schemas as wire;
 use palpate_schemas::{StorageHolder, StoredKind, StoredThing};
 use palpate_store::database::Database;
+use palpate_store::engine::Account;
 use palpate_store::engine::EngineStats;
-use palpate_store::holding::{Account, Holding, ThingKind, Who};
+use palpate_store::holding::{Holding, ThingKind, Who};
 use tokio::sync::watch;
 use uuid::Uuid;
 

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use palpate_store::database::Database;
+use palpate_store::engine::Account;
 use palpate_store::engine::{Engine, EngineError};
 use palpate_store::error::StoreError;
 use palpate_store::fsck;
-use palpate_store::holding::{Account, Holding, ThingKind, Who};
+use palpate_store::holding::{Holding, ThingKind, Who};
 use palpate_store::journal::{AppendError, NewEntry};
 use palpate_store::memory::MemoryEngine;
 use palpate_store::robot::RobotHolder;
