@@ -22,9 +22,10 @@ use palpate_core::units::MM;
 use palpate_dissertation::sva::model::SvaModel;
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
+use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
 use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use rayon::prelude::*;
 
@@ -94,7 +95,7 @@ impl Belief {
             }
             Self::Surface(belief) => {
                 if let Some(motion) = &heard.moved {
-                    belief.loosen(motion);
+                    belief.announce_move(motion);
                 }
                 belief.add(&heard.reading, sensor);
                 Ok(belief.answer(N_MODES))

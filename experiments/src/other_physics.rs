@@ -19,7 +19,7 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::press::{CoveringConfig, Physics};
 use rayon::prelude::*;
@@ -149,7 +149,7 @@ fn worlds(
     config: &OtherPhysics,
     objects: &[TestObject],
     preset: &Sensing,
-    space: &palpate_recogniser::surface::AppearanceSpace,
+    space: &palpate_recogniser::model::AppearanceSpace,
     report: &mut Report,
 ) -> anyhow::Result<Vec<World>> {
     let (n, seed) = (config.test_readings, 2 * config.seed + 1);

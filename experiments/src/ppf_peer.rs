@@ -17,9 +17,9 @@ use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::{DEG, MM};
-use palpate_recogniser::belief::SurfaceOptions;
 use palpate_recogniser::model::SurfaceModel;
-use palpate_recogniser::surface::touch::observe_touch;
+use palpate_recogniser::observe::touch::observe_touch;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 

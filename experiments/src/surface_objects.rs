@@ -14,7 +14,7 @@ use palpate_core::symmetry::{AxisOrder, Symmetry};
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 

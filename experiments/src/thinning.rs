@@ -14,9 +14,9 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::model::SurfaceMap;
 use palpate_recogniser::model::SurfaceModel;
-use palpate_recogniser::surface::SurfaceMap;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use serde_json::json;
 

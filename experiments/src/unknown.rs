@@ -24,7 +24,7 @@ use palpate_core::symmetry::Symmetry;
 use palpate_core::units::MM;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
-use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::shapes::assembled;
 use rayon::prelude::*;

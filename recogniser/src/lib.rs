@@ -1,10 +1,17 @@
 //! Surface matching, the service's own recogniser: readings and surface maps in, beliefs out.
 //!
-//! The model is written down in `docs/recogniser.md`. Pure: no HTTP, no storage, no clock, no
-//! randomness but a seed's. Not here: the dissertation's methods.
+//! The model is written down in `docs/recogniser.md`; "equation R4" refers to it. Pure: no HTTP, no
+//! storage, no clock, no randomness but a seed's. The modules stand in the order in which they may
+//! use each other; only `belief` has state. Not here: the dissertation's methods.
 
-pub mod surface;
+pub mod options;
 pub mod model;
+pub mod observe;
 pub mod train;
+pub mod propose;
+pub mod verify;
+pub mod refine;
 pub mod belief;
 pub mod next_touch;
+#[cfg(test)]
+mod test_support;

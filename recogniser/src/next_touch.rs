@@ -1,11 +1,11 @@
-//! Where to touch next: approaches ranked by what their outcome is expected to say.
+//! Next touches: approaches ranked by the information that their outcome is expected to give.
 //!
-//! Beyond the dissertation (`docs/equations.md`). Under every hypothesis of a belief an
-//! approach meets some part of the object's map, or misses (`footprint`); how well these
-//! outcomes tell the hypotheses apart is the information (`information`). Identity counts
-//! first, the pose a tenth of it, and both by how probable a contact is. Poses of approaches
-//! are `session_from_sensor`, the sensor moves along its own +z. Pure: the caller's
-//! `should_stop` bounds the time. Not here: controllers, which re-centre.
+//! Under every sample of the posterior an approach meets some part of the object's map, or misses
+//! (`footprint`); the information is how well these outcomes tell the samples apart
+//! (`information`). Identity counts first, the pose a tenth of it, and both by the probability of
+//! a contact (equations R25 to R27). Poses of approaches are `session_from_sensor`; the sensor
+//! moves along its own +z. Pure: the caller's `should_stop` bounds the time. Not here:
+//! controllers, which re-centre.
 
 mod candidates;
 mod footprint;
@@ -16,9 +16,9 @@ mod tests;
 use glam::DVec3;
 use thiserror::Error;
 
-use crate::belief::{Expected, SurfaceBelief};
+use crate::belief::{PoseSample, SurfaceBelief};
 use candidates::own_approaches;
-use footprint::{Hand, Met, Ray, meet};
+use footprint::{ExpectedContact, Hand, Ray, meet};
 use information::{Outcome, Scatter, information};
 use palpate_core::log_prob::entropy_bits;
 use palpate_core::object::ObjectIdx;
@@ -26,9 +26,19 @@ use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
 
-/// What a bit about the pose is worth beside one about the identity: knowing the pose is what
-/// makes the next touch worth more.
+/// Worth of a bit on the pose beside one on the identity: knowing the pose makes the next touch
+/// worth more.
 const POSE_WORTH: f64 = 0.1;
+
+/// Deviations of an outcome's place and normal while no pose is known: poses of a single touch
+/// stand for all that lie between them. Metres, rad.
+const SCATTER_OF_ONE: (f32, f32) = (4.0 * MM as f32, 0.35);
+
+/// Deviations of an outcome's place and normal later: metres, rad.
+const SCATTER_OF_POSES: (f32, f32) = (2.5 * MM as f32, 0.25);
+
+/// Variance of an outcome's appearance, in units of two touches of one place.
+const SCATTER_OF_APPEARANCE: f32 = 4.0;
 
 /// A press that a robot can make: from a pose along its own +z until it feels something.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +63,7 @@ pub struct Workspace {
 /// What is considered, and what the robot can do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NextTouchOptions {
-    /// About how many objects in poses are told apart.
+    /// Samples that are told apart, about.
     pub n_hypotheses: usize,
     /// How many approaches of our own are considered when none are given.
     pub n_approaches: usize,
@@ -96,8 +106,8 @@ pub struct Ranked {
 }
 
 impl Ranked {
-    /// What approaches are ranked by: bits on the identity and a tenth of those on the pose,
-    /// times the probability of a contact, for the cost if there is one.
+    /// The rank: bits on the identity and a tenth of those on the pose, times the probability of a
+    /// contact, per cost if there is one. Equation R27 of docs/recogniser.md.
     #[must_use]
     pub fn worth(&self) -> f64 {
         let bits = self.identity_bits + POSE_WORTH * self.pose_bits;
@@ -132,12 +142,13 @@ pub enum NextTouchError {
     NoTouch,
 }
 
-/// Also when it is surely none of the known objects, they are where approaches are drawn from.
+/// Least probability of the known objects together: approaches are drawn from them even when the
+/// object is surely none of them.
 const KNOWN_MIN: f64 = 1e-9;
 
 /// Ranks `given` approaches, or our own when there are none, by what is expected of them.
 ///
-/// `should_stop` is asked before every approach but the first; what was evaluated until then
+/// `should_stop` is called before every approach but the first; what was evaluated until then
 /// is ranked. Equal arguments that evaluate equally many give equal answers.
 ///
 /// # Errors
@@ -150,23 +161,23 @@ pub fn rank(
 ) -> Result<Ranking, NextTouchError> {
     let mut stream = Stream::new(options.seed, Purpose::NextTouch, 0);
     let n_touches = belief.n_touches();
-    let shares = belief.shares();
-    let unknown = shares.last().copied().unwrap_or(0.0);
-    let mut expected = match (n_touches, options.workspace) {
+    let posterior = belief.posterior();
+    let unknown = posterior.last().copied().unwrap_or(0.0);
+    let mut samples = match (n_touches, options.workspace) {
         (0, None) => return Err(NextTouchError::NoTouch),
         (0, Some(workspace)) => anywhere_in(belief, &workspace, options.n_hypotheses, &mut stream),
-        _ => belief.expected(options.n_hypotheses, &mut stream),
+        _ => belief.samples(options.n_hypotheses, &mut stream),
     };
-    let total: f64 = expected.iter().map(|expected| expected.probability).sum();
+    let total: f64 = samples.iter().map(|sample| sample.probability).sum();
     if total > 0.0 {
         let known = (1.0 - unknown).max(KNOWN_MIN);
-        expected.iter_mut().for_each(|e| e.probability *= known / total);
+        samples.iter_mut().for_each(|s| s.probability *= known / total);
     }
     let own;
     let approaches = match given {
         Some(given) => given,
         None => {
-            own = own_approaches(belief.model(), &expected, options, &mut stream);
+            own = own_approaches(belief.model(), &samples, options, &mut stream);
             own.as_slice()
         }
     };
@@ -177,7 +188,7 @@ pub fn rank(
         if index > 0 && should_stop() {
             break;
         }
-        let outcomes = outcomes(belief, &expected, approach, &hand);
+        let outcomes = outcomes(belief, &samples, approach, &hand);
         let bits = information(&outcomes, unknown as f32, &scatter);
         ranked.push(Ranked {
             index,
@@ -188,38 +199,38 @@ pub fn rank(
         });
     }
     ranked.sort_by(|a, b| b.worth().total_cmp(&a.worth()).then(a.index.cmp(&b.index)));
-    let entropy_bits = entropy_bits(&shares);
+    let entropy_bits = entropy_bits(&posterior);
     Ok(Ranking { ranked, entropy_bits, n_approaches: approaches.len() })
 }
 
-/// What an approach meets under each hypothesis.
+/// The outcome of an approach under each sample.
 fn outcomes(
     belief: &SurfaceBelief,
-    expected: &[Expected],
+    samples: &[PoseSample],
     approach: &Approach,
     hand: &Hand,
 ) -> Vec<Outcome> {
     let start = approach.session_from_sensor.translation;
     let direction = approach.session_from_sensor.turn(DVec3::Z);
-    let outcome = |expected: &Expected| {
-        let session_from_object = expected.session_from_object;
+    let outcome = |sample: &PoseSample| {
+        let session_from_object = sample.session_from_object;
         let object_from_session = session_from_object.inverse();
         let ray = Ray {
             start: (object_from_session * start).as_vec3(),
             direction: object_from_session.turn(direction).as_vec3(),
             reach: approach.reach as f32,
         };
-        let map = &belief.model().maps()[expected.object.0 as usize];
+        let map = &belief.model().maps()[sample.object.0 as usize];
         let turn = session_from_object.rotation.as_quat();
-        let met = meet(map, &ray, hand).map(|(met, _)| Met {
+        let met = meet(map, &ray, hand).map(|(met, _)| ExpectedContact {
             position: turn * (met.position - ray.start),
             normal: turn * met.normal,
             ..met
         });
-        let probability = expected.probability as f32;
-        Outcome { object: expected.object, probability, met }
+        let probability = sample.probability as f32;
+        Outcome { object: sample.object, probability, met }
     };
-    expected.iter().map(outcome).collect()
+    samples.iter().map(outcome).collect()
 }
 
 /// The probability of a contact if the object is a known one.
@@ -231,11 +242,10 @@ fn contact_probability(outcomes: &[Outcome]) -> f64 {
     if total > 0.0 { f64::from(contact / total) } else { 0.0 }
 }
 
-/// How far outcomes scatter: poses of a single touch stand for all that lie between them.
+/// Scatter of outcomes.
 fn scatter(n_touches: usize) -> Scatter {
-    let mm = MM as f32;
-    let (position, normal) = if n_touches < 2 { (4.0 * mm, 0.35) } else { (2.5 * mm, 0.25) };
-    Scatter { position, normal, appearance: 4.0 }
+    let (position, normal) = if n_touches < 2 { SCATTER_OF_ONE } else { SCATTER_OF_POSES };
+    Scatter { position, normal, appearance: SCATTER_OF_APPEARANCE }
 }
 
 /// Every object in poses drawn from those that keep it in the workspace.
@@ -244,11 +254,11 @@ fn anywhere_in(
     workspace: &Workspace,
     n: usize,
     stream: &mut Stream,
-) -> Vec<Expected> {
-    let mut shares = belief.shares();
+) -> Vec<PoseSample> {
+    let mut shares = belief.posterior();
     shares.pop();
     let per_object = (n / shares.len().max(1)).max(1);
-    let mut expected = Vec::with_capacity(per_object * shares.len());
+    let mut samples = Vec::with_capacity(per_object * shares.len());
     for (object, share) in shares.into_iter().enumerate() {
         let radius = f64::from(candidates::radius_of(&belief.model().maps()[object]));
         let room = (workspace.radius - radius).max(0.0);
@@ -257,8 +267,8 @@ fn anywhere_in(
             let session_from_object = Pose::from_parts(stream.rotation(), workspace.center + off);
             let probability = share / per_object as f64;
             let object = ObjectIdx(object as u32);
-            expected.push(Expected { object, session_from_object, probability });
+            samples.push(PoseSample { object, session_from_object, probability });
         }
     }
-    expected
+    samples
 }

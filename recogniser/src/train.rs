@@ -1,18 +1,18 @@
-//! Training of surfaces: an appearance space for all objects, and a thinned map of each.
+//! Training: an appearance space for all objects, and a thinned map of each.
 //!
 //! The space is learnt once from all objects together; each map depends on its own readings and
-//! the space alone. Two touches less than [`SAME_PLACE`] apart that face the same way count as
-//! touches of one place: how they differ is what the space must ignore.
+//! the space alone. Two touches less than [`SAME_PLACE`] apart that face the same way are touches
+//! of one place, and the space ignores how they differ.
 
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::surface::appearance::{
-    AppearanceSpace, N_AXES, StoredFeature, project, raw_descriptor, raw_feature, stored,
-};
-use crate::surface::map::{PATCHES_MAX, SurfaceLayout, SurfaceMap, SurfacePatch};
-use crate::surface::thinning::farthest_first;
-use crate::surface::touch::{Touch, observe_touch};
+use crate::model::agreement::{N_AXES, StoredFeature, stored};
+use crate::model::appearance::{AppearanceSpace, project, raw_descriptor, raw_feature};
+use crate::model::map::{PATCHES_MAX, SurfaceLayout, SurfaceMap};
+use crate::model::patch::SurfacePatch;
+use crate::model::thinning::farthest_first;
+use crate::observe::touch::{Touch, observe_touch};
 use palpate_core::contact::touches;
 use palpate_core::contact::{center_of_pressure, contact_points, normal_constraint};
 use palpate_core::object::MapError;
@@ -25,30 +25,39 @@ use palpate_core::training::{TrainingError, TrainingSet, check_shapes};
 use palpate_core::units::MM;
 use palpate_core::vocabulary::discriminant::find_discriminants;
 
-/// Touches nearer than this are of one place, metres.
+/// Distance below which two touches are of one place, metres.
 pub const SAME_PLACE: f64 = 3.0 * MM;
 
-/// Normals of touches of one place agree at least so well (cosine).
+/// Least cosine of the normals of two touches of one place.
 const SAME_FACING: f64 = 0.85;
 
-/// The space is learnt from at most so many pairs of touches of one place.
+/// Pairs of touches of one place that the space is learnt from, at most.
 const PLACES_MAX: usize = 6_000;
 
-/// Fewer pairs of touches of one place do not say how such touches differ.
+/// Pairs of touches of one place that the space is learnt from, at least: else a place is larger.
 const PLACES_MIN: usize = 40;
 
-/// So many features say how touches anywhere look.
+/// Features of touches anywhere that the space keeps.
 const ANYWHERE: usize = 2_000;
 
-/// Normals scatter at least and at most so far, rad.
+/// Bounds of the deviation of normals about a patch, rad.
 const NORMAL_DEVIATION: std::ops::RangeInclusive<f32> = 0.08..=0.6;
 
-/// How surfaces are trained.
+/// Deviation of normals (rad) as if one neighbour showed it: few neighbours say little.
+const NORMAL_DEVIATION_PRIOR: f32 = 0.15;
+
+/// Least cosine of the normals of two neighbours.
+const NEIGHBOUR_FACING: f32 = 0.5;
+
+/// Shrinkage of the covariance within places towards a multiple of the identity.
+const SHRINKAGE: f64 = 0.02;
+
+/// Options of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceConfig {
-    /// How many touches a map keeps.
+    /// Patches of a map, at most.
     pub patches_max: usize,
-    /// How maps are laid out.
+    /// Layout of the maps.
     pub layout: SurfaceLayout,
 }
 
@@ -83,7 +92,7 @@ pub fn learn_space(sets: &[TrainingSet<'_>], seed: u64) -> Result<AppearanceSpac
     let pairs = pairs_of_places(&touched, &features);
     let mut stream = Stream::new(seed, Purpose::Clustering, 1);
     let pairs = palpate_core::training::subsample(&pairs, PLACES_MAX, &mut stream);
-    let mut projection = find_discriminants(&pairs, N_AXES, 0.02)
+    let mut projection = find_discriminants(&pairs, N_AXES, SHRINKAGE)
         .ok_or(TrainingError::Map(MapError::TooFew { found: pairs.len(), expected: 2 }))?;
     // Of two touches each is half their difference from their mean: halved, they differ by 1.
     projection.axes.iter_mut().flatten().for_each(|value| *value *= 0.5);
@@ -167,7 +176,7 @@ pub fn map_surface(
     Ok(SurfaceMap::new(origin, patches, config.layout))
 }
 
-/// Which turns leave an object as it is, as its touches show it: in the object frame whose
+/// The symmetry of an object as its touches show it, in the object frame whose
 /// origin lies at `origin_in_training` (metres).
 #[must_use]
 pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Finding {
@@ -194,16 +203,15 @@ pub fn find_symmetry(set: &TrainingSet<'_>, origin_in_training: DVec3) -> Findin
     Finding::of_touches(&set.readings.iter().filter_map(press).collect::<Vec<_>>())
 }
 
-/// How far normals scatter about one touch: the deviation among its near neighbours.
+/// The deviation of normals about one touch, among its near neighbours.
 fn normal_deviation(index: usize, places: &[(Vec3, Vec3)]) -> f32 {
     let (position, normal) = places[index];
     let reach = SAME_PLACE as f32;
-    // As if one neighbour 0.15 rad off were known: few neighbours say little.
-    let (mut squares, mut weight) = (0.15f32.powi(2), 1.0);
+    let (mut squares, mut weight) = (NORMAL_DEVIATION_PRIOR.powi(2), 1.0);
     for (neighbour, (other, facing)) in places.iter().enumerate() {
         let cosine = normal.dot(*facing);
         let near = position.distance_squared(*other) < reach * reach;
-        if neighbour != index && near && cosine > 0.5 {
+        if neighbour != index && near && cosine > NEIGHBOUR_FACING {
             squares += 2.0 * (1.0 - cosine);
             weight += 1.0;
         }
@@ -216,7 +224,7 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
-    use crate::surface::appearance::raw_descriptor;
+    use crate::model::appearance::raw_descriptor;
     use palpate_core::descriptor::Descriptor as _;
     use palpate_core::reading::SensorId;
     use palpate_core::sensor::SensorDescription;
@@ -279,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_has_its_origin_in_the_middle_of_the_touches_or_where_it_is_told() {
+    fn the_origin_is_the_centroid_unless_it_is_given() {
         let sensor = SensorDescription::digitacts_6x6();
         let readings: Vec<Reading> =
             (0..20).map(|n| press([f64::from(n), 50.0, 0.0], DVec3::Z, 5e3)).collect();
@@ -297,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn symmetry_is_found_in_the_object_frame_and_none_of_few_touches() {
+    fn symmetry_is_found_in_the_object_frame_from_enough_touches() {
         // A rod of 10 mm radius and 80 mm length along z about x = 50 mm, touched anywhere.
         let mut stream = Stream::new(7, Purpose::Sampling, 0);
         let readings: Vec<Reading> = (0..400)

@@ -11,10 +11,11 @@ use glam::DVec3;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::training::TrainingSet;
+use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::belief::calibrate::{HeldBack, calibrate};
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::model::SurfaceMap;
 use palpate_recogniser::model::{CalibrationBasis, EvidenceCalibration, SurfaceModel};
-use palpate_recogniser::surface::SurfaceMap;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, map_surface};
 
 use ellipsoids::*;
@@ -30,7 +31,7 @@ fn stated(
     let mut belief = SurfaceBelief::new(model.clone(), options, prior).unwrap();
     let after = |reading| {
         belief.add(reading, &six_by_six());
-        belief.shares()
+        belief.posterior()
     };
     readings.iter().map(after).collect()
 }
@@ -70,7 +71,7 @@ fn nor_has_it_where_one_table_lists_many_objects() {
 }
 
 #[test]
-fn how_many_objects_say_the_same_does_not_change_the_odds_of_none_of_them() {
+fn copies_of_an_object_do_not_change_the_odds_of_none_of_them() {
     let readings = touches(0, 5, 2);
     let unknown = |copies: usize| -> Vec<f64> {
         let model = with_maps((0..copies).map(|_| MODEL.maps()[0].clone()));
@@ -165,7 +166,7 @@ fn check_half(model: &Arc<SurfaceModel>, n_touches: usize) {
 }
 
 #[test]
-fn a_catalogue_that_grows_from_three_objects_to_sixty_keeps_the_odds_and_learns_the_rest_anew() {
+fn a_catalogue_that_grows_to_sixty_objects_stays_calibrated() {
     let (small, large) = (calibrated(ellipsoids(3)), ellipsoids(60));
     let grown = Arc::new(Arc::unwrap_or_clone(large).with_calibration(small.calibration));
     // Looks and pairs weigh as much among sixty objects as among three.

@@ -15,9 +15,10 @@ use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::MM;
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::model::SurfaceModel;
-use palpate_recogniser::surface::touch::observe_touch;
+use palpate_recogniser::observe::touch::observe_touch;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SAME_PLACE;
 
 use ellipsoids::*;
@@ -87,7 +88,7 @@ fn check_moved_if_posed(answer: &Answer, moved: &Answer, motion: &Pose, n: usize
     }
 }
 
-/// So many objects that they are shared out and the table of all pairs lists some; `n` and
+/// Enough objects that threads share them and candidates are retrieved; `n` and
 /// `n + N_OBJECTS` are alike.
 fn many() -> Arc<SurfaceModel> {
     let maps = (0..40).map(|n| MODEL.maps()[n % N_OBJECTS].clone()).collect();
@@ -95,7 +96,7 @@ fn many() -> Arc<SurfaceModel> {
 }
 
 #[test]
-fn with_poses_proposed_for_few_of_many_objects_the_right_one_is_named() {
+fn the_right_one_of_many_is_named_from_few_candidates() {
     let model = many();
     assert!(model.joint_pairs().is_some() && MODEL.joint_pairs().is_none());
     let mut options = SurfaceOptions::default();
@@ -190,7 +191,7 @@ fn a_finer_sensor_recognises_what_a_coarser_one_learnt() {
 }
 
 #[test]
-fn before_any_reading_the_prior_is_the_answer_and_what_it_rules_out_stays_out() {
+fn the_prior_is_the_first_answer_and_rules_objects_out() {
     let prior = [1.0, 3.0, 0.0];
     let options = SurfaceOptions::default();
     let mut belief = SurfaceBelief::new(MODEL.clone(), options, Some(&prior)).unwrap();
@@ -212,7 +213,7 @@ fn a_prior_of_the_wrong_length_is_refused() {
 }
 
 #[test]
-fn two_touches_of_one_place_differ_by_one_deviation_along_each_axis() {
+fn touches_of_one_place_differ_by_one_deviation() {
     let (sensor, readings) = (six_by_six(), touches(0, 600, 6));
     let seen: Vec<_> =
         readings.iter().filter_map(|r| observe_touch(r, &sensor, &MODEL.space)).collect();

@@ -5,7 +5,7 @@ use palpate_core::reading::Looseness;
 use palpate_core::sensor::point_spread::point_spread_of_covering;
 use palpate_core::sensor::{ForceCurve, SensorDescription, SensorParameters};
 use palpate_core::units::{DEG, INCH, KPA, MM};
-use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_sim::explore::Perturbation;
 use palpate_sim::noise::NoiseLevel;
 

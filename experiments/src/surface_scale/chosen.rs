@@ -8,8 +8,9 @@
 use std::sync::Arc;
 
 use palpate_core::reading::Reading;
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::model::SurfaceModel;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_sim::press::PressSimulator;
 use serde_json::json;
 

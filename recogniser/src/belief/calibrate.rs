@@ -1,36 +1,47 @@
-//! Calibration: how far the recogniser's evidence can be believed, learnt on readings that
-//! had no part in the maps.
+//! Calibration: how far evidence can be believed, learnt on readings held back from training.
 //!
 //! Trials of every object are recognised twice: by the whole catalogue, and by the catalogue
-//! without the object, which then is one that it does not know. Temperature and the evidence of
-//! "none of these" are those under which both kinds of trials were the likeliest (Platt, 1999;
-//! Guo et al., 2017). Objects weigh by their prior, as in a session.
+//! without the object. Temperature and the evidence of "none of these" are those under which both
+//! kinds of trials are the likeliest (Platt, 1999; Guo et al., 2017). Equation R23 of
+//! docs/recogniser.md.
 
-use rayon::prelude::*;
+use std::sync::Arc;
 
-use super::usual::Counted;
-use super::{SurfaceBelief, SurfaceOptions, usual};
-use crate::model::{CalibrationBasis, EvidenceCalibration, EvidenceStage, SurfaceModel};
 use palpate_core::log_prob::log_sum_exp;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use std::sync::Arc;
+use rayon::prelude::*;
 
-/// Trials of all objects together, about: chosen, for a minute of work at most.
+use super::object::ObjectBelief;
+use super::posterior::counted;
+use super::surface_belief::SurfaceBelief;
+use crate::model::SurfaceModel;
+use crate::model::calibration::{CalibrationBasis, EvidenceCalibration, EvidenceStage};
+use crate::options::{ScoreScale, SurfaceOptions};
+use crate::verify::null_model::{self, Counted};
+
+/// Trials of all objects together, about: a minute of work at most.
 const TRIALS: usize = 400;
 
-/// Trials of an object at most: its held-back readings are few. Chosen.
+/// Trials of an object at most: its held-back readings are few.
 const TRIALS_PER_OBJECT_MAX: usize = 40;
 
-/// Readings of a trial: chosen, about as many as a session needs.
+/// Readings of a trial: about as many as a session needs.
 const READINGS: usize = 8;
 
-/// Fewer held-back readings of an object make no trials: chosen, so that trials differ.
+/// Held-back readings that an object needs for trials, so that trials differ.
 pub const HELD_BACK_MIN: usize = 6;
 
-/// Evidence (ln) so far below the best one adds less than e^-6 to a sum at any temperature.
-const NEGLIGIBLE: f64 = 60.0;
+/// Cap on the temperature: evidence is believed at least a tenth of what it says.
+const TEMPERATURE_MAX: f64 = 10.0;
+
+/// First steps of the descent: in ln temperature, evidence, and evidence a touch.
+const STEPS: [f64; 3] = [0.5, 4.0, 2.0];
+
+/// The descent ends when the step in ln temperature is below this, or after this many passes.
+const STEP_MIN: f64 = 1e-3;
+const PASSES_MAX: usize = 200;
 
 /// Readings of one object that had no part in its map, and the sensor that took them.
 #[derive(Clone, Copy, Debug)]
@@ -47,13 +58,14 @@ struct Evidence {
     /// ln, before the prior.
     log: f64,
     log_prior: f64,
-    /// How well the object usually explains its own touches, ln a touch.
-    usual: f64,
+    /// Its self-match score, ln a touch.
+    self_match: f64,
 }
 
 /// What one trial's touches said after one of them.
 #[derive(Clone, Debug)]
 struct Sample {
+    /// Its place among the calibrated stages.
     stage: usize,
     counted: Counted,
     /// Of the true object, when the catalogue has it.
@@ -107,7 +119,7 @@ pub fn calibrate(
         };
         let [with, without] = [true, false].map(of_stage);
         if !with.is_empty() && !without.is_empty() {
-            *known = fit([&with, &without], *known, stage == 2);
+            *known = fit([&with, &without], *known, stage == 2, &options.score);
         }
     }
     calibration
@@ -138,49 +150,61 @@ fn run_trial(
     let mut samples = Vec::with_capacity(readings.len());
     for reading in readings {
         belief.add(reading, sensor);
-        let Some(stage) = belief.stage.checked_sub(1) else { continue };
-        let log = |o: usize| belief.objects[o].log_evidence;
-        let mut likely: Vec<usize> =
-            (0..n_objects).filter(|o| *o != object && !belief.objects[*o].is_ruled_out).collect();
-        likely.sort_by(|a, b| log(*b).total_cmp(&log(*a)).then(a.cmp(b)));
-        let best = likely.first().map_or(f64::NEG_INFINITY, |o| log(*o));
-        likely.retain(|o| log(*o) > best - NEGLIGIBLE);
+        let (common, rest) = belief.at_rest();
+        let Some(stage) = rest.stage.calibrated() else { continue };
         let evidence = |o: usize| Evidence {
-            log: log(o),
-            log_prior: belief.log_prior[o],
-            usual: belief.usual_score(o),
+            log: rest.objects[o].log_evidence,
+            log_prior: common.prior.log_objects[o],
+            self_match: common.self_match(o),
         };
+        let likely = likeliest(rest.objects, object, options.score.negligible);
         let own = is_known.then(|| evidence(object));
         let others = likely.into_iter().map(evidence).collect();
-        samples.push(Sample { stage, counted: belief.counted(), own, others });
+        samples.push(Sample { stage, counted: counted(common, &rest), own, others });
     }
     samples
 }
 
+/// All objects but `own`, likeliest first, cut where their evidence no longer matters.
+fn likeliest(objects: &[ObjectBelief], own: usize, negligible: f64) -> Vec<usize> {
+    let log = |o: usize| objects[o].log_evidence;
+    let is_other = |o: &usize| *o != own && !objects[*o].is_ruled_out;
+    let mut likely: Vec<usize> = (0..objects.len()).filter(is_other).collect();
+    likely.sort_by(|a, b| log(*b).total_cmp(&log(*a)).then(a.cmp(b)));
+    let best = likely.first().map_or(f64::NEG_INFINITY, |o| log(*o));
+    likely.retain(|o| log(*o) > best - negligible);
+    likely
+}
+
 /// The likeliest stage by coordinate descent from a start; the loss is smooth and the
 /// parameters are few. Samples are of known objects, then of unknown ones.
-fn fit(samples: [&[&Sample]; 2], start: EvidenceStage, with_slope: bool) -> EvidenceStage {
+fn fit(
+    samples: [&[&Sample]; 2],
+    start: EvidenceStage,
+    with_slope: bool,
+    scale: &ScoreScale,
+) -> EvidenceStage {
     let build = |p: [f64; 3]| EvidenceStage {
         temperature: p[0].exp(),
         unknown: p[1],
         unknown_per_touch: if with_slope { p[2] } else { 0.0 },
     };
     let mut at = [start.temperature.ln(), start.unknown, start.unknown_per_touch];
-    let mut steps = [0.5, 4.0, 2.0];
-    let mut best = loss(samples, &build(at));
-    for _pass in 0..200 {
+    let mut steps = STEPS;
+    let mut best = loss(samples, &build(at), scale);
+    for _pass in 0..PASSES_MAX {
         let mut moved = false;
         for axis in 0..if with_slope { 3 } else { 2 } {
             for sign in [1.0, -1.0] {
                 let mut tried = at;
                 tried[axis] += sign * steps[axis];
-                // Evidence is never believed more than it says, and never less than a tenth.
-                tried[0] = tried[0].clamp(0.0, 10.0f64.ln());
+                // Evidence is never believed more than it says.
+                tried[0] = tried[0].clamp(0.0, TEMPERATURE_MAX.ln());
                 if axis == 2 {
                     // The slope turns about the middle of the trials, not about no touch.
                     tried[1] -= sign * steps[2] * 0.5 * READINGS as f64;
                 }
-                let found = loss(samples, &build(tried));
+                let found = loss(samples, &build(tried), scale);
                 if found < best {
                     (best, at, moved) = (found, tried, true);
                 }
@@ -188,7 +212,7 @@ fn fit(samples: [&[&Sample]; 2], start: EvidenceStage, with_slope: bool) -> Evid
         }
         if !moved {
             steps = steps.map(|step| 0.5 * step);
-            if steps[0] < 1e-3 {
+            if steps[0] < STEP_MIN {
                 break;
             }
         }
@@ -198,9 +222,10 @@ fn fit(samples: [&[&Sample]; 2], start: EvidenceStage, with_slope: bool) -> Evid
 
 /// Mean −ln probability of the truth over trials of known objects, and the same over trials of
 /// unknown ones: the two kinds weigh alike, as many trials as there are of each.
-fn loss(samples: [&[&Sample]; 2], stage: &EvidenceStage) -> f64 {
+fn loss(samples: [&[&Sample]; 2], stage: &EvidenceStage, scale: &ScoreScale) -> f64 {
     let mean = |samples: &[&Sample]| {
-        samples.iter().map(|sample| sample.surprise(stage)).sum::<f64>() / samples.len() as f64
+        samples.iter().map(|sample| sample.surprise(stage, scale)).sum::<f64>()
+            / samples.len() as f64
     };
     samples.into_iter().map(mean).sum()
 }
@@ -208,20 +233,22 @@ fn loss(samples: [&[&Sample]; 2], stage: &EvidenceStage) -> f64 {
 impl Sample {
     /// −ln probability of the truth when "none of these" is as probable as all objects together
     /// before the touches.
-    fn surprise(&self, stage: &EvidenceStage) -> f64 {
+    fn surprise(&self, stage: &EvidenceStage, scale: &ScoreScale) -> f64 {
         let heat = |of: &Evidence| of.log / stage.temperature + of.log_prior;
-        let unusual = if self.stage == 2 { self.unusual(stage.temperature) } else { 0.0 };
-        let unknown = (stage.log_unknown(self.counted.touches) + unusual) / stage.temperature;
+        let correction =
+            if self.stage == 2 { self.correction(stage.temperature, scale) } else { 0.0 };
+        let unknown = stage.log_unknown(self.counted.touches) + correction;
+        let unknown = unknown / stage.temperature;
         let known = self.own.iter().chain(&self.others).map(heat);
         let all = log_sum_exp(known.chain([unknown]));
         all - self.own.as_ref().map_or(unknown, heat)
     }
 
-    /// [`usual::unusual`] beside the objects of the catalogue.
-    fn unusual(&self, temperature: f64) -> f64 {
+    /// [`null_model::correction`] beside the objects of the catalogue.
+    fn correction(&self, temperature: f64, scale: &ScoreScale) -> f64 {
         let all: Vec<&Evidence> = self.own.iter().chain(&self.others).collect();
         let logs = all.iter().map(|of| of.log).enumerate();
-        usual::unusual(self.counted, logs, temperature, |at| all[at].usual)
+        null_model::correction(self.counted, logs, temperature, scale, |at| all[at].self_match)
     }
 }
 
@@ -237,8 +264,9 @@ mod tests {
     /// they are true; it says them [`TEMPERATURE`] times too loudly.
     fn sample(is_known: bool, stream: &mut Stream) -> Sample {
         let ratio = if is_known { 3.0 } else { -3.0 } + 6f64.sqrt() * stream.normal();
-        let evidence = Evidence { log: UNKNOWN + TEMPERATURE * ratio, log_prior: 0.0, usual: 12.0 };
-        let counted = Counted { touches: 2.0, unsteadiness: 0.0 };
+        let evidence =
+            Evidence { log: UNKNOWN + TEMPERATURE * ratio, log_prior: 0.0, self_match: 12.0 };
+        let counted = Counted { touches: 2.0, loss: 0.0 };
         let (own, others) =
             if is_known { (Some(evidence), vec![]) } else { (None, vec![evidence]) };
         Sample { stage: 1, counted, own, others }
@@ -253,18 +281,18 @@ mod tests {
         let (known, unknown): (Vec<&Sample>, Vec<&Sample>) =
             (known.iter().collect(), unknown.iter().collect());
         let start = EvidenceCalibration::default().stages[1];
-        fit([&known, &unknown], start, false)
+        fit([&known, &unknown], start, false, &SurfaceOptions::default().score)
     }
 
     #[test]
-    fn how_loud_evidence_is_and_what_none_of_these_takes_are_found() {
+    fn temperature_and_evidence_of_none_of_these_are_found() {
         let found = learnt(&samples(true, 4_000), &samples(false, 4_000));
         assert!((found.temperature - TEMPERATURE).abs() < 0.15, "{found:?}");
         assert!((found.unknown - UNKNOWN).abs() < 0.5, "{found:?}");
     }
 
     #[test]
-    fn the_two_kinds_of_trials_weigh_alike_however_many_there_are() {
+    fn the_two_kinds_of_trials_weigh_alike() {
         let (even, uneven) = (samples(false, 4_000), samples(false, 1_000));
         let known = samples(true, 4_000);
         let [even, uneven] = [even, uneven].map(|unknown| learnt(&known, &unknown));

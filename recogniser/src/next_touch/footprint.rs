@@ -1,26 +1,43 @@
-//! What an approach meets under a hypothesis: what the sensor's footprint sweeps over the
-//! mapped touches.
+//! The footprint: what an approach meets under a sample, by the sweep of the sensor over the map.
 //!
-//! The flat sensor stops at the foremost touch within its footprint and settles on what lies
-//! about as far forward near its middle. How often that ends in a valid contact is a logistic
-//! function of how the surface faces the sensor, how far off the middle it is and how much of
-//! it there is (`docs/equations.md`). Frames: the object's.
+//! The flat sensor stops at the foremost patch within its footprint and settles on what lies about
+//! as far forward near its middle. The probability of a valid contact is a logistic function of
+//! how the surface faces the sensor, how far off the middle it is and how much of it there is
+//! (equation R25). Frames: the object's.
 
 use glam::Vec3;
 
-use crate::surface::appearance::{N_AXES, StoredFeature};
-use crate::surface::{SurfaceMap, SurfacePatch};
+use crate::model::agreement::{N_AXES, StoredFeature};
+use crate::model::{SurfaceMap, SurfacePatch};
 
-/// So many of a map's touches are met: any first part of them is an even cover.
+/// Patches of a map that are swept over: the first ones, which cover the surface evenly.
 const PATCHES_MAX: usize = 500;
 
-/// Of the surface within the footprint, what lies this much further back counts 1/e, metres.
+/// Distance behind the foremost patch at which a patch counts 1/e, metres.
 const DEPTH: f32 = 0.002;
 
-/// Surfaces that face away more than this (cosine) are met from behind: not at all.
+/// Depths behind the foremost patch beyond which a patch counts nothing.
+const DEPTHS_MAX: f32 = 4.0;
+
+/// Least cosine of a surface that is met: others face away.
 const FACING_MIN: f32 = 0.05;
 
-/// What is asked of a robot: how wide its sensor is, and whether it re-centres.
+/// Part of the spacing of patches by which the footprint reaches further: they lie that far apart.
+const REACH_SPACINGS: f32 = 0.25;
+
+/// Width of the weight about the middle: in half widths of the sensor, and at least in spacings.
+const MIDDLE: (f32, f32) = (0.7, 0.5);
+
+/// Cap on the filled share of the footprint.
+const FILLED_MAX: f32 = 1.5;
+
+/// Coefficients of equation R25 for a robot that re-centres: constant, cosine, offset, filled.
+const CENTERED: [f32; 4] = [-0.2, 4.0, -0.5, 0.5];
+
+/// The same for a robot that does not.
+const OFF_CENTER: [f32; 4] = [-1.1, 5.0, -3.0, 1.0];
+
+/// The sensor of a robot, and whether it re-centres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hand {
     /// Half the width of the sensor's array, metres.
@@ -38,22 +55,22 @@ pub(super) struct Ray {
     pub(super) reach: f32,
 }
 
-/// What a ray is expected to meet.
+/// The contact that a ray is expected to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Met {
+pub(super) struct ExpectedContact {
     /// The probability of a valid contact.
     pub(super) contact: f32,
     /// Where, metres.
     pub(super) position: Vec3,
     /// Which way the surface faces there, norm 1.
     pub(super) normal: Vec3,
-    /// How far normals of touches there scatter, rad.
+    /// Scatter of normals there, rad.
     pub(super) normal_deviation: f32,
-    /// What it looks like.
+    /// Its appearance.
     pub(super) feature: StoredFeature,
 }
 
-/// How a surface lies under the sensor: what the probability of a contact depends on.
+/// The lie of a surface under the sensor, on which the probability of a contact depends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lie {
     /// Cosine between the sensor and the surface, 0 to 1.
@@ -64,23 +81,23 @@ pub(super) struct Lie {
     pub(super) filled: f32,
 }
 
-/// What a ray meets on a map; `None` when nothing.
-pub(super) fn meet(map: &SurfaceMap, ray: &Ray, hand: &Hand) -> Option<(Met, Lie)> {
+/// The contact of a ray on a map; `None` when it meets nothing.
+pub(super) fn meet(map: &SurfaceMap, ray: &Ray, hand: &Hand) -> Option<(ExpectedContact, Lie)> {
     let patches = map.patches();
     let patches = &patches[..patches.len().min(PATCHES_MAX)];
     // A map that is cut short is as much sparser.
     let thinning = (map.patches().len().max(1) as f32 / patches.len().max(1) as f32).sqrt();
     let spacing = map.spacing() * thinning;
-    let radius = hand.half_width + 0.25 * spacing;
+    let radius = hand.half_width + REACH_SPACINGS * spacing;
     let swept = swept(patches, ray, radius);
     let foremost = swept.iter().map(|(_, along, _)| *along).fold(f32::INFINITY, f32::min);
     if foremost > ray.reach {
         return None;
     }
     let mut sum = Sum::default();
-    let inner = (0.7 * hand.half_width).max(0.5 * spacing).powi(2).recip();
+    let inner = (MIDDLE.0 * hand.half_width).max(MIDDLE.1 * spacing).powi(2).recip();
     for (patch, along, square) in swept {
-        if along - foremost > 4.0 * DEPTH {
+        if along - foremost > DEPTHS_MAX * DEPTH {
             continue;
         }
         let level = (-(along - foremost) / DEPTH).exp();
@@ -91,15 +108,18 @@ pub(super) fn meet(map: &SurfaceMap, ray: &Ray, hand: &Hand) -> Option<(Met, Lie
     let lie = Lie {
         facing: (-normal.dot(ray.direction)).max(0.0),
         off: sum.off / sum.weight / hand.half_width,
-        filled: (sum.levels / expected.max(1.0)).min(1.5),
+        filled: (sum.levels / expected.max(1.0)).min(FILLED_MAX),
     };
     let contact = contact_probability(&lie, hand.recenters);
     let normal_deviation = sum.deviation / sum.weight;
-    Some((Met { contact, position, normal, normal_deviation, feature: sum.feature }, lie))
+    Some((
+        ExpectedContact { contact, position, normal, normal_deviation, feature: sum.feature },
+        lie,
+    ))
 }
 
-/// The touches that the footprint sweeps over, facing it: how far along the ray each is, and
-/// the square of how far from it.
+/// The patches that the footprint sweeps over and that face it: the distance of each along the ray,
+/// and its squared distance from it.
 fn swept<'a>(
     patches: &'a [SurfacePatch],
     ray: &Ray,
@@ -145,11 +165,9 @@ impl Sum {
     }
 }
 
-/// How probable it is that an approach ends in a valid contact. The slopes are set by hand, the
-/// first number of each so that on simulated robots as many presses touched as was expected.
+/// The probability that an approach ends in a valid contact. Equation R25 of docs/recogniser.md.
 fn contact_probability(lie: &Lie, recenters: bool) -> f32 {
-    let [bias, facing, off, filled] =
-        if recenters { [-0.2, 4.0, -0.5, 0.5] } else { [-1.1, 5.0, -3.0, 1.0] };
+    let [bias, facing, off, filled] = if recenters { CENTERED } else { OFF_CENTER };
     let sum = bias + facing * lie.facing + off * lie.off + filled * lie.filled;
     (1.0 + (-sum).exp()).recip()
 }

@@ -1,42 +1,46 @@
-//! How much the outcome of a press says, by a pairwise estimate over the hypotheses.
+//! Information: bits that the outcome of a press gives, by a pairwise bound over the samples.
 //!
-//! How alike the outcomes of two hypotheses are is the Bhattacharyya coefficient of their
-//! distributions: a miss, or a contact with Gaussian place, normal and appearance. Were
-//! hypothesis i true, the others would stay in the measure in which their outcomes are alike
-//! to its own; the expected ln ratio of what is then believed to what was, is the information
-//! (Kolchinsky and Tracey, 2017, whose bound of the entropy of a mixture is behind it).
+//! The likeness of the outcomes of two samples is the Bhattacharyya coefficient of their
+//! distributions: a miss, or a contact with Gaussian place, normal and appearance (equation R26).
+//! If sample i were true, each other sample would keep its probability in the measure of its
+//! likeness to i. The information is the expected ln ratio of belief after to belief before, from
+//! the bound on the entropy of a mixture by Kolchinsky and Tracey (2017).
 
-use super::footprint::Met;
+use super::footprint::ExpectedContact;
+use crate::model::agreement::STEPS;
 use palpate_core::object::ObjectIdx;
 
-/// How far outcomes of one hypothesis scatter.
+/// Scatter of the outcomes of one sample: deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scatter {
     /// Of the contact's place, metres.
     pub(super) position: f32,
     /// Of its normal, rad.
     pub(super) normal: f32,
-    /// Of its appearance, variance in units of two touches of one place.
+    /// Variance of its appearance, in units of two touches of one place.
     pub(super) appearance: f32,
 }
 
-/// The outcome of a press under one hypothesis; positions relative to the press.
+/// The outcome of a press under one sample; positions relative to the press.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Outcome {
     pub(super) object: ObjectIdx,
     pub(super) probability: f32,
-    /// What is met, turned into the session; `None` is a miss.
-    pub(super) met: Option<Met>,
+    /// The contact, turned into the session; `None` is a miss.
+    pub(super) met: Option<ExpectedContact>,
 }
 
-/// What an unknown object's contact is alike to any other's.
+/// Likeness of an unknown object's contact to any other.
 const UNKNOWN_ALIKE: f32 = 0.05;
 
-/// However unlike two outcomes are, this part of them is alike: no reading is beyond doubt.
+/// Least likeness of two outcomes: no reading is beyond doubt.
 const ALIKE_MIN: f32 = 0.01;
 
 /// Squared deviations between places at which exp(−x/8) is below [`ALIKE_MIN`].
 const FAR: f32 = 37.0;
+
+/// Squared distance of appearances at which heavy tails have halved its growth.
+const TAIL: f32 = 24.0;
 
 /// Bits of information.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,8 +51,8 @@ pub(super) struct Bits {
     pub(super) pose: f64,
 }
 
-/// What the outcomes of a press say. Probabilities of the outcomes and `unknown` (of "none of
-/// these") sum to 1; equal objects stand together.
+/// The bits that the outcomes of a press give. Probabilities of the outcomes and `unknown` (of
+/// "none of these") sum to 1; equal objects stand together.
 pub(super) fn information(outcomes: &[Outcome], unknown: f32, scatter: &Scatter) -> Bits {
     let n = outcomes.len();
     let contact: f32 = outcomes.iter().map(|o| o.probability * o.contact()).sum();
@@ -94,7 +98,8 @@ fn share_of(outcomes: &[Outcome], object: ObjectIdx) -> f32 {
     outcomes.iter().take_while(|o| o.object == object).map(|o| o.probability).sum()
 }
 
-/// The Bhattacharyya coefficient of two outcomes, 1 for equal ones.
+/// The Bhattacharyya coefficient of two outcomes, 1 for equal ones. Equation R26 of
+/// docs/recogniser.md.
 #[inline]
 fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
     let miss = ((1.0 - a.contact()) * (1.0 - b.contact())).sqrt();
@@ -106,15 +111,14 @@ fn alike(a: &Outcome, b: &Outcome, scatter: &Scatter) -> f32 {
     }
     let scattered = 0.5 * (met.normal_deviation.powi(2) + other.normal_deviation.powi(2));
     let normal = met.normal.distance_squared(other.normal) / (scatter.normal.powi(2) + scattered);
-    let mut looks = 0.0;
+    let mut apart = 0.0;
     for (value, other) in met.feature.iter().zip(&other.feature) {
-        // Features are stored in sixteenths of a deviation.
-        let difference = (f32::from(*value) - f32::from(*other)) / 16.0;
-        looks += difference * difference;
+        let difference = (f32::from(*value) - f32::from(*other)) / STEPS;
+        apart += difference * difference;
     }
     // Heavy tails: a touch may look like any other, whatever the place.
-    let looks = looks / (1.0 + looks / 24.0) / scatter.appearance;
-    let contact = (-0.125 * (place + normal + looks)).exp();
+    let apart = apart / (1.0 + apart / TAIL) / scatter.appearance;
+    let contact = (-0.125 * (place + normal + apart)).exp();
     (miss + (met.contact * other.contact).sqrt() * contact).max(ALIKE_MIN)
 }
 

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use super::footprint::{Hand, Met, Ray, meet};
+use super::footprint::{ExpectedContact, Hand, Ray, meet};
 use super::information::{Outcome, Scatter, information};
 use super::*;
-use crate::belief::SurfaceOptions;
+use crate::model::appearance::raw_dimension;
+use crate::model::map::SurfaceLayout;
+use crate::model::{AppearanceSpace, SurfaceMap, SurfacePatch};
 use crate::model::{EvidenceCalibration, SurfaceModel};
-use crate::surface::appearance::raw_dimension;
-use crate::surface::map::SurfaceLayout;
-use crate::surface::{AppearanceSpace, SurfaceMap, SurfacePatch};
+use crate::options::SurfaceOptions;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::vocabulary::discriminant::Discriminant;
@@ -96,7 +96,7 @@ fn a_ray_meets_the_face_before_it_and_no_farther_than_it_goes() {
 }
 
 #[test]
-fn grazing_and_edges_make_a_contact_less_probable_and_recentering_helps() {
+fn grazing_and_edges_make_a_contact_less_probable() {
     let map = box_map([20, 20, 10]);
     let contact = |ray: Ray, recenters| {
         meet(&map, &ray, &Hand { recenters, ..HAND }).map_or(0.0, |(met, _)| met.contact)
@@ -112,7 +112,7 @@ fn grazing_and_edges_make_a_contact_less_probable_and_recentering_helps() {
 }
 
 fn outcome(object: u32, probability: f32, height: Option<f32>) -> Outcome {
-    let met = height.map(|z| Met {
+    let met = height.map(|z| ExpectedContact {
         contact: 1.0,
         position: Vec3::new(0.0, 0.0, z),
         normal: Vec3::Z,
@@ -123,7 +123,7 @@ fn outcome(object: u32, probability: f32, height: Option<f32>) -> Outcome {
 }
 
 #[test]
-fn a_press_that_tells_four_equal_objects_apart_is_worth_two_bits() {
+fn telling_four_equal_objects_apart_is_worth_two_bits() {
     let apart: Vec<Outcome> = (0..4).map(|n| outcome(n, 0.25, Some(0.05 * n as f32))).collect();
     let bits = information(&apart, 0.0, &SCATTER);
     // Of outcomes that have nothing in common 1 % is alike all the same:
@@ -135,7 +135,7 @@ fn a_press_that_tells_four_equal_objects_apart_is_worth_two_bits() {
 }
 
 #[test]
-fn poses_of_one_object_tell_of_the_pose_only_and_a_miss_is_an_outcome() {
+fn poses_of_one_object_give_bits_on_the_pose_only() {
     let poses = [outcome(0, 0.5, Some(0.0)), outcome(0, 0.5, Some(0.05))];
     let bits = information(&poses, 0.0, &SCATTER);
     // log2(1 / (0.5 + 0.5 · 0.01)) = 0.986.
@@ -203,7 +203,7 @@ fn equal_seeds_give_equal_answers_and_a_stop_leaves_a_valid_one() {
 }
 
 #[test]
-fn own_approaches_begin_outside_of_the_object_and_mostly_touch_it() {
+fn own_approaches_begin_outside_and_mostly_touch() {
     let mut belief = belief(&[[24, 24, 4]]);
     let truth = Pose::from_parts(glam::DQuat::from_rotation_x(0.7), DVec3::new(0.2, 0.0, 0.1));
     for (x, y) in [(0.0, 0.0), (0.02, 0.0), (0.0, 0.02), (-0.02, 0.01)] {
@@ -240,13 +240,13 @@ fn before_the_first_touch_a_workspace_is_needed_and_enough() {
 }
 
 #[test]
-fn an_object_that_is_surely_none_of_these_is_touched_on_all_the_same() {
+fn a_surely_unknown_object_still_gets_approaches() {
     let sure = SurfaceOptions { unknown: 1.0, ..SurfaceOptions::default() };
     let mut belief = SurfaceBelief::new(model(&[[24, 24, 4], [12, 12, 40]]), sure, None).unwrap();
     for x in [-0.01, 0.0, 0.012] {
         let (reading, sensor) = touch(DVec3::new(x, 0.005, 0.0), DVec3::NEG_Z);
         belief.add(&reading, &sensor);
-        assert!((belief.shares()[2] - 1.0).abs() < 1e-12, "{:?}", belief.shares());
+        assert!((belief.posterior()[2] - 1.0).abs() < 1e-12, "{:?}", belief.posterior());
         let ranking = rank(&belief, None, &NextTouchOptions::default(), &mut || false).unwrap();
         assert!(!ranking.ranked.is_empty());
         assert!(ranking.ranked[0].contact_probability > 0.25, "{:?}", ranking.ranked[0]);

@@ -11,8 +11,9 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
 use palpate_core::training::TrainingSet;
 use palpate_core::units::MM;
-use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
+use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 
 pub(crate) const N_OBJECTS: usize = 3;

@@ -176,7 +176,7 @@ impl SessionBelief {
             }
             Self::Surface(belief) => {
                 if let Some(motion) = &stored.object_moved {
-                    belief.loosen(motion);
+                    belief.announce_move(motion);
                 }
                 belief.add(reading, sensor);
                 Ok(())
@@ -189,7 +189,7 @@ impl SessionBelief {
     /// What it has concluded, for methods whose search is worth to keep.
     pub(crate) fn conclusions(&self) -> Option<Vec<u8>> {
         match self {
-            Self::Surface(belief) => Some(belief.conclusions()),
+            Self::Surface(belief) => Some(belief.checkpoint()),
             Self::Sva(..) | Self::Geometric(_) | Self::Appearance(_) => None,
         }
     }
@@ -204,7 +204,7 @@ impl SessionBelief {
     ) -> bool {
         let Self::Surface(belief) = self else { return false };
         if stored.object_moved.is_some() {
-            belief.retrace_motion();
+            belief.retrace_move();
         }
         belief.retrace(reading, sensor);
         true
@@ -220,7 +220,7 @@ impl SessionBelief {
     /// method does not say.
     pub(crate) fn fit_bits(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
         let Self::Surface(belief) = self else { return None };
-        Some(belief.log_fit(reading, sensor)? / std::f64::consts::LN_2)
+        Some(belief.log_predictive(reading, sensor)? / std::f64::consts::LN_2)
     }
 
     /// The belief as an answer with at most `n_modes` poses.

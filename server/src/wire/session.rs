@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use palpate_core::reading::{Base, Looseness};
 use palpate_core::units::Shown;
-use palpate_recogniser::belief::SurfaceOptions;
+use palpate_recogniser::options::SurfaceOptions;
 use palpate_schemas as wire;
 use palpate_schemas::{Method, SessionEnd, SessionState};
 use palpate_store::entity::{Method as StoredMethod, Session};

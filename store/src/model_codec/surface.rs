@@ -11,12 +11,13 @@ use glam::Vec3;
 use palpate_core::sensor::TaxelGrid;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::vocabulary::discriminant::Discriminant;
+use palpate_recogniser::model::agreement::{N_AXES, StoredFeature};
+use palpate_recogniser::model::appearance::raw_dimension;
+use palpate_recogniser::model::map::{PATCHES_MAX, SurfaceLayout};
+use palpate_recogniser::model::{AppearanceSpace, SurfaceMap, SurfacePatch};
 use palpate_recogniser::model::{
     CalibrationBasis, EvidenceCalibration, EvidenceStage, SurfaceModel,
 };
-use palpate_recogniser::surface::appearance::{N_AXES, StoredFeature, raw_dimension};
-use palpate_recogniser::surface::map::{PATCHES_MAX, SurfaceLayout};
-use palpate_recogniser::surface::{AppearanceSpace, SurfaceMap, SurfacePatch};
 use rayon::prelude::*;
 use uuid::Uuid;
 

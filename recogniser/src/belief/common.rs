@@ -1,0 +1,85 @@
+//! What all components of a belief share: the model, the options, and the prior.
+
+use std::sync::Arc;
+
+use palpate_core::belief::{MismatchError, log_prior};
+use palpate_core::stop::Stop;
+
+use super::object::ObjectBelief;
+use crate::model::SurfaceModel;
+use crate::observe::observation::Observation;
+use crate::observe::press_space::PressSpace;
+use crate::options::SurfaceOptions;
+use crate::verify::density::Kernel;
+use crate::verify::evidence::Evidence;
+use crate::verify::null_model;
+
+/// What all components share.
+#[derive(Clone, Debug)]
+pub(super) struct Common {
+    pub(super) model: Arc<SurfaceModel>,
+    pub(super) options: SurfaceOptions,
+    pub(super) kernel: Kernel,
+    pub(super) prior: Prior,
+    pub(super) stop: Stop,
+}
+
+/// Probabilities before the touches.
+#[derive(Clone, Debug)]
+pub(super) struct Prior {
+    /// ln of each object's, given that it is one of them.
+    pub(super) log_objects: Vec<f64>,
+    /// That of "none of these".
+    pub(super) unknown: f64,
+}
+
+impl Common {
+    pub(super) fn new(
+        model: Arc<SurfaceModel>,
+        options: SurfaceOptions,
+        prior: Option<&[f64]>,
+    ) -> Result<Self, MismatchError> {
+        let log_objects = log_prior(prior, model.maps().len())?;
+        Ok(Self {
+            kernel: Kernel::new(&options),
+            prior: Prior { log_objects, unknown: options.unknown },
+            stop: Stop::never(),
+            model,
+            options,
+        })
+    }
+
+    /// The objects before any touch.
+    pub(super) fn objects(&self) -> Vec<ObjectBelief> {
+        self.prior.log_objects.iter().map(|log| ObjectBelief::new(*log)).collect()
+    }
+
+    /// The evidence of observations.
+    pub(super) fn evidence<'a>(
+        &'a self,
+        touches: &'a [Observation],
+        spaces: &'a [PressSpace],
+    ) -> Evidence<'a> {
+        Evidence {
+            maps: self.model.maps(),
+            kernel: &self.kernel,
+            touches,
+            spaces,
+            options: &self.options,
+            stop: &self.stop,
+        }
+    }
+
+    /// The self-match score of an object, ln a touch.
+    pub(super) fn self_match(&self, object: usize) -> f64 {
+        let (map, space) = (&self.model.maps()[object], &self.model.space);
+        let find = || null_model::self_match(map, space, &self.kernel, &self.options);
+        f64::from(map.self_match(find))
+    }
+}
+
+/// Finds the self-match scores of all objects, in parallel, for beliefs with these options: else
+/// the first session that needs them waits.
+pub fn prepare(model: &SurfaceModel, options: &SurfaceOptions) {
+    null_model::prepare(model, options);
+}

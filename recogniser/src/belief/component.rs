@@ -1,0 +1,388 @@
+//! A component of the belief: all that follows from the readings under one motion of the object.
+//!
+//! [`Component::add`] is the algorithm: observe, propose, verify, refine, weigh.
+
+use palpate_core::log_prob::log_sum_exp;
+use palpate_core::reading::Looseness;
+
+use super::common::Common;
+use super::motion::Motion;
+use super::object::{ObjectBelief, for_each_object, n_searched, searched};
+use super::posterior::{Explained, n_weighed, posterior};
+use super::retrieval::{n_candidates, retrieval_bar, retrieve};
+use super::search::{
+    Scope, add_scores, best_score, bound, evidence_bar, propose_poses, refine_best, score_anew,
+};
+use super::stage::Stage;
+use crate::model::joint_pairs::TOUCHES_PER_OBJECT;
+use crate::observe::observation::Observation;
+use crate::observe::press_space::PressSpace;
+use crate::propose::partners::{in_turn, partners};
+use crate::refine::likeness::look_alike;
+use crate::refine::settle::settle;
+use crate::verify::evidence::{Evidence, Known};
+use crate::verify::hypothesis::Hypothesis;
+use crate::verify::motion_prior::{self, MotionPrior};
+
+/// Share of pairs of touches whose geometry says nothing: π₂ of equation R17.
+const PAIR_OUTLIERS: f32 = 0.03;
+
+/// Mean geometric weight of the stored pairs in the cells a query visits: π_v of equation R17.
+const VISITED_WEIGHT: f32 = 0.03;
+
+/// Probability above which a pose is likelier than not.
+const LIKELY: f64 = 0.5;
+
+/// Deviation of the normal (rad) above which a touch proposes nothing once there are poses that
+/// explain the touches.
+const UNSTEADY: f32 = 0.3;
+
+/// Touches from which a certain pose ends the search.
+const CERTAIN_FROM: usize = 4;
+
+/// Objects that get proposals from a component that does not lead, likeliest first: bounds its
+/// cost.
+const OBJECTS_MAX: usize = 16;
+
+/// Part of the budget of hypotheses that a drifting component has: rest and three amplitudes share
+/// it.
+const BUDGET_PART: usize = 4;
+
+/// What one reading says.
+#[derive(Clone, Debug)]
+pub(super) struct Observed {
+    /// The touch; `None` when the press met nothing.
+    pub(super) touch: Option<Observation>,
+    /// The space of the press, after that of misses before there was an anchor.
+    pub(super) spaces: Vec<PressSpace>,
+}
+
+/// All that follows from the readings under one motion.
+#[derive(Clone, Debug)]
+pub(super) struct Component {
+    motion: Motion,
+    stage: Stage,
+    touches: Vec<Observation>,
+    /// Of all presses.
+    spaces: Vec<PressSpace>,
+    objects: Vec<ObjectBelief>,
+}
+
+impl Component {
+    /// The component before any reading.
+    pub(super) fn new(motion: Motion, common: &Common) -> Self {
+        let (touches, spaces) = (Vec::new(), Vec::new());
+        Self { motion, stage: Stage::Prior, touches, spaces, objects: common.objects() }
+    }
+
+    /// Takes a reading into account. One that `leads` searches in full, the others with a small
+    /// budget.
+    pub(super) fn add(&mut self, common: &Common, observed: &Observed, leads: bool) {
+        self.observe(observed);
+        if observed.touch.is_none() {
+            self.verify_miss(common);
+            return;
+        }
+        match self.touches.len() {
+            1 => {
+                self.weigh_appearance(common);
+                self.follow(common);
+            }
+            2 => {
+                self.follow(common);
+                self.propose_by_first_pair(common);
+                self.weigh_pair();
+            }
+            _ => {
+                self.verify(common);
+                self.propose_in_doubt(common, leads);
+                self.refine(common);
+                self.weigh(common);
+            }
+        }
+        self.bound(common);
+    }
+
+    /// Takes note of a reading without concluding anything.
+    pub(super) fn observe(&mut self, observed: &Observed) {
+        self.spaces.extend(observed.spaces.iter().cloned());
+        if let Some(touch) = &observed.touch {
+            self.touches.push(touch.clone());
+            self.discount();
+        }
+    }
+
+    /// Discounts earlier observations: an object that drifts has moved before the newest touch.
+    fn discount(&mut self) {
+        let Some(drift) = self.motion.drift() else { return };
+        let n = self.touches.len();
+        for (index, touch) in self.touches.iter_mut().enumerate() {
+            touch.discount(n - 1 - index, drift);
+        }
+        self.spaces.iter_mut().for_each(|space| space.discount(n, drift));
+    }
+
+    /// The component with what was observed so far, if the object drifted; poses are those of this
+    /// one, not scored anew.
+    pub(super) fn drifting(&self, drift: Looseness) -> Self {
+        let mut drifting = Self { motion: Motion::Unannounced(drift), ..self.clone() };
+        drifting.discount();
+        drifting
+    }
+
+    /// Searches as a drifting component does when it starts.
+    pub(super) fn start(&mut self, common: &Common) {
+        self.score_anew(common);
+        self.propose_for_likeliest(common, common.options.budget.partners_if_poor);
+        self.refine(common);
+        self.weigh(common);
+        self.bound(common);
+    }
+
+    /// Scores every hypothesis by the space of a press that met nothing.
+    fn verify_miss(&mut self, common: &Common) {
+        if self.touches.is_empty() {
+            return;
+        }
+        let (objects, evidence) = self.split(common);
+        let press = |known: Known<'_>, pose: &_| evidence.newest_press(known.map, pose);
+        add_scores(objects, &evidence, press);
+        if self.stage == Stage::Poses {
+            self.weigh(common);
+        }
+    }
+
+    /// The evidence of one touch: its appearance. Equation R17 of docs/recogniser.md, k = 1.
+    fn weigh_appearance(&mut self, common: &Common) {
+        self.stage = Stage::Appearance;
+        let touch = &self.touches[0];
+        let is_large = common.model.joint_pairs().is_some();
+        let most = if is_large { TOUCHES_PER_OBJECT } else { usize::MAX };
+        for_each_object(&mut self.objects, common.model.maps(), &common.stop, |object, map| {
+            let mut ratios = Vec::new();
+            let n = most.min(map.patches().len());
+            touch.appearance_ratios(map.features(), 0..n, &mut ratios);
+            object.log_evidence = f64::from((ratios.iter().sum::<f32>() / n as f32).ln());
+        });
+    }
+
+    /// Lays the poses of before a move onto the touches since.
+    fn follow(&mut self, common: &Common) {
+        let (objects, evidence) = self.split(common);
+        score_anew(objects, &evidence, |hypothesis, known| settle(&evidence, hypothesis, known));
+    }
+
+    /// The first pair proposes poses of all objects, or of the candidates.
+    fn propose_by_first_pair(&mut self, common: &Common) {
+        let shares = self.retrieve(common, &[0], true);
+        let n = shares.as_ref().map(|_| {
+            let budget = &common.options.budget;
+            budget.n_listed(n_searched(&self.objects)).min(budget.many.listed_for_pair)
+        });
+        let asked = in_turn(&[0], shares.as_deref(), 2, &common.options);
+        let least = n.map(|n| retrieval_bar(&self.objects, n));
+        let scope = Scope::of_first_pair(&self.objects, least, &common.options);
+        let (objects, evidence) = self.split(common);
+        propose_poses(objects, &evidence, &asked, &scope);
+    }
+
+    /// The evidence of two touches: the density of stored pairs like theirs, which tells more than
+    /// any pose. Equation R17 of docs/recogniser.md, k = 2.
+    fn weigh_pair(&mut self) {
+        // Two touches at one place are no pair: the evidence of the first one stays.
+        if self.objects.iter().all(|object| object.pair.appearance <= 0.0) {
+            return;
+        }
+        self.stage = Stage::Pair;
+        let n_objects = n_searched(&self.objects).max(1) as f32;
+        let sum: f32 = self.objects.iter().map(|object| object.pair.geometry).sum();
+        let usual = VISITED_WEIGHT * sum / n_objects;
+        for object in searched(&mut self.objects) {
+            let pair = &object.pair;
+            let density = if usual > 0.0 { pair.evidence / usual } else { 0.0 };
+            let total = (1.0 - PAIR_OUTLIERS) * density + PAIR_OUTLIERS * pair.appearance;
+            object.log_evidence = f64::from(total.max(f32::MIN_POSITIVE).ln());
+        }
+    }
+
+    /// Scores every hypothesis by the newest touch, or by all of an object that drifts: then what
+    /// each says changes with every touch.
+    fn verify(&mut self, common: &Common) {
+        if self.motion.drift().is_some() {
+            self.score_anew(common);
+        } else {
+            let (objects, evidence) = self.split(common);
+            let newest = |known: Known<'_>, pose: &_| evidence.newest(known.map, pose);
+            add_scores(objects, &evidence, newest);
+            self.weigh(common);
+        }
+    }
+
+    fn score_anew(&mut self, common: &Common) {
+        let (objects, evidence) = self.split(common);
+        score_anew(objects, &evidence, |_, _| ());
+        self.weigh(common);
+    }
+
+    /// Proposes poses unless one is certain and explains the touches well: of all objects in
+    /// question, or of the likeliest few where another component `leads`.
+    fn propose_in_doubt(&mut self, common: &Common, leads: bool) {
+        let (n, options) = (self.touches.len(), &common.options);
+        let poor = self.is_poor(common);
+        let share = self.share_of_best_pose(common);
+        if !poor && n >= CERTAIN_FROM && share >= options.certain {
+            return;
+        }
+        // The proposals of an unsteady touch are hardly worth their cost; the next touch will do.
+        let newest = self.touches.last().map_or(0.0, |touch| touch.steadiness.normal_variance);
+        if !poor && n >= CERTAIN_FROM && newest > UNSTEADY.powi(2) {
+            return;
+        }
+        if !leads {
+            self.propose_for_likeliest(common, 1);
+            return;
+        }
+        let budget = &options.budget;
+        let is_large = common.model.joint_pairs().is_some();
+        let n_partners = match (is_large, poor, share > LIKELY) {
+            (_, false, true) => budget.partners_if_likely,
+            (true, _, _) => budget.many.partners,
+            (false, true, _) => budget.partners_if_poor,
+            (false, false, false) => budget.partners,
+        };
+        let partners = partners(&self.touches, n_partners);
+        let shares = self.retrieve(common, &partners, poor);
+        let asked = in_turn(&partners, shares.as_deref(), n, options);
+        let reach = if poor { f64::INFINITY } else { f64::from(options.score.drop_between) };
+        let is_open = poor || share <= LIKELY;
+        let least = is_large.then(|| {
+            let n_objects = n_searched(&self.objects);
+            retrieval_bar(&self.objects, n_candidates(budget, n_objects, n, is_open))
+        });
+        let scope = Scope::in_doubt(&self.objects, reach, least, is_large, options);
+        let (objects, evidence) = self.split(common);
+        propose_poses(objects, &evidence, &asked, &scope);
+    }
+
+    /// The newest touch and some partners propose poses of the likeliest objects.
+    fn propose_for_likeliest(&mut self, common: &Common, n_partners: usize) {
+        let partners = partners(&self.touches, n_partners);
+        let bar = |n| evidence_bar(&self.objects, f64::INFINITY, n);
+        let reach = bar(1) - bar(OBJECTS_MAX);
+        let asked = in_turn(&partners, None, self.touches.len(), &common.options);
+        let is_large = common.model.joint_pairs().is_some();
+        let scope = Scope::in_doubt(&self.objects, reach, None, is_large, &common.options);
+        let (objects, evidence) = self.split(common);
+        propose_poses(objects, &evidence, &asked, &scope);
+    }
+
+    /// Looks the newest touch up in the joint table with each partner; `None` without a table.
+    fn retrieve(&mut self, common: &Common, partners: &[usize], all: bool) -> Option<Vec<f32>> {
+        let joint = common.model.joint_pairs()?;
+        retrieve(&mut self.objects, joint, &self.touches, partners, all, &common.options)
+    }
+
+    fn refine(&mut self, common: &Common) {
+        let (objects, evidence) = self.split(common);
+        refine_best(objects, &evidence);
+    }
+
+    /// The evidence of three and more touches: the sum over poses, and that all touches fit
+    /// nowhere. Equation R17 of docs/recogniser.md, k = 3.
+    fn weigh(&mut self, common: &Common) {
+        // Without a pair there is no pose yet: the evidence of the first touch stays.
+        if self.objects.iter().all(|object| object.hypotheses.is_empty()) {
+            return;
+        }
+        self.stage = Stage::Poses;
+        let lost = |touch| f64::from(common.kernel.floor_of(touch));
+        let floor: f64 = self.touches.iter().map(lost).sum();
+        for object in searched(&mut self.objects) {
+            let scores = object.hypotheses.iter().map(|h| f64::from(h.score));
+            object.log_evidence = log_sum_exp(scores.chain([floor]));
+        }
+    }
+
+    fn bound(&mut self, common: &Common) {
+        let total = common.options.budget.total;
+        let part = if self.motion.is_unannounced() { BUDGET_PART } else { 1 };
+        bound(&mut self.objects, total / part);
+    }
+
+    /// Whether even the best hypothesis explains the touches poorly.
+    pub(super) fn is_poor(&self, common: &Common) -> bool {
+        let least = f64::from(common.options.score.poor) * n_weighed(&self.touches);
+        f64::from(best_score(&self.objects)) < least
+    }
+
+    /// The probability of the likeliest object in its likeliest pose, or in one that looks alike.
+    fn share_of_best_pose(&self, common: &Common) -> f64 {
+        let probabilities = posterior(common, &self.explained());
+        let shares = self.objects.iter().zip(&probabilities).enumerate();
+        let Some((object, (belief, p))) = shares.max_by(|a, b| a.1.1.total_cmp(b.1.1)) else {
+            return 0.0;
+        };
+        let Some(best) = belief.hypotheses.first() else { return 0.0 };
+        let (options, symmetry) = (&common.options, common.model.maps()[object].symmetry());
+        let alike = belief.hypotheses.iter().filter(|other| {
+            other.score > best.score - options.score.alike_within
+                && look_alike(best, other, symmetry, options)
+        });
+        let share = |h: &Hypothesis| (f64::from(h.score) - belief.log_evidence).exp();
+        p * alike.map(share).sum::<f64>()
+    }
+
+    /// Forgets the observations of before a move.
+    pub(super) fn forget_observations(&mut self) {
+        self.touches.clear();
+        self.spaces.clear();
+    }
+
+    /// Makes the poses of `leader`, the likeliest component, the motion prior of what follows.
+    pub(super) fn move_on(&mut self, leader: Option<Self>, motion: &Looseness) {
+        if let Some(leader) = leader {
+            self.objects = leader.objects;
+        }
+        for object in &mut self.objects {
+            object.motion_prior = MotionPrior::new(&object.hypotheses, motion);
+            object.hypotheses.truncate(motion_prior::POSES_MAX);
+            let best = object.best_score().unwrap_or(0.0);
+            object.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.score -= best);
+            object.forget_evidence();
+        }
+        self.stage = Stage::Prior;
+    }
+
+    /// Inflates the motion prior for one more move before a touch.
+    pub(super) fn inflate(&mut self, motion: &Looseness) {
+        self.objects.iter_mut().for_each(|object| object.motion_prior.inflate(motion));
+    }
+
+    /// Takes over what a checkpoint concluded from the same observations.
+    pub(super) fn conclude(&mut self, stage: Stage, objects: Vec<ObjectBelief>) {
+        (self.stage, self.objects) = (stage, objects);
+    }
+
+    /// The objects, to be changed, and the evidence that they are changed by.
+    fn split<'a>(&'a mut self, common: &'a Common) -> (&'a mut [ObjectBelief], Evidence<'a>) {
+        (&mut self.objects, common.evidence(&self.touches, &self.spaces))
+    }
+
+    /// What the posterior is computed from.
+    pub(super) fn explained(&self) -> Explained<'_> {
+        let Self { motion, stage, touches, objects, .. } = self;
+        Explained { stage: *stage, motion: *motion, touches, objects }
+    }
+
+    /// Bytes behind its lists.
+    pub(super) fn bytes(&self) -> usize {
+        self.touches.capacity() * size_of::<Observation>()
+            + self.spaces.capacity() * size_of::<PressSpace>()
+            + self.spaces.iter().map(PressSpace::bytes).sum::<usize>()
+            + self.objects.capacity() * size_of::<ObjectBelief>()
+            + self.objects.iter().map(ObjectBelief::bytes).sum::<usize>()
+    }
+}
+
+#[cfg(test)]
+mod tests;

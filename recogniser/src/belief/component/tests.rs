@@ -1,0 +1,98 @@
+//! Tests: when a component proposes, and what two touches say.
+
+use super::*;
+use crate::observe::touch::Touch;
+use crate::options::SurfaceOptions;
+use crate::propose::proposals::PairEvidence;
+use crate::test_support::{error, model_of, places, seen, single, some_pose};
+
+fn common(objects: &[Vec<Touch>]) -> Common {
+    Common::new(model_of(objects), SurfaceOptions::default(), None).unwrap()
+}
+
+/// Random places on each of `n` objects.
+fn objects(n: u64, n_places: usize) -> Vec<Vec<Touch>> {
+    (0..n).map(|index| places(n_places, index)).collect()
+}
+
+/// A component that has observed these places of an object, but concluded nothing.
+fn observed(common: &Common, places: &[&Touch]) -> Component {
+    let mut component = Component::new(Motion::Rest, common);
+    for place in places {
+        let touch = Some(seen(place, &some_pose(5)));
+        component.observe(&Observed { touch, spaces: Vec::new() });
+    }
+    component
+}
+
+#[test]
+fn an_unsteady_touch_proposes_nothing_once_poses_are_good() {
+    let first = places(200, 0);
+    // A second object just like the first one, of which no pose is known yet.
+    let common = common(&[first.clone(), first.clone()]);
+    let after = |evenness, is_known| {
+        let newest = Touch { evenness, ..first[80].clone() };
+        let mut component = observed(&common, &[&first[20], &first[40], &first[60], &newest]);
+        let (rotation, translation) = single(&some_pose(5));
+        let hypothesis = Hypothesis { rotation, translation, score: 60.0 };
+        let hypotheses = if is_known { vec![hypothesis] } else { Vec::new() };
+        let known = ObjectBelief { hypotheses, ..ObjectBelief::new(0.0) };
+        component.conclude(Stage::Poses, vec![known, ObjectBelief::new(0.0)]);
+        component.propose_in_doubt(&common, true);
+        let best = component.objects[1].hypotheses.first();
+        best.is_some_and(|h| error(h.rotation, h.translation, &some_pose(5)).0 < 0.003)
+    };
+    assert!(after(1.0, true), "two objects are as likely");
+    assert!(!after(0.2, true), "the next touch will do");
+    assert!(after(0.2, false), "there is nothing else to go by");
+}
+
+#[test]
+fn after_two_touches_candidates_have_poses_and_all_have_scores() {
+    let all = objects(90, 60);
+    let common = common(&all);
+    let mut component = observed(&common, &[&all[2][3], &all[2][50]]);
+    component.propose_by_first_pair(&common);
+    let objects = component.objects;
+    let posed = objects.iter().filter(|object| !object.hypotheses.is_empty()).count();
+    assert!((32..=64).contains(&posed), "{posed}");
+    assert!(objects.iter().all(|object| object.retrieval_score.is_normal()));
+    // Objects off the list get no pose hypotheses.
+    let bar = retrieval_bar(&objects, 64);
+    let mut off = objects.iter().filter(|object| object.retrieval_score < bar);
+    assert!(off.clone().count() > 20 && off.all(|object| object.hypotheses.is_empty()));
+}
+
+#[test]
+fn the_joint_table_and_an_objects_own_pairs_are_on_one_scale() {
+    let all = objects(40, 60);
+    let common = common(&all);
+    let mut component = observed(&common, &[&all[2][3], &all[2][50]]);
+    component.retrieve(&common, &[0], true).unwrap();
+    let by_table: Vec<PairEvidence> = component.objects.iter().map(|object| object.pair).collect();
+    component.propose_by_first_pair(&common);
+    let mut n_posed = 0;
+    for (object, table) in component.objects.iter().zip(&by_table) {
+        // All of so few patches are tabled: both are means over the very same pairs.
+        let PairEvidence { evidence, appearance, .. } = object.pair;
+        assert!((evidence - table.evidence).abs() <= 1e-4 * evidence, "{table:?} {object:?}");
+        assert!((appearance - table.appearance).abs() <= 1e-4 * appearance, "{table:?} {object:?}");
+        n_posed += usize::from(!object.hypotheses.is_empty());
+    }
+    assert!(n_posed > 10 && by_table[2].evidence > 0.0, "{n_posed}");
+}
+
+#[test]
+fn a_drifting_component_discounts_earlier_touches() {
+    let all = objects(1, 60);
+    let common = common(&all);
+    let rest = observed(&common, &[&all[0][3], &all[0][50]]);
+    let drifting = rest.drifting(Looseness { position: 0.01, angle: 0.1 });
+    let weights = |component: &Component| -> Vec<f32> {
+        component.touches.iter().map(|touch| touch.weight).collect()
+    };
+    assert_eq!(weights(&rest), [1.0, 1.0]);
+    // Half at 10 mm, which is the amplitude.
+    assert!((weights(&drifting)[0] - 0.5).abs() < 1e-6 && weights(&drifting)[1] == 1.0);
+    assert!(drifting.explained().motion.is_unannounced());
+}

@@ -1,0 +1,83 @@
+//! The posterior of one component over the objects and "none of these" (equation R18).
+
+use palpate_core::log_prob::normalize;
+
+use super::common::Common;
+use super::motion::Motion;
+use super::object::ObjectBelief;
+use super::stage::Stage;
+use crate::observe::observation::Observation;
+use crate::observe::placement::HALF;
+use crate::verify::null_model::{self, Counted};
+
+/// What a component rests on.
+#[derive(Clone, Copy)]
+pub(super) struct Explained<'a> {
+    pub(super) stage: Stage,
+    pub(super) motion: Motion,
+    pub(super) touches: &'a [Observation],
+    pub(super) objects: &'a [ObjectBelief],
+}
+
+/// ln of how probable each object is, then "none of these", up to a common number.
+///
+/// Equation R18 of docs/recogniser.md.
+pub(super) fn log_posterior(common: &Common, of: &Explained<'_>) -> Vec<f64> {
+    let prior = &common.prior;
+    let known = (1.0 - prior.unknown).ln();
+    let Some(stage) = of.stage.calibrated() else {
+        let logs = prior.log_objects.iter().map(|log| log + known);
+        return logs.chain([prior.unknown.ln()]).collect();
+    };
+    let stage = &common.model.calibration.stages[stage];
+    let logs = of.objects.iter().zip(&prior.log_objects).enumerate().map(|(n, (object, prior))| {
+        (object.log_evidence + log_discounted(common, of, n)) / stage.temperature + prior + known
+    });
+    let counted = counted(common, of);
+    let unknown = stage.log_unknown(counted.touches) + null_correction(common, of, counted);
+    let unknown = unknown / stage.temperature;
+    logs.chain([unknown + prior.unknown.ln()]).collect()
+}
+
+/// The probability of each object, then of "none of these", by this component alone.
+pub(super) fn posterior(common: &Common, of: &Explained<'_>) -> Vec<f64> {
+    normalize(&log_posterior(common, of))
+}
+
+/// The correction of equation R13, once there are poses.
+fn null_correction(common: &Common, of: &Explained<'_>, counted: Counted) -> f64 {
+    if of.stage != Stage::Poses {
+        return 0.0;
+    }
+    let temperature = common.model.calibration.stages[2].temperature;
+    let logs = of.objects.iter().map(|object| object.log_evidence).enumerate();
+    let self_match = |object| common.self_match(object);
+    null_model::correction(counted, logs, temperature, &common.options.score, self_match)
+}
+
+/// The touches by their weight in the evidence of "none of these".
+pub(super) fn counted(common: &Common, of: &Explained<'_>) -> Counted {
+    let is_announced = !of.motion.is_unannounced();
+    let loose_loss = common.options.score.loose_loss;
+    let counts = |touch: &Observation| f64::from(touch.counts(is_announced));
+    let loss = |touch| counts(touch) * f64::from(touch.loss(is_announced, loose_loss));
+    let touches = of.touches.iter().map(counts).sum();
+    Counted { touches, loss: of.touches.iter().map(loss).sum() }
+}
+
+/// The number of touches by weight.
+pub(super) fn n_weighed(touches: &[Observation]) -> f64 {
+    touches.iter().map(|touch| f64::from(touch.weight)).sum()
+}
+
+/// What touches say (ln) of an object by the weight that unannounced drift took from them: that
+/// they are about the object, not anywhere in the workspace. Part of equation R16.
+fn log_discounted(common: &Common, of: &Explained<'_>, object: usize) -> f64 {
+    if !of.motion.is_unannounced() {
+        return 0.0;
+    }
+    let discounted = counted(common, of).touches - n_weighed(of.touches);
+    let radius = f64::from(common.model.maps()[object].radius().max(HALF));
+    let about = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+    discounted * (f64::from(common.options.scale.workspace) / about).ln().max(0.0)
+}

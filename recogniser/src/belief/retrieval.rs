@@ -1,0 +1,120 @@
+//! Candidates in a large catalogue: retrieval scores add up from lookup to lookup.
+
+use super::object::{ObjectBelief, n_searched};
+use crate::model::joint_pairs::JointPairs;
+use crate::observe::observation::Observation;
+use crate::options::{Budget, SurfaceOptions};
+use crate::propose::retrieval::{estimate, gains, mean_of};
+
+/// Objects that are looked up after the second touch, per candidate.
+const LOOKED_UP: usize = 2;
+
+/// Eighths that a list of all candidates has.
+const EIGHTHS: usize = 8;
+
+/// Looks the newest touch up with each partner and updates the retrieval scores: of all objects,
+/// or of those with the best scores only. The others keep theirs. Returns for each partner the
+/// share of an object's pairs that are about the observed one (mean over the objects looked up);
+/// `None` when there is no newest touch.
+///
+/// Equation R19 of docs/recogniser.md.
+pub(super) fn retrieve(
+    objects: &mut [ObjectBelief],
+    joint: &JointPairs,
+    touches: &[Observation],
+    partners: &[usize],
+    all: bool,
+    options: &SurfaceOptions,
+) -> Option<Vec<f32>> {
+    let [earlier @ .., newest] = touches else { return None };
+    let n_listed = options.budget.n_listed(n_searched(objects));
+    let bar = match all {
+        true => f64::NEG_INFINITY,
+        false => retrieval_bar(objects, n_listed.saturating_mul(LOOKED_UP)),
+    };
+    let is_wanted = |object: &ObjectBelief| !object.is_ruled_out && object.retrieval_score >= bar;
+    let wanted: Vec<bool> = objects.iter().map(is_wanted).collect();
+    let n_wanted = wanted.iter().filter(|wanted| **wanted).count().max(1);
+    let partners: Vec<&Observation> = partners.iter().map(|n| &earlier[*n]).collect();
+    let mut shares = Vec::with_capacity(partners.len());
+    for estimates in estimate(joint, newest, &partners, &wanted, options) {
+        shares.push(mean_of(&estimates, n_wanted, |estimate| estimate.geometry));
+        let Some(gains) = gains(&estimates, options.retrieval_floor) else { continue };
+        for ((object, estimate), gain) in objects.iter_mut().zip(&estimates).zip(gains) {
+            let (Some(estimate), Some(gain)) = (estimate, gain) else { continue };
+            object.retrieval_score += gain;
+            if object.pair.appearance <= 0.0 {
+                object.pair = *estimate;
+            }
+        }
+    }
+    Some(shares)
+}
+
+/// The least retrieval score of the `n` objects with the best.
+pub(super) fn retrieval_bar(objects: &[ObjectBelief], n: usize) -> f64 {
+    let mut all: Vec<f64> = objects.iter().map(|object| object.retrieval_score).collect();
+    all.sort_unstable_by(|a, b| b.total_cmp(a));
+    all.get(n.saturating_sub(1)).copied().unwrap_or(f64::NEG_INFINITY)
+}
+
+/// The number of candidates of `n` objects from the third touch on: half of them after it, and
+/// fewer with every touch once a pose is likely (`is_open` is false).
+pub(super) fn n_candidates(budget: &Budget, n: usize, n_touches: usize, is_open: bool) -> usize {
+    let eighths = if n_touches > 3 { budget.many.listed_later_in_eight } else { EIGHTHS };
+    let most = budget.n_listed(n) * eighths / EIGHTHS;
+    if is_open { most } else { most / n_touches.saturating_sub(2).max(1) }
+}
+#[cfg(test)]
+mod tests {
+    use palpate_core::pose::Pose;
+
+    use super::*;
+    use crate::options::SurfaceOptions;
+    use crate::test_support::{model_of, places, seen, some_pose};
+
+    #[test]
+    fn lists_get_shorter_only_once_a_pose_is_likely() {
+        let budget = SurfaceOptions::default().budget;
+        let listed = |n_touches, is_open| n_candidates(&budget, 40, n_touches, is_open);
+        // All forty, sixteen times the root of 40 is more; then half.
+        assert_eq!([3, 5, 7].map(|touches| listed(touches, true)), [40, 20, 20]);
+        assert_eq!([3, 5, 7].map(|touches| listed(touches, false)), [40, 6, 4]);
+    }
+
+    #[test]
+    fn an_object_that_is_not_looked_up_keeps_its_score() {
+        let all: Vec<_> = (0..40).map(|index| places(60, index)).collect();
+        let model = model_of(&all);
+        let touches = [3, 50].map(|touch| seen(&all[2][touch], &some_pose(5)));
+        let mut options = SurfaceOptions::default();
+        // Lists of seven; twice as many are looked up.
+        options.budget.many.listed_per_root = 1;
+        let object = |n| ObjectBelief { retrieval_score: -f64::from(n), ..ObjectBelief::new(0.0) };
+        let mut objects: Vec<ObjectBelief> = (0..40).map(object).collect();
+        let joint = model.joint_pairs().unwrap();
+        let shares = retrieve(&mut objects, joint, &touches, &[0], false, &options).unwrap();
+        assert!(shares.len() == 1 && (1e-4..0.2).contains(&shares[0]), "{shares:?}");
+        let gained = |n: usize| objects[n].retrieval_score + n as f64;
+        assert!((14..40).all(|n| gained(n).abs() < 1e-12), "not looked up");
+        assert!((0..14).all(|n| gained(n).abs() > 1e-6), "looked up");
+        let sum: f64 = (0..14).map(gained).sum();
+        assert!(sum.abs() < 1e-9 && gained(2) > 0.0, "{sum}");
+    }
+
+    #[test]
+    fn a_touch_alone_is_not_looked_up() {
+        let all: Vec<_> = (0..40).map(|index| places(20, index)).collect();
+        let (model, options) = (model_of(&all), SurfaceOptions::default());
+        let mut objects = vec![ObjectBelief::new(0.0); 40];
+        let touch = seen(&all[0][0], &Pose::IDENTITY);
+        let joint = model.joint_pairs().unwrap();
+        let found = retrieve(&mut objects, joint, &[touch.clone(), touch], &[0], true, &options);
+        // At one place: no pair, no gain.
+        assert!(
+            found.unwrap()[0].abs() < 1e-9
+                && objects.iter().all(|o| o.retrieval_score.abs() < 1e-9)
+        );
+        assert_eq!(retrieve(&mut objects, joint, &[], &[], true, &options), None);
+    }
+}

@@ -1,0 +1,144 @@
+//! Posterior samples: objects in poses with probabilities, for choosing where to touch next.
+//!
+//! From the second touch on these are the hypotheses. After the first one there is no pose yet, but
+//! the touch was somewhere on the object: poses are drawn that lay a like patch onto it.
+
+use glam::{DQuat, DVec3};
+use palpate_core::log_prob::normalize;
+use palpate_core::object::ObjectIdx;
+use palpate_core::pose::Pose;
+use palpate_core::rng::Stream;
+
+use super::common::Common;
+use super::object::ObjectBelief;
+use crate::observe::observation::Observation;
+use crate::observe::stretch::stretch_ratio;
+
+/// Objects less probable than this get no pose.
+const PROBABILITY_MIN: f64 = 1e-3;
+
+/// Poses of an object that gets some, at least, as far as it has them.
+const POSES_MIN: usize = 4;
+
+/// Turns of a patch about its normal among which a pose is drawn.
+const N_TURNS: usize = 12;
+
+/// An object in a pose, and how probable that is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseSample {
+    /// The object.
+    pub object: ObjectIdx,
+    /// Its pose.
+    pub session_from_object: Pose,
+    /// Its share of the belief, 0 to 1.
+    pub probability: f64,
+}
+
+/// What poses are drawn from.
+#[derive(Clone, Copy)]
+pub(super) struct Posed<'a> {
+    pub(super) anchor: DVec3,
+    pub(super) touches: &'a [Observation],
+    pub(super) objects: &'a [ObjectBelief],
+}
+
+/// About `n` poses of the likeliest objects; none before the first touch. `posterior` has the
+/// probability of each object and then of "none of these".
+pub(super) fn samples(
+    common: &Common,
+    posed: &Posed<'_>,
+    posterior: &[f64],
+    n: usize,
+    stream: &mut Stream,
+) -> Vec<PoseSample> {
+    if posed.touches.is_empty() {
+        return Vec::new();
+    }
+    let mut samples = Vec::with_capacity(n);
+    let probable = probable_objects(posterior);
+    let hypotheses_of = |object: ObjectIdx| &posed.objects[object.0 as usize].hypotheses;
+    let have_poses = probable.iter().any(|(object, _)| !hypotheses_of(*object).is_empty());
+    for (object, share) in probable {
+        let wanted = ((n as f64 * share).round() as usize).max(POSES_MIN);
+        if !have_poses {
+            lay_onto_first_touch(common, posed, object, share, wanted, stream, &mut samples);
+            continue;
+        }
+        let hypotheses = hypotheses_of(object);
+        let kept = &hypotheses[..wanted.min(hypotheses.len())];
+        let logs: Vec<f64> = kept.iter().map(|h| f64::from(h.score)).collect();
+        let weighed = kept.iter().zip(normalize(&logs));
+        samples.extend(weighed.map(|(hypothesis, weight)| PoseSample {
+            object,
+            session_from_object: hypothesis.session_from_object(posed.anchor),
+            probability: share * weight,
+        }));
+    }
+    samples
+}
+
+/// Objects worth a pose with their probabilities, given that it is a known one.
+fn probable_objects(posterior: &[f64]) -> Vec<(ObjectIdx, f64)> {
+    let shares = posterior.split_last().map_or(posterior, |(_, known)| known);
+    let known: f64 = shares.iter().sum();
+    let even = 1.0 / shares.len().max(1) as f64;
+    let of_known = |share: &f64| if known > 0.0 { share / known } else { even };
+    let shares = shares.iter().map(of_known).enumerate();
+    let probable = shares.filter(|(_, share)| *share >= PROBABILITY_MIN);
+    probable.map(|(object, share)| (ObjectIdx(object as u32), share)).collect()
+}
+
+/// Draws poses of an object of which one touch is known, by systematic sampling: a patch that looks
+/// like the touch is laid onto it, turned about its normal.
+fn lay_onto_first_touch(
+    common: &Common,
+    posed: &Posed<'_>,
+    object: ObjectIdx,
+    share: f64,
+    n: usize,
+    stream: &mut Stream,
+    samples: &mut Vec<PoseSample>,
+) {
+    let (touch, map) = (&posed.touches[0], &common.model.maps()[object.0 as usize]);
+    let mut weights = Vec::with_capacity(map.patches().len() * N_TURNS);
+    for patch in map.patches() {
+        let ratio = touch.appearance_ratio(&patch.feature);
+        let stretch = common.options.scale.direction * patch.elongation * touch.elongation;
+        weights.extend((0..N_TURNS).map(|turn| {
+            let angle = std::f32::consts::TAU * turn as f32 / N_TURNS as f32;
+            ratio * stretch_ratio(stretch, angle.cos(), touch.steadiness.stretch_outliers)
+        }));
+    }
+    let step = weights.iter().map(|weight| f64::from(*weight)).sum::<f64>() / n as f64;
+    let mut next = step * stream.uniform(0.0, 1.0);
+    let mut sum = 0.0;
+    for (place, weight) in weights.iter().enumerate() {
+        sum += f64::from(*weight);
+        while next < sum {
+            next += step;
+            let patch = &map.patches()[place / N_TURNS];
+            let jitter = stream.uniform(-0.5, 0.5);
+            let turn = ((place % N_TURNS) as f64 + jitter) / N_TURNS as f64;
+            let frame = |normal: glam::Vec3, direction: glam::Vec3| {
+                frame(normal.as_dvec3(), direction.as_dvec3())
+            };
+            let turned = DQuat::from_rotation_z(std::f64::consts::TAU * turn);
+            let session_from_patch = frame(touch.normal, touch.direction) * turned;
+            let object_from_patch = frame(patch.normal, patch.direction);
+            let rotation = (session_from_patch * object_from_patch.conjugate()).normalize();
+            let position = posed.anchor + touch.position.as_dvec3();
+            let translation = position - rotation * patch.position.as_dvec3();
+            let session_from_object = Pose::from_parts(rotation, translation);
+            let probability = share / n as f64;
+            samples.push(PoseSample { object, session_from_object, probability });
+        }
+    }
+}
+
+/// The rotation whose z is a normal and whose x is a direction at right angles to it, both of
+/// norm 1.
+fn frame(normal: DVec3, direction: DVec3) -> DQuat {
+    let x = (direction - direction.dot(normal) * normal).try_normalize();
+    let x = x.unwrap_or_else(|| normal.any_orthonormal_vector());
+    DQuat::from_mat3(&glam::DMat3::from_cols(x, normal.cross(x), normal))
+}

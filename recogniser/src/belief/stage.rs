@@ -1,0 +1,38 @@
+//! The stage of a belief: the kind of evidence that it rests on (equation R17).
+
+/// What the evidence of the objects is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stage {
+    /// Nothing but the prior.
+    Prior,
+    /// The appearance of one touch.
+    Appearance,
+    /// The density of a pair.
+    Pair,
+    /// Scored poses.
+    Poses,
+}
+
+impl Stage {
+    const ALL: [Self; 4] = [Self::Prior, Self::Appearance, Self::Pair, Self::Poses];
+
+    /// Its place among the calibrated stages; `None` for the prior.
+    pub(crate) fn calibrated(self) -> Option<usize> {
+        match self {
+            Self::Prior => None,
+            Self::Appearance => Some(0),
+            Self::Pair => Some(1),
+            Self::Poses => Some(2),
+        }
+    }
+
+    /// Its number in a checkpoint.
+    pub(crate) fn number(self) -> usize {
+        self as usize
+    }
+
+    /// The stage with this number in a checkpoint.
+    pub(crate) fn from_number(number: usize) -> Option<Self> {
+        Self::ALL.get(number).copied()
+    }
+}

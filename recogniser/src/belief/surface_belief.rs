@@ -1,0 +1,351 @@
+//! The belief of a session: a mixture of components over the motion of the object.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use palpate_core::belief::MismatchError;
+use palpate_core::belief::answer::Answer;
+use palpate_core::log_prob::normalize;
+use palpate_core::reading::{Looseness, Reading};
+use palpate_core::rng::Stream;
+use palpate_core::sensor::SensorDescription;
+use palpate_core::stop::Stop;
+
+use super::answers::{Weighed, answer};
+use super::checkpoint::{Checkpoint, NotCheckpoint};
+use super::common::Common;
+use super::component::{Component, Observed};
+use super::motion::{
+    AMPLITUDES, Motion, NEGLIGIBLE, TOUCHES_MIN, amplitudes, known, leader, log_priors,
+};
+use super::object::is_impossible;
+use super::posterior::{Explained, log_posterior};
+use super::predictive::log_predictive;
+use super::samples::{PoseSample, Posed, samples};
+use super::stage::Stage;
+use crate::model::SurfaceModel;
+use crate::observe::observation::Observation;
+use crate::observe::press_space::{Miss, PressSpace};
+use crate::observe::touch::observe_touch;
+use crate::options::SurfaceOptions;
+
+/// No posterior rules an object out for good when it becomes a prior; a prior of zero does.
+const SURE: f64 = 1e-12;
+
+/// A belief over the identity and pose of one object, from the readings so far.
+#[derive(Clone, Debug)]
+pub struct SurfaceBelief {
+    common: Common,
+    n_readings: usize,
+    /// The first touch: poses are relative to it, since single precision ends somewhere.
+    anchor: DVec3,
+    /// Presses that met nothing before there was an anchor.
+    misses: Vec<Miss>,
+    /// Whether the object may have moved since its first touch.
+    may_have_moved: bool,
+    /// The object rests, or drifts as announced.
+    rest: Component,
+    /// The object drifts though nobody announced it; empty while rest explains the touches well.
+    drifting: Vec<Component>,
+}
+
+impl SurfaceBelief {
+    /// The belief before any reading. `prior` weighs the objects; `None` is even. An object with
+    /// a weight of zero is not searched.
+    ///
+    /// # Errors
+    /// [`MismatchError::Prior`] when the weights do not fit the catalogue.
+    pub fn new(
+        model: Arc<SurfaceModel>,
+        options: SurfaceOptions,
+        prior: Option<&[f64]>,
+    ) -> Result<Self, MismatchError> {
+        let common = Common::new(model, options, prior)?;
+        Ok(Self {
+            rest: Component::new(Motion::announced(options.motion), &common),
+            drifting: Vec::new(),
+            common,
+            n_readings: 0,
+            anchor: DVec3::ZERO,
+            misses: Vec::new(),
+            may_have_moved: false,
+        })
+    }
+
+    /// Takes a reading into account. A press that touched nothing says where the object is not.
+    pub fn add(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        let leader = self.leader();
+        let observed = self.observe(reading, sensor);
+        self.rest.add(&self.common, &observed, leader.is_none());
+        for (index, drifting) in self.drifting.iter_mut().enumerate() {
+            drifting.add(&self.common, &observed, leader == Some(index));
+        }
+        self.doubt_rest();
+    }
+
+    /// Turns a reading into observations.
+    fn observe(&mut self, reading: &Reading, sensor: &SensorDescription) -> Observed {
+        self.n_readings += 1;
+        let n = self.n_touches();
+        let Some(touch) = observe_touch(reading, sensor, &self.common.model.space) else {
+            if n == 0 {
+                self.misses.push(Miss { reading: reading.clone(), sensor: sensor.clone() });
+                return Observed { touch: None, spaces: Vec::new() };
+            }
+            let space = PressSpace::of_miss(reading, sensor, self.anchor).after(n);
+            return Observed { touch: None, spaces: vec![space] };
+        };
+        let mut spaces = Vec::new();
+        if n == 0 {
+            if !self.may_have_moved {
+                self.anchor = touch.position;
+            }
+            let misses = std::mem::take(&mut self.misses);
+            spaces.extend(misses.iter().map(|miss| miss.space(self.anchor)));
+        }
+        spaces.push(PressSpace::of_touch(reading, sensor, self.anchor).after(n + 1));
+        let (space, scale) = (&self.common.model.space, &self.common.options.scale);
+        let touch = Observation::new(&touch, self.anchor, space, scale).with_base(reading.base());
+        let touch = touch.weighed(self.rest.explained().touches);
+        Observed { touch: Some(touch), spaces }
+    }
+
+    /// Starts drifting components beside rest when rest explains the touches poorly, and drops them
+    /// when rest explains them well and is all but sure.
+    fn doubt_rest(&mut self) {
+        let rest = self.rest.explained();
+        let is_at_rest = rest.motion == Motion::Rest;
+        if !is_at_rest || rest.stage != Stage::Poses || rest.touches.len() < TOUCHES_MIN {
+            return;
+        }
+        let is_poor = self.rest.is_poor(&self.common);
+        if is_poor && self.drifting.is_empty() {
+            let mut drifting = self.all_drifting();
+            drifting.iter_mut().for_each(|drifting| drifting.start(&self.common));
+            self.drifting = drifting;
+        } else if !is_poor && !self.drifting.is_empty() {
+            let drifts: f64 = self.joint().iter().skip(1).map(|row| known(row)).sum();
+            if drifts < NEGLIGIBLE {
+                self.drifting = Vec::new();
+            }
+        }
+    }
+
+    /// A drifting component for each amplitude, with the poses of rest.
+    fn all_drifting(&self) -> Vec<Component> {
+        let amplitudes = amplitudes(&self.common.model, &self.common.options.scale);
+        amplitudes.map(|drift| self.rest.drifting(drift)).to_vec()
+    }
+
+    /// Announces that the object may have moved since the last touch, by deviations of `motion`:
+    /// identity keeps its probabilities, the pose becomes loose.
+    pub fn announce_move(&mut self, motion: &Looseness) {
+        if self.n_touches() == 0 {
+            self.observe_move();
+            self.rest.inflate(motion);
+            return;
+        }
+        // Unannounced drift is settled by the touches that showed it: the object is where the
+        // likeliest component has it. Whether it drifts on is decided by the touches to come.
+        let leader = self.leader();
+        let mut probabilities = self.posterior();
+        let prior = &mut self.common.prior;
+        prior.unknown = probabilities.pop().unwrap_or(0.0).clamp(SURE, 1.0 - SURE);
+        let known: f64 = probabilities.iter().sum();
+        let share = |p: f64| (p / known.max(f64::MIN_POSITIVE)).max(SURE).ln();
+        for (log_prior, p) in prior.log_objects.iter_mut().zip(probabilities) {
+            if !is_impossible(*log_prior) {
+                *log_prior = share(p);
+            }
+        }
+        let leader = leader.map(|index| self.drifting.swap_remove(index));
+        self.drifting = Vec::new();
+        self.rest.move_on(leader, motion);
+        self.observe_move();
+    }
+
+    /// Takes note of a move: what was touched before it is elsewhere now.
+    fn observe_move(&mut self) {
+        if self.n_touches() == 0 {
+            self.misses.clear();
+        } else {
+            self.may_have_moved = true;
+            self.rest.forget_observations();
+        }
+    }
+
+    /// Long loops unwind from now on once `stop` is asked for ([`Stop::check`]).
+    pub fn heed(&mut self, stop: &Stop) {
+        self.common.stop = stop.clone();
+    }
+
+    /// What the belief knows the objects by.
+    #[must_use]
+    pub fn model(&self) -> &SurfaceModel {
+        &self.common.model
+    }
+
+    /// The number of readings.
+    #[must_use]
+    pub fn n_readings(&self) -> usize {
+        self.n_readings
+    }
+
+    /// The number of readings that touched something, since the last announced move.
+    #[must_use]
+    pub fn n_touches(&self) -> usize {
+        self.rest.explained().touches.len()
+    }
+
+    /// Bytes of memory without the model, which sessions share.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>()
+            + self.components().map(Component::bytes).sum::<usize>()
+            + self.drifting.capacity() * size_of::<Component>()
+            + self.common.prior.log_objects.capacity() * size_of::<f64>()
+            + self.misses.iter().map(Miss::bytes).sum::<usize>()
+    }
+
+    /// The probability of each object, then of "none of these". Equations R16 and R18 of
+    /// docs/recogniser.md.
+    #[must_use]
+    pub fn posterior(&self) -> Vec<f64> {
+        let mut joint = self.joint().into_iter();
+        let mut all = joint.next().unwrap_or_default();
+        for drifting in joint {
+            all.iter_mut().zip(drifting).for_each(|(sum, p)| *sum += p);
+        }
+        all
+    }
+
+    /// The belief as an answer with at most `n_modes` poses. Poses that look alike by the object's
+    /// symmetry are one.
+    #[must_use]
+    pub fn answer(&self, n_modes: usize) -> Answer {
+        let joint = self.joint();
+        let weighed = self.components().zip(&joint).map(|(component, joint)| {
+            let of = component.explained();
+            Weighed { touches: of.touches, objects: of.objects, joint }
+        });
+        let weighed: Vec<Weighed<'_>> = weighed.collect();
+        let answer = answer(&self.common, self.anchor, &weighed, self.posterior(), n_modes);
+        Answer { n_readings: self.n_readings, ..answer }
+    }
+
+    /// About `n` poses of the likeliest objects, drawn from the posterior; none before the first
+    /// touch. Their probabilities are given that the object is a known one, and sum to 1 less
+    /// what is left out.
+    #[must_use]
+    pub fn samples(&self, n: usize, stream: &mut Stream) -> Vec<PoseSample> {
+        let of = self.leading().explained();
+        let posed = Posed { anchor: self.anchor, touches: of.touches, objects: of.objects };
+        samples(&self.common, &posed, &self.posterior(), n, stream)
+    }
+
+    /// ln of how much likelier the reading is than a touch anywhere, where the object is now;
+    /// `None` while fewer than three touches say where that is.
+    #[must_use]
+    pub fn log_predictive(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
+        let rest = self.rest.explained();
+        if rest.stage != Stage::Poses {
+            return None;
+        }
+        let (space, scale) = (&self.common.model.space, &self.common.options.scale);
+        let touch = observe_touch(reading, sensor, space).map(|touch| {
+            Observation::new(&touch, self.anchor, space, scale).with_base(reading.base())
+        });
+        let space = match touch {
+            Some(_) => PressSpace::of_touch(reading, sensor, self.anchor),
+            None => PressSpace::of_miss(reading, sensor, self.anchor),
+        };
+        let (touches, spaces): (Vec<_>, _) = (touch.into_iter().collect(), [space]);
+        let evidence = self.common.evidence(&touches, &spaces);
+        let objects = self.leading().explained().objects;
+        log_predictive(&evidence, objects, &self.posterior())
+    }
+
+    /// The conclusions from the readings so far, as bytes, little-endian.
+    #[must_use]
+    pub fn checkpoint(&self) -> Vec<u8> {
+        let objects = |component: &Component| component.explained().objects.to_vec();
+        let checkpoint = Checkpoint {
+            n_readings: self.n_readings,
+            n_touches: self.n_touches(),
+            stage: self.rest.explained().stage,
+            prior: self.common.prior.clone(),
+            components: self.components().map(objects).collect(),
+        };
+        checkpoint.to_bytes()
+    }
+
+    /// Takes note of a reading whose conclusions [`SurfaceBelief::resume`] brings.
+    pub fn retrace(&mut self, reading: &Reading, sensor: &SensorDescription) {
+        let observed = self.observe(reading, sensor);
+        self.rest.observe(&observed);
+    }
+
+    /// Takes note of an announced move (see [`SurfaceBelief::announce_move`]) whose conclusions
+    /// [`SurfaceBelief::resume`] brings.
+    pub fn retrace_move(&mut self) {
+        self.observe_move();
+    }
+
+    /// Takes over the conclusions of a checkpoint from readings that were all retraced, in their
+    /// order.
+    ///
+    /// # Errors
+    /// [`NotCheckpoint`]; the belief is of no use then.
+    pub fn resume(&mut self, bytes: &[u8]) -> Result<(), NotCheckpoint> {
+        let n_objects = self.common.prior.log_objects.len();
+        let Checkpoint { n_readings, n_touches, stage, prior, components } =
+            Checkpoint::from_bytes(bytes, n_objects)?;
+        if (n_readings, n_touches) != (self.n_readings, self.n_touches()) {
+            return Err(NotCheckpoint);
+        }
+        // Everything about a drifting object but its poses follows from the touches.
+        self.drifting = match components.len() {
+            1 => Vec::new(),
+            n if n == 1 + AMPLITUDES && self.rest.explained().motion == Motion::Rest => {
+                self.all_drifting()
+            }
+            _ => return Err(NotCheckpoint),
+        };
+        self.common.prior = prior;
+        let all = std::iter::once(&mut self.rest).chain(&mut self.drifting);
+        for (component, objects) in all.zip(components) {
+            component.conclude(stage, objects);
+        }
+        Ok(())
+    }
+
+    /// The component at rest, with what it shares.
+    pub(super) fn at_rest(&self) -> (&Common, Explained<'_>) {
+        (&self.common, self.rest.explained())
+    }
+
+    /// The joint probabilities of component (rest first) and object, "none of these" last.
+    fn joint(&self) -> Vec<Vec<f64>> {
+        let both = self.components().zip(log_priors(self.drifting.len()));
+        let logs = both.flat_map(|(component, log_prior)| {
+            let logs = log_posterior(&self.common, &component.explained());
+            logs.into_iter().map(move |log| log + log_prior)
+        });
+        let all = normalize(&logs.collect::<Vec<f64>>());
+        all.chunks(self.common.prior.log_objects.len() + 1).map(<[f64]>::to_vec).collect()
+    }
+
+    fn components(&self) -> impl Iterator<Item = &Component> {
+        std::iter::once(&self.rest).chain(&self.drifting)
+    }
+
+    /// The drifting component that is likelier than any other; `None` when rest is.
+    fn leader(&self) -> Option<usize> {
+        if self.drifting.is_empty() { None } else { leader(&self.joint()) }
+    }
+
+    /// The likeliest component.
+    fn leading(&self) -> &Component {
+        self.leader().map_or(&self.rest, |index| &self.drifting[index])
+    }
+}

@@ -1,0 +1,60 @@
+//! Calibration of evidence: how ln evidence becomes probability (equations R13 and R18).
+
+/// Temperature, b and c of each stage of the default calibration. 7.24 is 13, fitted when each of
+/// ten objects weighed 1 instead of a tenth, less 2.5 ln 10.
+const DEFAULT_STAGES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [1.2, 0.0, 0.0], [2.5, 7.24, 8.5]];
+
+/// How ln evidence becomes probability after one, two, and three or more touches: the stages have
+/// evidence of different kinds (equation R17).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EvidenceCalibration {
+    /// After one, two, and three or more touches.
+    pub stages: [EvidenceStage; 3],
+    /// The data it was learnt on.
+    pub basis: CalibrationBasis,
+}
+
+/// The data a calibration was learnt on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CalibrationBasis {
+    /// Readings held back from training.
+    HeldBack {
+        /// The number of objects they are of; 0 when an old version does not say.
+        objects: usize,
+    },
+    /// None: with one object alone there are no touches of an unknown object.
+    OneObject,
+    /// None: no object has enough readings to hold some back.
+    FewReadings,
+}
+
+/// How ln evidence becomes probability at one stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EvidenceStage {
+    /// τ_k: evidence is divided by this; above 1 it is believed less than it says.
+    pub temperature: f64,
+    /// b_k: ln evidence of "none of these" before any touch.
+    pub unknown: f64,
+    /// c_k: what every touch adds to it, by weight.
+    pub unknown_per_touch: f64,
+}
+
+impl EvidenceStage {
+    /// ln evidence of "none of these" after this many touches by weight, before the correction of
+    /// equation R13.
+    #[must_use]
+    pub fn log_unknown(&self, n_touches: f64) -> f64 {
+        self.unknown + self.unknown_per_touch * n_touches
+    }
+}
+
+impl Default for EvidenceCalibration {
+    /// The calibration of catalogues that hold nothing back, fitted to simulated touches of the ten
+    /// built-in objects by one sensor.
+    fn default() -> Self {
+        let stages = DEFAULT_STAGES.map(|[temperature, unknown, unknown_per_touch]| {
+            EvidenceStage { temperature, unknown, unknown_per_touch }
+        });
+        Self { stages, basis: CalibrationBasis::FewReadings }
+    }
+}

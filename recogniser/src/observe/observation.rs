@@ -1,0 +1,210 @@
+//! An observation: a touch in single precision about the session's anchor, with its weight.
+
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+use palpate_core::reading::{Base, Looseness};
+
+use super::placement::{Placement, Variances};
+use super::steadiness::Steadiness;
+use super::touch::Touch;
+use crate::model::agreement::{Feature, StoredFeature, ratio};
+use crate::model::appearance::AppearanceSpace;
+use crate::model::features::Features;
+use crate::model::thinning::NORMAL_REACH;
+use crate::options::TouchScale;
+
+/// Distance (m) from which two touches are independent evidence.
+const SAME_PLACE: f32 = 0.003;
+
+/// Weight of a touch at the place of an earlier one.
+const REPEATED: f32 = 0.25;
+
+/// A touch of the session, relative to the anchor (the first touch).
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Observation {
+    pub(crate) position: Vec3,
+    pub(crate) normal: Vec3,
+    pub(crate) direction: Vec3,
+    pub(crate) elongation: f32,
+    /// Weight of its evidence: 1 for a new place, less for one touched before, and less after
+    /// motion of the object.
+    pub(crate) weight: f32,
+    /// The weight before the object moved.
+    novelty: f32,
+    /// How loosely it is placed.
+    pub(crate) placement: Placement,
+    /// [`Placement::off_object_density`] of it.
+    pub(crate) off_object: f32,
+    /// How far its normal and its stretch can be trusted.
+    pub(crate) steadiness: Steadiness,
+    feature: Feature,
+    /// For finding pairs.
+    sharp: Comparison,
+    /// For judging poses.
+    soft: Comparison,
+}
+
+/// How a feature is compared with others: the softness, and the density of features of touches
+/// anywhere at it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Comparison {
+    pub(crate) softness: f32,
+    pub(crate) density: f32,
+}
+
+impl Observation {
+    /// A touch as seen from `anchor`.
+    pub(crate) fn new(
+        touch: &Touch,
+        anchor: DVec3,
+        space: &AppearanceSpace,
+        scale: &TouchScale,
+    ) -> Self {
+        let comparison = |softness| Comparison {
+            softness,
+            density: space.density_anywhere(&touch.feature, softness),
+        };
+        let (sharp, soft) = (comparison(scale.appearance), comparison(scale.appearance_of_pose));
+        Self::compared(touch, anchor, sharp, soft)
+    }
+
+    /// A touch whose feature is compared in the given ways.
+    pub(crate) fn compared(
+        touch: &Touch,
+        anchor: DVec3,
+        sharp: Comparison,
+        soft: Comparison,
+    ) -> Self {
+        Self {
+            position: (touch.position - anchor).as_vec3(),
+            normal: touch.normal.as_vec3(),
+            direction: touch.direction.as_vec3(),
+            elongation: touch.elongation as f32,
+            weight: 1.0,
+            novelty: 1.0,
+            placement: Placement::default(),
+            off_object: 0.0,
+            steadiness: Steadiness::new(touch.evenness),
+            feature: touch.feature,
+            sharp,
+            soft,
+        }
+    }
+
+    /// The observation of a robot with this base.
+    pub(crate) fn with_base(mut self, base: Option<Base>) -> Self {
+        self.place(Placement::of_base(base));
+        self
+    }
+
+    /// Discounts the observation for `moves` moves of the object since, by `motion` each.
+    /// Equation R14 of docs/recogniser.md.
+    pub(crate) fn discount(&mut self, moves: usize, motion: &Looseness) {
+        self.place(self.placement.after(moves, motion));
+        self.weight = self.novelty * self.placement.recency();
+    }
+
+    fn place(&mut self, placement: Placement) {
+        self.placement = placement;
+        self.off_object = placement.off_object_density();
+    }
+
+    /// Variances that base and motion add: of the position (m²) and of the normal (rad²).
+    #[inline]
+    pub(crate) fn looseness(&self) -> Variances {
+        self.placement.variances()
+    }
+
+    /// Variances between this observation and another one.
+    pub(crate) fn looseness_to(&self, other: &Self) -> Variances {
+        self.placement.variances_to(&other.placement)
+    }
+
+    /// Weight in the evidence of "none of these": unannounced motion takes nothing of it.
+    pub(crate) fn counts(&self, is_announced: bool) -> f32 {
+        if is_announced { self.weight } else { self.novelty }
+    }
+
+    /// Score (ln) that it loses under every object, since it is unsteady or loosely placed.
+    /// `loose_loss` is [`ScoreScale::loose_loss`](crate::options::ScoreScale::loose_loss).
+    pub(crate) fn loss(&self, is_announced: bool, loose_loss: f32) -> f32 {
+        self.steadiness.loss() + self.placement.loss(is_announced, loose_loss)
+    }
+
+    /// The observation with its weight beside `earlier` ones. Equation R2 of docs/recogniser.md.
+    pub(crate) fn weighed(mut self, earlier: &[Self]) -> Self {
+        let apart = |other: &Self| {
+            let turned = NORMAL_REACH * self.normal.distance(other.normal);
+            self.position.distance(other.position).hypot(turned)
+        };
+        let nearest = earlier.iter().map(apart).fold(f32::INFINITY, f32::min);
+        self.novelty = (nearest / SAME_PLACE).clamp(REPEATED, 1.0);
+        self.weight = self.novelty;
+        self
+    }
+
+    /// Appearance likelihood ratio at a patch with this feature, for finding pairs. Equation R7 of
+    /// docs/recogniser.md.
+    #[inline]
+    pub(crate) fn appearance_ratio(&self, other: &StoredFeature) -> f32 {
+        ratio(&self.feature, other, self.sharp.softness, self.sharp.density)
+    }
+
+    /// [`Self::appearance_ratio`] at each of a `range` of patches, appended to `found`.
+    pub(crate) fn appearance_ratios(
+        &self,
+        of: &Features,
+        range: Range<usize>,
+        found: &mut Vec<f32>,
+    ) {
+        of.ratios(&self.feature, range, [self.sharp.softness, self.sharp.density], found);
+    }
+
+    /// Appearance likelihood ratio for judging a pose: softer. Equation R7 of docs/recogniser.md.
+    #[inline]
+    pub(crate) fn appearance_ratio_of_pose(&self, other: &StoredFeature) -> f32 {
+        ratio(&self.feature, other, self.soft.softness, self.soft.density)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_core::pose::Pose;
+
+    use super::*;
+    use crate::test_support::{COMPARISON, places, seen, some_pose};
+
+    #[test]
+    fn a_repeated_touch_counts_less() {
+        let mut place = places(1, 0).remove(0);
+        place.normal = DVec3::Z;
+        let first = seen(&place, &Pose::IDENTITY);
+        assert!((first.clone().weighed(&[]).weight - 1.0).abs() < 1e-6);
+        let again = |off: DVec3, normal: DVec3| {
+            let moved = Touch { position: place.position + off, normal, ..place.clone() };
+            seen(&moved, &Pose::IDENTITY).weighed(std::slice::from_ref(&first)).weight
+        };
+        assert!((again(DVec3::ZERO, DVec3::Z) - 0.25).abs() < 1e-6, "never less than a quarter");
+        assert!((again(DVec3::X * 0.001_5, DVec3::Z) - 0.5).abs() < 1e-4, "1.5 mm of 3");
+        assert!((again(DVec3::X * 0.003, DVec3::Z) - 1.0).abs() < 1e-4);
+        // Turned by a right angle: 6 mm · √2 apart.
+        assert!((again(DVec3::ZERO, DVec3::X) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_touch_a_kilometre_away_is_the_same_beside_its_anchor() {
+        let pose = some_pose(1);
+        let far = Pose::from_parts(pose.rotation, pose.translation + DVec3::splat(1_000.0));
+        for place in places(20, 1) {
+            let observation = |pose: &Pose, anchor: DVec3| {
+                let position = *pose * place.position;
+                let touch = Touch { position, ..place.clone() };
+                Observation::compared(&touch, anchor, COMPARISON, COMPARISON).position
+            };
+            let near = observation(&pose, pose.translation);
+            let away = observation(&far, far.translation);
+            assert!(near.distance(away) < 1e-8, "{near} {away}");
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Placement: how loosely a touch is placed, by its robot's base and by motion of the object.
+//!
+//! A base shifts all touches of its robot alike. An object that moves between touches carries
+//! earlier ones away from where they were felt: after n moves each is off by √n of them. So an
+//! earlier touch is compared with a map less and less closely, and one out of the kernel's reach
+//! still lies about the object, not anywhere (equation R14).
+
+use palpate_core::reading::{Base, Looseness};
+
+/// Deviation of the object's motion at which a touch keeps half of its weight, metres.
+pub(crate) const HALF: f32 = 0.01;
+
+/// Reach of the kernel of a touch, metres.
+const REACH: f32 = 0.007;
+
+/// Density of a touch about an object: that of a workspace of 0.4 m over that of a cube of 0.1 m.
+const ABOUT: f32 = 64.0;
+
+/// Deviation of the position (m) at which a touch loses ln 2 of [`loose_loss`](Placement::loss).
+const LOOSE: f32 = 0.000_5;
+
+/// Least deviation of the angle of a touch that the object moved away from, rad.
+const ANGLE_MIN: f64 = 1e-4;
+
+/// Coefficients of ln of the two-sided tail of a normal distribution: −0.717 x − 0.416 x².
+const TAIL: [f32; 2] = [0.717, 0.416];
+
+/// Variances of a position (m²) and of an angle (rad²).
+pub(crate) type Variances = (f32, f32);
+
+/// How loosely a touch is placed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Placement {
+    /// Base of the robot, when it is not exact.
+    base: Option<Base>,
+    /// Variances of the object's motion since the touch.
+    moved: Variances,
+}
+
+impl Placement {
+    /// Placement by the base of a robot.
+    pub(crate) fn of_base(base: Option<Base>) -> Self {
+        Self { base, moved: (0.0, 0.0) }
+    }
+
+    /// Placement after `moves` moves of the object by `motion` each.
+    pub(crate) fn after(self, moves: usize, motion: &Looseness) -> Self {
+        let (position, angle) = variances(motion);
+        Self { moved: (moves as f32 * position, moves as f32 * angle), ..self }
+    }
+
+    /// Whether the touch is where it is said to be.
+    #[inline]
+    pub(crate) fn is_exact(&self) -> bool {
+        self.base.is_none() && self.moved == (0.0, 0.0)
+    }
+
+    fn of_base_alone(&self) -> Variances {
+        self.base.map_or((0.0, 0.0), |base| variances(&base.looseness))
+    }
+
+    /// Variances that base and motion add to positions and normals.
+    #[inline]
+    pub(crate) fn variances(&self) -> Variances {
+        sum(self.of_base_alone(), self.moved)
+    }
+
+    /// Variances relative to another touch: none when one base shifts both and the object rested.
+    pub(crate) fn variances_to(&self, other: &Self) -> Variances {
+        let (moved, before) = (self.moved, other.moved);
+        let moved = ((moved.0 - before.0).abs(), (moved.1 - before.1).abs());
+        if self.base.map(|base| base.robot) == other.base.map(|base| base.robot) {
+            return moved;
+        }
+        sum(moved, sum(self.of_base_alone(), other.of_base_alone()))
+    }
+
+    /// What shifts the touch, the `index`th of the session.
+    pub(crate) fn shifted_by(&self, index: usize) -> Shift {
+        if self.moved == (0.0, 0.0) {
+            return self.base.map_or(Shift::None, |base| Shift::Base(base.robot, base.looseness));
+        }
+        let (position, angle) = self.variances();
+        let angle = f64::from(angle).sqrt().max(ANGLE_MIN);
+        Shift::Motion(index, Looseness { position: f64::from(position).sqrt(), angle })
+    }
+
+    /// Share of its weight that the touch keeps after the object's motion. Part of equation R14.
+    pub(crate) fn recency(&self) -> f32 {
+        kept(self.moved.0, HALF)
+    }
+
+    /// Off-object density: that of the touch on the object but out of the kernel's reach, over
+    /// that of one anywhere. Part of equation R14.
+    pub(crate) fn off_object_density(&self) -> f32 {
+        let (position, _) = self.variances();
+        if position <= 0.0 {
+            return 0.0;
+        }
+        let reach = REACH / position.sqrt();
+        ABOUT * (-TAIL[0] * reach - TAIL[1] * reach * reach).exp()
+    }
+
+    /// Score (ln) that the touch loses against an exact one even at its own place: by its base,
+    /// and by the object's motion if it was announced. `per_fold` is the loss for each e-fold of
+    /// the variance. Part of equation R13.
+    pub(crate) fn loss(&self, is_announced: bool, per_fold: f32) -> f32 {
+        let (position, _) = if is_announced { self.variances() } else { self.of_base_alone() };
+        per_fold * (1.0 + position / (LOOSE * LOOSE)).ln()
+    }
+}
+
+/// What shifts a touch away from where it is said to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Shift {
+    /// Nothing.
+    None,
+    /// The base of a robot (its number), together with all touches of that robot.
+    Base(u32, Looseness),
+    /// The object's motion since the touch with this index, and its base: no other touch.
+    Motion(usize, Looseness),
+}
+
+impl Shift {
+    /// Whether both are one shift: of one robot's base, or of one touch.
+    pub(crate) fn is_of(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Base(robot, _), Self::Base(of, _)) => robot == of,
+            (Self::Motion(index, _), Self::Motion(of, _)) => index == of,
+            _ => false,
+        }
+    }
+}
+
+/// Share that is kept at a variance (m²) of the place, a half at a deviation of `half` (m).
+pub(crate) fn kept(variance: f32, half: f32) -> f32 {
+    1.0 / (1.0 + variance / (half * half))
+}
+
+fn variances(deviations: &Looseness) -> Variances {
+    (deviations.position.powi(2) as f32, deviations.angle.powi(2) as f32)
+}
+
+fn sum(a: Variances, b: Variances) -> Variances {
+    (a.0 + b.0, a.1 + b.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOTION: Looseness = Looseness { position: 0.003, angle: 0.1 };
+
+    fn base(robot: u32) -> Option<Base> {
+        Some(Base { robot, looseness: Looseness { position: 0.004, angle: 0.0 } })
+    }
+
+    fn close(found: Variances, expected: Variances) -> bool {
+        (found.0 - expected.0).abs() < 1e-9 && (found.1 - expected.1).abs() < 1e-6
+    }
+
+    #[test]
+    fn moves_and_bases_add_up() {
+        let moved = Placement::of_base(base(1)).after(4, &MOTION);
+        assert!(close(moved.variances(), (4.0 * 9e-6 + 16e-6, 0.04)));
+        // One base shifts both, and three moves carried both.
+        let later = Placement::of_base(base(1)).after(3, &MOTION);
+        assert!(close(moved.variances_to(&later), (9e-6, 0.01)));
+        let other = Placement::of_base(base(2)).after(3, &MOTION);
+        assert!(close(moved.variances_to(&other), (9e-6 + 32e-6, 0.01)));
+        assert!(!moved.is_exact() && !Placement::of_base(base(1)).is_exact());
+        assert!(Placement::default().after(0, &MOTION).is_exact());
+    }
+
+    #[test]
+    fn motion_shifts_one_touch_and_a_base_all_of_its_robot() {
+        let now = Placement::of_base(base(7));
+        let looseness = Looseness { position: 0.004, angle: 0.0 };
+        assert_eq!(now.shifted_by(3), Shift::Base(7, looseness));
+        let Shift::Motion(3, before) = now.after(1, &MOTION).shifted_by(3) else { panic!() };
+        assert!((before.position - 0.005).abs() < 1e-8);
+        assert_eq!(Placement::default().shifted_by(3), Shift::None);
+    }
+
+    #[test]
+    fn a_loose_touch_loses_weight_and_sharpness() {
+        let exact = Placement::default();
+        assert_eq!(
+            (exact.recency(), exact.off_object_density(), exact.loss(true, 1.2)),
+            (1.0, 0.0, 0.0)
+        );
+        // 10 mm: half of the weight; 0.48 of a normal distribution is beyond 7 mm.
+        let far = exact.after(1, &Looseness { position: 0.01, angle: 0.0 });
+        assert!((far.recency() - 0.5).abs() < 1e-6);
+        let share = far.off_object_density() / ABOUT;
+        assert!((share - 0.484).abs() < 0.01, "{share}");
+        // 1.2 ln(1 + 20²), unless the motion was not announced.
+        assert!((far.loss(true, 1.2) - 7.193).abs() < 0.01 && far.loss(false, 1.2).abs() < 1e-9);
+        assert!(Placement::of_base(base(1)).loss(false, 1.2) > 4.0);
+    }
+}

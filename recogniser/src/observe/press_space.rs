@@ -1,0 +1,162 @@
+//! The space of a press: points that it says are free, and points that it says are occupied.
+//!
+//! Negative evidence. Where taxels stayed free, in the sensor's body, and along the way of a press
+//! that met nothing, there is no material; behind taxels that were pressed there is. What a map
+//! knows of material is `model::solid`; `verify::free_space` compares both. Points are relative to
+//! the session's anchor, metres.
+
+use glam::{DVec3, Vec3};
+use palpate_core::reading::{Looseness, Reading};
+use palpate_core::sensor::SensorDescription;
+
+use super::placement::kept;
+
+/// Points along each side of the array.
+const SIDE: usize = 4;
+
+/// Share of the maximum below which taxels are free.
+const FREE: f64 = 0.1;
+
+/// Share of the maximum above which taxels are pressed.
+const PRESSED: f64 = 0.6;
+
+/// Depth of the occupied point behind a pressed taxel, beyond the covering, metres.
+const BEYOND: f64 = 0.001;
+
+/// Thickness of the sensor's body behind its covering, metres.
+const BODY: f64 = 0.004;
+
+/// Steps along the way of a press that met nothing, metres.
+const STEP: f64 = 0.005;
+
+/// Longest part of that way that is looked at, metres.
+const WAY_MAX: f64 = 0.3;
+
+/// Deviation of the object's motion at which a press keeps half of its weight, metres.
+const HALF: f32 = 0.003;
+
+/// Points that a press says are free or occupied.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PressSpace {
+    pub(crate) free: Vec<Vec3>,
+    pub(crate) occupied: Vec<Vec3>,
+    /// The number of touches at the press, its own included.
+    touches: usize,
+    /// Weight: less after motion of the object.
+    pub(crate) weight: f32,
+}
+
+impl PressSpace {
+    /// Bytes behind its lists.
+    pub(crate) fn bytes(&self) -> usize {
+        (self.free.capacity() + self.occupied.capacity()) * size_of::<Vec3>()
+    }
+
+    fn new(free: Vec<Vec3>) -> Self {
+        Self { free, occupied: Vec::new(), touches: 0, weight: 1.0 }
+    }
+
+    /// The space of a press at which the session had this many touches.
+    pub(crate) fn after(self, touches: usize) -> Self {
+        Self { touches, ..self }
+    }
+
+    /// Discounts it for motion between any two of the `touches` that there are now. Equation R14
+    /// of docs/recogniser.md.
+    pub(crate) fn discount(&mut self, touches: usize, motion: &Looseness) {
+        let moves = (touches - self.touches) as f32;
+        let moved = moves * motion.position.powi(2) as f32;
+        self.weight = kept(moved, HALF);
+    }
+
+    /// The space of a press that touched.
+    pub(crate) fn of_touch(reading: &Reading, sensor: &SensorDescription, anchor: DVec3) -> Self {
+        let session_from_sensor = reading.session_from_sensor();
+        let place =
+            |x: f64, y: f64, z: f64| (session_from_sensor * DVec3::new(x, y, z) - anchor).as_vec3();
+        let image = reading.image();
+        let behind = -(sensor.parameters().covering_thickness + BODY);
+        let mut space = Self::new(Vec::new());
+        for (x, y, [low, high]) in samples(reading, sensor) {
+            if high < FREE * image.max() {
+                space.free.push(place(x, y, 0.0));
+            } else if low > PRESSED * image.max() {
+                space.occupied.push(place(x, y, BEYOND));
+            }
+        }
+        let (x, y) = half_sides(sensor);
+        let body = [(0.0, 0.0), (-x, -y), (-x, y), (x, -y), (x, y)];
+        space.free.extend(body.map(|(x, y)| place(x, y, behind)));
+        space
+    }
+
+    /// The space of a press that met nothing on its way along the sensor's +z.
+    pub(crate) fn of_miss(reading: &Reading, sensor: &SensorDescription, anchor: DVec3) -> Self {
+        let session_from_sensor = reading.session_from_sensor();
+        let way = reading.approach().min(WAY_MAX);
+        let steps = (way / STEP).ceil() as usize;
+        let mut free = Vec::with_capacity(SIDE * SIDE * (steps + 1));
+        for step in 0..=steps {
+            let z = -(step as f64 * STEP).min(way);
+            free.extend(
+                samples(reading, sensor).map(|(x, y, _)| {
+                    (session_from_sensor * DVec3::new(x, y, z) - anchor).as_vec3()
+                }),
+            );
+        }
+        Self::new(free)
+    }
+}
+
+/// Points of the array (x, y in metres), and the lowest and highest pressure of the taxels about
+/// each.
+fn samples(
+    reading: &Reading,
+    sensor: &SensorDescription,
+) -> impl Iterator<Item = (f64, f64, [f64; 2])> {
+    let (image, grid) = (reading.image(), sensor.grid());
+    let (half_x, half_y) = half_sides(sensor);
+    let (reach_x, reach_y) = (half_x / SIDE as f64 + 1e-9, half_y / SIDE as f64 + 1e-9);
+    let half_pitch = 0.5 * grid.pitch + 1e-9;
+    (0..SIDE * SIDE).map(move |index| {
+        let share = |n: usize| (2 * n + 1) as f64 / SIDE as f64 - 1.0;
+        let (x, y) = (half_x * share(index % SIDE), half_y * share(index / SIDE));
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        for taxel in 0..grid.n_taxels() {
+            let (tx, ty) = grid.center(taxel / grid.cols, taxel % grid.cols);
+            // A cell's own taxels; with fewer than four a side, the one that it lies in.
+            let (reach_x, reach_y) = (reach_x.max(half_pitch), reach_y.max(half_pitch));
+            if (tx - x).abs() <= reach_x && (ty - y).abs() <= reach_y {
+                let pressure = image.pressures[taxel];
+                range = [range[0].min(pressure), range[1].max(pressure)];
+            }
+        }
+        (x, y, range)
+    })
+}
+
+/// Half the sides of the array, metres.
+fn half_sides(sensor: &SensorDescription) -> (f64, f64) {
+    let grid = sensor.grid();
+    let half = |n: usize| 0.5 * n as f64 * grid.pitch;
+    (half(grid.cols), half(grid.rows))
+}
+
+/// A press that met nothing, before the session has an anchor.
+#[derive(Clone, Debug)]
+pub(crate) struct Miss {
+    pub(crate) reading: Reading,
+    pub(crate) sensor: SensorDescription,
+}
+
+impl Miss {
+    /// Bytes with its image, about.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of::<Self>() + self.reading.image().pressures.len() * size_of::<f64>()
+    }
+
+    /// Its space, once there is an anchor.
+    pub(crate) fn space(&self, anchor: DVec3) -> PressSpace {
+        PressSpace::of_miss(&self.reading, &self.sensor, anchor)
+    }
+}

@@ -1,0 +1,169 @@
+//! A touch: position, normal, stretch and appearance of the surface under the sensor (equation R1).
+//!
+//! The frame is that of the reading's pose. The stretch is the second moment of the contact's
+//! pressure (section 4.3.2.4); it has no sign: ±direction are one.
+
+use glam::{DVec2, DVec3};
+
+use crate::model::agreement::Feature;
+use crate::model::appearance::AppearanceSpace;
+use palpate_core::contact::touches;
+use palpate_core::contact::{CONTACT_SHARE, center_of_pressure};
+use palpate_core::reading::{Reading, TactileImage};
+use palpate_core::sensor::SensorDescription;
+use palpate_core::units::MM;
+
+/// Area that a contact can press evenly, square metres: the rest of a larger array is in free air.
+const EVEN_AREA: f64 = 12.0 * MM * 12.0 * MM;
+
+/// One press that touched something.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Touch {
+    /// The centre of pressure on the covering's surface, metres.
+    pub position: DVec3,
+    /// The outward normal of the surface, norm 1.
+    pub normal: DVec3,
+    /// Direction in which the contact is stretched: norm 1, at right angles to the normal.
+    pub direction: DVec3,
+    /// Elongation: (λ₁ − λ₂)/(λ₁ + λ₂) of the second moments, 0 to 1.
+    pub elongation: f64,
+    /// Evenness of the press, 0 to 1: mean pressure over peak. Corners, tips and contacts of the rim
+    /// alone press little of the array.
+    pub evenness: f64,
+    /// Appearance.
+    pub feature: Feature,
+}
+
+/// The touch of a reading, or `None` when the press touched nothing.
+#[must_use]
+pub fn observe_touch(
+    reading: &Reading,
+    sensor: &SensorDescription,
+    space: &AppearanceSpace,
+) -> Option<Touch> {
+    if !touches(reading, sensor) {
+        return None;
+    }
+    let image = reading.image();
+    let session_from_sensor = reading.session_from_sensor();
+    let (direction, elongation) = stretch(image, sensor);
+    Some(Touch {
+        position: session_from_sensor * center_of_pressure(image, sensor),
+        normal: session_from_sensor.turn(DVec3::NEG_Z),
+        direction: session_from_sensor.turn(direction.extend(0.0)),
+        elongation,
+        evenness: evenness(image, sensor),
+        feature: space.feature(image, sensor.grid()),
+    })
+}
+
+/// Mean pressure over peak, the mean of an array larger than [`EVEN_AREA`] over that much of it.
+fn evenness(image: &TactileImage, sensor: &SensorDescription) -> f64 {
+    let max = image.max();
+    if max <= 0.0 {
+        return 0.0;
+    }
+    let taxel = sensor.grid().pitch.powi(2);
+    let area = (taxel * image.pressures.len() as f64).min(EVEN_AREA);
+    let borne: f64 = image.pressures.iter().map(|pressure| pressure.max(0.0)).sum();
+    (borne / max * taxel / area).min(1.0)
+}
+
+/// The direction (in the sensor's plane, norm 1) and the elongation of a contact.
+fn stretch(image: &TactileImage, sensor: &SensorDescription) -> (DVec2, f64) {
+    let center = center_of_pressure(image, sensor).truncate();
+    let threshold = 0.5 * CONTACT_SHARE * image.max();
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for row in 0..image.rows {
+        for col in 0..image.cols {
+            let excess = (image.at(row, col) - threshold).max(0.0);
+            let off = DVec2::from(sensor.grid().center(row, col)) - center;
+            xx += excess * off.x * off.x;
+            xy += excess * off.x * off.y;
+            yy += excess * off.y * off.y;
+        }
+    }
+    let (along, across, total) = (xx - yy, 2.0 * xy, xx + yy);
+    if total <= 0.0 {
+        return (DVec2::X, 0.0);
+    }
+    let angle = 0.5 * across.atan2(along);
+    (DVec2::from_angle(angle), (along.hypot(across) / total).min(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::agreement::N_AXES;
+    use crate::model::appearance::raw_descriptor;
+    use palpate_core::descriptor::Descriptor as _;
+    use palpate_core::pose::Pose;
+    use palpate_core::reading::SensorId;
+    use palpate_core::vocabulary::discriminant::Discriminant;
+
+    fn space(sensor: &SensorDescription) -> AppearanceSpace {
+        let dimension = raw_descriptor(sensor.grid()).dimension() + 1;
+        let axes = vec![vec![1.0; dimension]];
+        let projection = Discriminant { mean: vec![0.0; dimension], axes };
+        AppearanceSpace::new(*sensor.grid(), projection, Vec::new())
+    }
+
+    fn touch_of(rows: &[&str], pose: Pose) -> Option<Touch> {
+        let sensor = SensorDescription::digitacts_6x6();
+        let pressure = |c| Some(if c == '#' { 10_000.0 } else { 0.0 });
+        let pressures: Vec<Option<f64>> = rows.concat().chars().map(pressure).collect();
+        let reading = Reading::new(SensorId(0), &sensor, &pressures, pose).unwrap();
+        observe_touch(&reading, &sensor, &space(&sensor))
+    }
+
+    #[test]
+    fn elongation_is_how_much_the_moments_differ() {
+        // 2 × 4 taxels: variances along x and y are 1.25 and 0.25, so 1 / 1.5.
+        let rows = ["......", "......", ".####.", ".####.", "......", "......"];
+        let touch = touch_of(&rows, Pose::IDENTITY).unwrap();
+        assert!((touch.elongation - 1.0 / 1.5).abs() < 1e-9, "{}", touch.elongation);
+        assert!((touch.direction.x.abs() - 1.0).abs() < 1e-9, "{}", touch.direction);
+        let line = ["#.....", ".#....", "..#...", "...#..", "....#.", ".....#"];
+        let touch = touch_of(&line, Pose::IDENTITY).unwrap();
+        assert!((touch.elongation - 1.0).abs() < 1e-9);
+        assert!((touch.direction.x * touch.direction.y - 0.5).abs() < 1e-9, "{}", touch.direction);
+        let square = ["......", "......", "..##..", "..##..", "......", "......"];
+        assert!(touch_of(&square, Pose::IDENTITY).unwrap().elongation.abs() < 1e-9);
+    }
+
+    #[test]
+    fn evenness_is_mean_over_peak_of_at_most_a_contacts_area() {
+        let even = |rows: [&str; 6]| touch_of(&rows, Pose::IDENTITY).unwrap().evenness;
+        assert!((even(["######"; 6]) - 1.0).abs() < 1e-9);
+        // 9 of 36 taxels, at a corner.
+        let corner = ["###...", "###...", "###...", "......", "......", "......"];
+        assert!((even(corner) - 0.25).abs() < 1e-9);
+        // The same 9 taxels of 2 mm on an array twice as wide.
+        let wide = SensorDescription::digitacts(12, 12);
+        let pressure = |taxel: usize| if taxel / 12 < 3 && taxel % 12 < 3 { 1e4 } else { 0.0 };
+        let pressures: Vec<Option<f64>> = (0..144).map(|taxel| Some(pressure(taxel))).collect();
+        let reading = Reading::new(SensorId(0), &wide, &pressures, Pose::IDENTITY).unwrap();
+        assert!((evenness(reading.image(), &wide) - 0.25).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_touch_moves_with_its_sensor_and_looks_the_same() {
+        // Two columns right of the centre: x = 4 mm. A quarter turn about x takes y to z.
+        let rows = ["....##", "....##", "....##", "....##", "....##", "....##"];
+        let turn = glam::DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+        let pose = Pose::from_parts(turn, DVec3::new(1.0, 2.0, 3.0));
+        let (still, moved) = (touch_of(&rows, Pose::IDENTITY), touch_of(&rows, pose));
+        let (still, moved) = (still.unwrap(), moved.unwrap());
+        assert!(moved.position.distance(DVec3::new(1.0 + 4.0 * MM, 2.0, 3.0)) < 1e-12);
+        // The sensor looks along its +z; what it touches faces back: −z, turned to +y.
+        assert!(moved.normal.distance(DVec3::Y) < 1e-12, "{}", moved.normal);
+        assert!((moved.direction.z.abs() - 1.0).abs() < 1e-9, "{}", moved.direction);
+        assert_eq!(moved.feature.map(f32::to_bits), still.feature.map(f32::to_bits));
+        assert!(still.feature[0].abs() > 1e-3 && still.feature[N_AXES - 1].abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_press_that_touched_nothing_is_no_touch() {
+        assert_eq!(touch_of(&["......"; 6], Pose::IDENTITY), None);
+    }
+}

@@ -1,0 +1,9 @@
+//! Proposal: which pairs of touches are used, and which poses of which objects they propose.
+//!
+//! Beyond the dissertation; the key of a pair is that of Drost et al. (2010).
+
+pub(crate) mod effort;
+pub(crate) mod pair_density;
+pub(crate) mod partners;
+pub(crate) mod proposals;
+pub(crate) mod retrieval;

@@ -1,0 +1,290 @@
+//! Gauss–Newton: a pose is laid continuously onto the map by its touches (equation R21).
+//!
+//! Least squares of the distance of each touch from the surface between the patches near it,
+//! softly of its place along the surface, and of its normal; touches that fit nowhere lose their
+//! weight (Geman and McClure, 1987). The covariance is the inverse of the Hessian (equation R22).
+
+use glam::{Quat, Vec3};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
+use palpate_core::reading::Looseness;
+
+use super::surface_point::surface_point;
+use crate::model::SurfaceMap;
+use crate::observe::inverse_pose::InversePose;
+use crate::observe::observation::Observation;
+use crate::observe::placement::Shift;
+use crate::options::SurfaceOptions;
+use crate::verify::density::Kernel;
+use crate::verify::hypothesis::Hypothesis;
+
+/// Passes at most: the next touch refines anew.
+const PASSES_MAX: usize = 3;
+
+/// A pass that moves a pose by less is the last one: metres, rad.
+const CONVERGED: (f32, f32) = (5e-5, 2.5e-3);
+
+/// Deviation of the start of a pass: metres, rad.
+const START_DEVIATION: (f64, f64) = (0.01, 0.35);
+
+/// Deviation of a pose before any touch: metres, rad.
+const PRIOR_DEVIATION: (f64, f64) = (0.02, 0.5);
+
+/// Least deviation of a pose, by the map's own sampling: metres, rad.
+const FLOOR_DEVIATION: (f64, f64) = (0.000_2, 0.01);
+
+/// Residual in deviations at which a touch has lost three quarters of its weight.
+const OUTLIER: f32 = 3.0;
+
+/// The normal equations of a pose.
+struct System {
+    hessian: Matrix6<f64>,
+    gradient: Vector6<f64>,
+}
+
+impl Default for System {
+    fn default() -> Self {
+        Self { hessian: Matrix6::zeros(), gradient: Vector6::zeros() }
+    }
+}
+
+impl System {
+    /// Adds the touches of one robot, all shifted by its base. The base's own six unknowns are
+    /// eliminated (Schur complement): moving a base moves its touches as moving the object the
+    /// other way would, so with prior information Λ what is left is Λ (H + Λ)⁻¹ of H and g.
+    fn add_loose(&mut self, system: &Self, looseness: &Looseness) {
+        let prior = diagonal((looseness.position, looseness.angle), -2);
+        let Some(factor) = (system.hessian + prior).cholesky() else { return };
+        self.hessian += prior * factor.solve(&system.hessian);
+        self.gradient += prior * factor.solve(&system.gradient);
+    }
+}
+
+/// Lays a hypothesis onto the map; its score is to be computed anew.
+pub(crate) fn refine(
+    hypothesis: &mut Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Observation],
+    kernel: &Kernel,
+    options: &SurfaceOptions,
+) {
+    let start = diagonal(START_DEVIATION, -2);
+    for _pass in 0..PASSES_MAX {
+        let system = linearise(hypothesis, map, touches, kernel, options);
+        let Some(factor) = (system.hessian + start).cholesky() else {
+            return;
+        };
+        let change = factor.solve(&system.gradient);
+        let moved = Vec3::new(change[0] as f32, change[1] as f32, change[2] as f32);
+        let turned = Vec3::new(change[3] as f32, change[4] as f32, change[5] as f32);
+        hypothesis.rotation = (Quat::from_scaled_axis(turned) * hypothesis.rotation).normalize();
+        hypothesis.translation += moved;
+        if moved.length() < CONVERGED.0 && turned.length() < CONVERGED.1 {
+            break;
+        }
+    }
+}
+
+/// The covariance of a pose: x, y, z (m), then rotation about the session's axes (rad).
+pub(crate) fn covariance(
+    hypothesis: &Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Observation],
+    kernel: &Kernel,
+    options: &SurfaceOptions,
+) -> Matrix6<f64> {
+    let system = linearise(hypothesis, map, touches, kernel, options);
+    let informed = system.hessian + diagonal(PRIOR_DEVIATION, -2);
+    let unknown = || diagonal(PRIOR_DEVIATION, 2);
+    let found = informed.cholesky().map_or_else(unknown, |factor| factor.inverse());
+    found + diagonal(FLOOR_DEVIATION, 2)
+}
+
+fn diagonal((position, rotation): (f64, f64), power: i32) -> Matrix6<f64> {
+    let (p, r) = (position.powi(power), rotation.powi(power));
+    Matrix6::from_diagonal(&Vector6::new(p, p, p, r, r, r))
+}
+
+/// The normal equations at a pose; x, y, z (m), then rotation (rad) about the session's axes
+/// through the object's origin.
+fn linearise(
+    hypothesis: &Hypothesis,
+    map: &SurfaceMap,
+    touches: &[Observation],
+    kernel: &Kernel,
+    options: &SurfaceOptions,
+) -> System {
+    let mut exact = System::default();
+    let mut loose: Vec<(Shift, Looseness, System)> = Vec::new();
+    let pose = InversePose::new(hypothesis.rotation, hypothesis.translation);
+    let session_from_object = pose.object_from_session.transpose();
+    let along = kernel.along(map);
+    let across = options.refinement.across.powi(-2);
+    for (index, touch) in touches.iter().enumerate() {
+        let Some(place) = surface_point(kernel, map, &pose, touch) else { continue };
+        let (position, angle) = touch.looseness();
+        let system = system_of(touch.placement.shifted_by(index), &mut exact, &mut loose);
+        let outward = session_from_object * place.normal;
+        let off = session_from_object * place.offset;
+        // The surface at the touch moves by m + ω × arm; it is to move by `off`.
+        let moves = moves(touch.position - hypothesis.translation);
+        let expected = (across.recip() + position).recip();
+        let trust = trust(off.dot(outward).powi(2) * expected);
+        let n = column(outward);
+        let information = (n * n.transpose() * f64::from(across - along)
+            + Matrix3::identity() * f64::from(along))
+            * f64::from(trust);
+        let weighted = moves.transpose() * information;
+        system.hessian += weighted * moves;
+        system.gradient += weighted * column(off);
+        let usual =
+            options.refinement.normal_factor * (place.normal_deviation + options.scale.normal);
+        let deviation = usual.hypot(touch.steadiness.normal_variance.sqrt());
+        let wrong = deviation.powi(2) + angle;
+        turn_normal(system, outward, touch.normal - outward, deviation, wrong);
+    }
+    for (_, looseness, system) in &loose {
+        exact.add_loose(system, looseness);
+    }
+    exact
+}
+
+/// The system that a touch counts in: the exact one, or that of all touches with the same shift.
+fn system_of<'a>(
+    shift: Shift,
+    exact: &'a mut System,
+    loose: &'a mut Vec<(Shift, Looseness, System)>,
+) -> &'a mut System {
+    let looseness = match shift {
+        Shift::None => return exact,
+        Shift::Base(_, looseness) | Shift::Motion(_, looseness) => looseness,
+    };
+    let known = loose.iter().position(|(other, ..)| other.is_of(&shift));
+    let place = known.unwrap_or_else(|| {
+        loose.push((shift, looseness, System::default()));
+        loose.len() - 1
+    });
+    &mut loose[place].2
+}
+
+/// Adds that the surface's normal is to turn by `bent`: a turn ω moves it by ω × outward.
+/// Its trust is judged by the variance with which it may be `wrong`.
+fn turn_normal(system: &mut System, outward: Vec3, bent: Vec3, deviation: f32, wrong: f32) {
+    let information = deviation.powi(-2);
+    let weight = f64::from(trust(bent.length_squared() / wrong) * information);
+    let n = column(outward);
+    let mut gradient = system.gradient.fixed_rows_mut::<3>(3);
+    gradient += column(outward.cross(bent)) * weight;
+    let mut hessian = system.hessian.fixed_view_mut::<3, 3>(3, 3);
+    hessian += (Matrix3::identity() - n * n.transpose()) * weight;
+}
+
+/// ω: the weight that is left to a residual; `square` is in squared deviations.
+fn trust(square: f32) -> f32 {
+    (1.0 + square / (OUTLIER * OUTLIER)).powi(-2)
+}
+
+fn moves(arm: Vec3) -> Matrix3x6<f64> {
+    let mut moves = Matrix3x6::zeros();
+    moves.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
+    // ω × arm = −[arm]ₓ ω.
+    moves.fixed_view_mut::<3, 3>(0, 3).copy_from(&-column(arm).cross_matrix());
+    moves
+}
+
+fn column(v: Vec3) -> Vector3<f64> {
+    Vector3::new(v.x.into(), v.y.into(), v.z.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::observe::touch::Touch;
+    use crate::test_support::{error, map_of, places, seen, single, some_pose};
+    use palpate_core::pose::Pose;
+
+    fn refined(start: &Pose, map: &SurfaceMap, touches: &[Observation]) -> Hypothesis {
+        let options = SurfaceOptions::default();
+        let (rotation, translation) = single(start);
+        let mut hypothesis = Hypothesis { rotation, translation, score: 0.0 };
+        refine(&mut hypothesis, map, touches, &Kernel::new(&options), &options);
+        hypothesis
+    }
+
+    /// A pose 2 mm and 0.08 rad off.
+    fn disturbed(truth: &Pose) -> Pose {
+        let turn = glam::DQuat::from_scaled_axis(DVec3::new(0.05, -0.05, 0.037));
+        Pose::from_parts(turn * truth.rotation, truth.translation + DVec3::splat(0.001_15))
+    }
+
+    #[test]
+    fn a_disturbed_pose_is_found_again_to_a_tenth_of_a_millimetre() {
+        let map = map_of(&places(4_000, 0));
+        for index in 0..5 {
+            let truth = some_pose(index);
+            let touches: Vec<Observation> =
+                places(50, 10 + index).iter().map(|place| seen(place, &truth)).collect();
+            let found = refined(&disturbed(&truth), &map, &touches);
+            let (moved, turned) = error(found.rotation, found.translation, &truth);
+            assert!(moved < 1e-4 && turned < 0.02, "{index}: {moved} m, {turned} rad");
+        }
+    }
+
+    #[test]
+    fn a_wild_touch_does_not_pull() {
+        let map = map_of(&places(4_000, 0));
+        let truth = some_pose(1);
+        let mut touches: Vec<Observation> =
+            places(25, 11).iter().map(|place| seen(place, &truth)).collect();
+        let without = refined(&truth, &map, &touches);
+        // 5 mm above the surface is still within reach of the map's look-up.
+        let above = 0.005 * touches[0].normal;
+        touches[0].position += above;
+        let with = refined(&truth, &map, &touches);
+        let apart = without.translation.distance(with.translation);
+        assert!(apart < 5e-5, "{apart}");
+    }
+
+    #[test]
+    fn the_normal_of_an_uneven_press_turns_the_pose_less() {
+        let map = map_of(&places(4_000, 0));
+        let truth = some_pose(1);
+        let turned = |evenness: f64| {
+            // All lean one way, by a fifth of a radian.
+            let lean = glam::DQuat::from_rotation_x(0.2);
+            let leaning =
+                |place: &Touch| Touch { normal: lean * place.normal, evenness, ..place.clone() };
+            let places = places(4, 11);
+            let touches: Vec<Observation> =
+                places.iter().map(|place| seen(&leaning(place), &truth)).collect();
+            let found = refined(&truth, &map, &touches);
+            error(found.rotation, found.translation, &truth).1
+        };
+        assert!(turned(0.9) > 1.5 * turned(0.2), "{} {}", turned(0.9), turned(0.2));
+    }
+
+    #[test]
+    fn more_touches_make_a_pose_surer_and_never_surer_than_the_map() {
+        let map = map_of(&places(2_000, 0));
+        let truth = some_pose(2);
+        let touches: Vec<Observation> =
+            places(25, 12).iter().map(|place| seen(place, &truth)).collect();
+        let options = SurfaceOptions::default();
+        let (rotation, translation) = single(&truth);
+        let hypothesis = Hypothesis { rotation, translation, score: 0.0 };
+        let kernel = Kernel::new(&options);
+        let of =
+            |touches: &[Observation]| covariance(&hypothesis, &map, touches, &kernel, &options);
+        // Nothing known: (20 mm)² + (0.2 mm)² and 0.5² + 0.01² rad².
+        let none = of(&[]);
+        assert!((none[(0, 0)] - 4.0004e-4).abs() < 1e-9 && (none[(5, 5)] - 0.2501).abs() < 1e-9);
+        let (few, many) = (of(&touches[..3]), of(&touches));
+        for axis in 0..6 {
+            assert!(many[(axis, axis)] < few[(axis, axis)], "{axis}");
+            assert!(few[(axis, axis)] <= none[(axis, axis)] + 1e-12, "{axis}");
+        }
+        assert!((0..3).all(|axis| many[(axis, axis)] >= 0.000_2f64.powi(2)));
+        assert!((many - many.transpose()).abs().max() < 1e-12 && many.cholesky().is_some());
+    }
+}

@@ -1,0 +1,28 @@
+//! A hypothesis: a pose of an object and its score.
+
+use glam::{DQuat, DVec3, Quat, Vec3};
+use palpate_core::pose::Pose;
+
+use crate::observe::inverse_pose::InversePose;
+
+/// A pose of an object, relative to the session's anchor, and its score.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hypothesis {
+    pub(crate) rotation: Quat,
+    pub(crate) translation: Vec3,
+    /// S_h of equation R17: ln density of all observations.
+    pub(crate) score: f32,
+}
+
+impl Hypothesis {
+    /// The pose, ready for look-ups.
+    pub(crate) fn inverse_pose(&self) -> InversePose {
+        InversePose::new(self.rotation, self.translation)
+    }
+
+    /// `session_from_object` of a session with this anchor.
+    pub(crate) fn session_from_object(&self, anchor: DVec3) -> Pose {
+        let rotation = DQuat::from_array(self.rotation.to_array().map(f64::from));
+        Pose::from_parts(rotation, anchor + self.translation.as_dvec3())
+    }
+}

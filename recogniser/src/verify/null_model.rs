@@ -1,0 +1,150 @@
+//! The null model: how "none of these" is corrected by what the objects explain of themselves.
+//!
+//! A small object, or one that looks like no other, explains its touches far better than a large
+//! plain one; an object that is not in the catalogue and merely resembles it explains them worse
+//! than the object itself does (equations R12 and R13).
+
+use glam::{DVec3, Quat};
+use rayon::prelude::*;
+
+use super::density::Kernel;
+use crate::model::agreement::unstored;
+use crate::model::appearance::AppearanceSpace;
+use crate::model::{SurfaceMap, SurfaceModel};
+use crate::observe::inverse_pose::InversePose;
+use crate::observe::observation::Observation;
+use crate::observe::touch::Touch;
+use crate::options::{ScoreScale, SurfaceOptions};
+
+/// Patches of a map that its self-match score is measured on.
+const SAMPLES: usize = 48;
+
+/// Share of the best object's weight below which an object has no say.
+const LEAST: f64 = 0.01;
+
+/// The touches that the evidence of "none of these" is of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Counted {
+    /// Their number by weight.
+    pub(crate) touches: f64,
+    /// Score (ln) that all of them lose under every object, unsteady or loosely placed.
+    pub(crate) loss: f64,
+}
+
+/// Correction (ln) of the evidence of "none of these": more where the touches look like an object
+/// that should explain them better, less where touches lose under every object. `evidence` has
+/// objects with their ln evidence.
+///
+/// Equation R13 of docs/recogniser.md.
+pub(crate) fn correction(
+    counted: Counted,
+    evidence: impl Iterator<Item = (usize, f64)> + Clone,
+    temperature: f64,
+    scale: &ScoreScale,
+    self_match: impl Fn(usize) -> f64,
+) -> f64 {
+    excess(evidence, temperature, scale, self_match) * counted.touches - counted.loss
+}
+
+/// Excess (ln a touch) of the self-match scores over that of most maps, in the mean over the
+/// objects by their evidence.
+fn excess(
+    evidence: impl Iterator<Item = (usize, f64)> + Clone,
+    temperature: f64,
+    scale: &ScoreScale,
+    self_match: impl Fn(usize) -> f64,
+) -> f64 {
+    let best = evidence.clone().map(|(_, log)| log).fold(f64::NEG_INFINITY, f64::max);
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (object, log) in evidence {
+        let weight = ((log - best) / temperature).exp();
+        if weight >= LEAST {
+            sum += weight * (self_match(object) - scale.self_match);
+            total += weight;
+        }
+    }
+    if total > 0.0 { scale.self_match_share * sum / total } else { 0.0 }
+}
+
+/// Finds the self-match scores of all objects, in parallel, for beliefs with these options: else
+/// the first session that needs them waits.
+pub(crate) fn prepare(model: &SurfaceModel, options: &SurfaceOptions) {
+    let kernel = Kernel::new(options);
+    model.maps().par_iter().for_each(|map| {
+        map.self_match(|| self_match(map, &model.space, &kernel, options));
+    });
+}
+
+/// Mean score (ln) of the object's own patches under its true pose, each without itself.
+///
+/// Equation R12 of docs/recogniser.md.
+pub(crate) fn self_match(
+    map: &SurfaceMap,
+    space: &AppearanceSpace,
+    kernel: &Kernel,
+    options: &SurfaceOptions,
+) -> f32 {
+    let patches = map.patches();
+    let n = SAMPLES.min(patches.len());
+    let pose = InversePose::new(Quat::IDENTITY, glam::Vec3::ZERO);
+    let score = |sample: usize| {
+        let index = sample * patches.len() / n;
+        let patch = &patches[index];
+        let touch = Touch {
+            position: patch.position.as_dvec3(),
+            normal: patch.normal.as_dvec3(),
+            direction: patch.direction.as_dvec3(),
+            elongation: f64::from(patch.elongation),
+            evenness: 1.0,
+            feature: unstored(&patch.feature),
+        };
+        let observation = Observation::new(&touch, DVec3::ZERO, space, &options.scale);
+        kernel.score_without(map, &pose, &observation, index)
+    };
+    (0..n).map(score).sum::<f32>() / n.max(1) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::{map_of, places, space};
+
+    #[test]
+    fn the_excess_is_weighed_by_the_evidence() {
+        let usual = |object: usize| [14.0, 10.0, f64::NAN][object];
+        let scale = SurfaceOptions::default().score;
+        let excess = |logs: [f64; 3]| excess(logs.into_iter().enumerate(), 2.0, &scale, usual);
+        // Alone, 2 above most: 0.8 · 2; the third is too unlikely to have a say.
+        assert!((excess([50.0, 0.0, 0.0]) - 1.6).abs() < 1e-9);
+        // As likely as the other, 2 below most: nothing.
+        assert!(excess([50.0, 50.0, 0.0]).abs() < 1e-9);
+        // 2 ln 3 less at a temperature of 2 is a third: 0.8 · (2 − 2/3)/(4/3).
+        let third = excess([50.0, 50.0 - 2.0 * 3f64.ln(), 0.0]);
+        assert!((third - 0.8).abs() < 1e-9, "{third}");
+    }
+
+    #[test]
+    fn unsteady_touches_spare_none_of_these() {
+        let scale = SurfaceOptions::default().score;
+        let correction = |touches, loss| {
+            let counted = Counted { touches, loss };
+            correction(counted, [(0, 50.0)].into_iter(), 2.0, &scale, |_| 14.0)
+        };
+        assert!((correction(3.0, 0.0) - 4.8).abs() < 1e-9);
+        assert!((correction(3.0, 2.5) - 2.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_map_explains_its_own_touches_by_the_others() {
+        let options = SurfaceOptions::default();
+        let kernel = Kernel::new(&options);
+        let score = |n: usize| self_match(&map_of(&places(n, 0)), &space(), &kernel, &options);
+        // One patch has no other: what is left is the share of outliers, 1 %.
+        assert!((score(1) - 0.01f32.ln()).abs() < 1e-5);
+        assert!((6.0..14.0).contains(&score(500)), "{}", score(500));
+        let map = map_of(&places(20, 0));
+        let [first, second] = [3.0, 4.0].map(|score| map.self_match(|| score));
+        assert!((first - second).abs() < 1e-9, "found once");
+        assert_eq!(map, map_of(&places(20, 0)), "knowing it is no difference");
+    }
+}

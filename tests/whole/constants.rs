@@ -1,0 +1,156 @@
+//! The table of constants of `docs/recogniser.md` against the code: none is missing, none differs.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Value by place: the file under `recogniser/src`, then the constant or the field of a default.
+type Constants = BTreeMap<(String, String), String>;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}
+
+/// The table: rows of symbol, value, unit, file, name, and origin.
+fn in_the_table() -> (Constants, Vec<String>) {
+    let text = std::fs::read_to_string(root().join("docs/recogniser.md")).unwrap();
+    let table = text.split("## Constants").nth(1).unwrap();
+    let rows = table.lines().filter(|line| line.starts_with("| ") && line.contains(".rs` |"));
+    let (mut constants, mut origins) = (Constants::new(), Vec::new());
+    for row in rows {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let [_symbol, value, _unit, file, name, origin] = cells[..] else {
+            panic!("a row of {} cells: {row}", cells.len())
+        };
+        let bare = |cell: &str| cell.trim_matches('`').to_owned();
+        let known = constants.insert((bare(file), bare(name)), plain(&bare(value)));
+        assert_eq!(known, None, "twice in the table: {row}");
+        origins.push(origin.to_owned());
+    }
+    (constants, origins)
+}
+
+/// A value without what does not change it.
+fn plain(value: &str) -> String {
+    value.chars().filter(|c| !matches!(c, '_' | ' ' | '\n')).collect()
+}
+
+fn in_the_code() -> Constants {
+    let folder = root().join("recogniser/src");
+    let mut found = Constants::new();
+    for path in sources(&folder) {
+        let file = path.strip_prefix(&folder).unwrap().display().to_string();
+        let name = path.file_stem().unwrap().to_string_lossy();
+        if ["test_support", "tests", "density_tests", "reference", "check"].contains(&&*name) {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        let product = text.split("#[cfg(test)]\nmod tests {").next().unwrap();
+        consts(product, &mut |name, value| {
+            found.insert((file.clone(), name.to_owned()), plain(value));
+        });
+        for block in product.split("impl Default for ").skip(1) {
+            let block = block.split("\nimpl ").next().unwrap().split("\n}\n").next().unwrap();
+            if let Some((_, body)) = block.rsplit_once("Self {") {
+                fields(body, "", &mut |name, value| {
+                    found.insert((file.clone(), name.to_owned()), plain(value));
+                });
+            }
+        }
+    }
+    found
+}
+
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else {
+            found.push(path);
+        }
+    }
+    found
+}
+
+/// The numeric constants of a source.
+fn consts(text: &str, found: &mut dyn FnMut(&str, &str)) {
+    for part in text.split("const ").skip(1) {
+        let Some((name, rest)) = part.split_once(": ") else { continue };
+        let is_name =
+            name.chars().all(|c| c.is_ascii_uppercase() || c == '_' || c.is_ascii_digit());
+        let Some((kind, value)) = rest.split_once(" = ") else { continue };
+        let is_numeric =
+            ["f32", "f64", "usize", "u32", "u16", "u8"].iter().any(|n| kind.contains(n));
+        if is_name && is_numeric && !kind.contains('\n') {
+            found(name, value.split(";\n").next().unwrap());
+        }
+    }
+}
+
+/// The numeric fields of the inside of a struct expression, by their path.
+fn fields(body: &str, prefix: &str, found: &mut dyn FnMut(&str, &str)) {
+    let (mut depth, mut start) = (0, 0);
+    for (at, c) in body.char_indices() {
+        match c {
+            '{' | '(' | '[' => depth += 1,
+            '}' | ')' | ']' => depth -= 1,
+            _ => {}
+        }
+        if depth < 0 || (depth == 0 && c == ',') {
+            if let Some((name, value)) = body[start..at].split_once(':') {
+                let name = format!("{prefix}{}", name.trim());
+                let value = value.trim();
+                if let Some((_, inside)) = value.split_once('{') {
+                    fields(inside, &format!("{name}."), found);
+                } else if value.starts_with(|c: char| c.is_ascii_digit() || c == '-') {
+                    found(&name, value);
+                }
+            }
+            start = at + 1;
+        }
+        if depth < 0 {
+            return;
+        }
+    }
+}
+
+#[test]
+fn the_table_of_constants_is_that_of_the_code() {
+    let (table, code) = (in_the_table().0, in_the_code());
+    assert!(code.len() > 100, "{}", code.len());
+    for (place, value) in &code {
+        assert_eq!(table.get(place), Some(value), "in the table for {place:?}");
+    }
+    for place in table.keys() {
+        assert!(code.contains_key(place), "the code has no constant {place:?}");
+    }
+}
+
+#[test]
+fn every_constant_says_where_it_comes_from() {
+    for origin in in_the_table().1 {
+        let word = origin.split([':', ';', ' ']).next().unwrap();
+        assert!(["derived", "fitted", "chosen"].contains(&word), "{origin}");
+        assert!(origin.len() > word.len() + 8, "{origin} does not say from what, or why");
+    }
+}
+
+#[test]
+fn the_code_cites_equations_that_the_document_has() {
+    let document = std::fs::read_to_string(root().join("docs/recogniser.md")).unwrap();
+    let mut cited = BTreeMap::new();
+    for path in sources(&root().join("recogniser/src")) {
+        let text = std::fs::read_to_string(&path).unwrap();
+        for part in text.split("quation R").chain(text.split("quations R")).skip(1) {
+            let number: String = part.chars().take_while(char::is_ascii_digit).collect();
+            cited.insert(number, path.clone());
+        }
+    }
+    assert!(cited.len() > 15, "{}", cited.len());
+    for (number, path) in cited {
+        let printed = document.contains(&format!("(R{number})"));
+        let path = path.display();
+        assert!(number.is_empty() || printed, "{path} cites R{number}, which is not printed");
+    }
+}
