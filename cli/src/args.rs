@@ -143,6 +143,8 @@ pub(crate) enum Command {
     Audit(AuditArgs),
     /// Take, verify and restore snapshots.
     Snapshot(SnapshotArgs),
+    /// Show what is stored, which key wrote it, and what would free most.
+    Storage,
     /// Free the disk space of removed records.
     Compact(CompactArgs),
     /// Check a folder of stored data for damage.
@@ -185,6 +187,8 @@ mod tests {
         "palpate compact",
         "palpate compact --data ./d --json",
         "palpate serve --store-slack-mb 8",
+        "palpate serve --store-quota-mb 500",
+        "palpate storage --json",
         "palpate snapshot create monday.snapshot",
         "palpate snapshot verify monday.snapshot --json",
         "palpate snapshot restore monday.snapshot --data ./restored",

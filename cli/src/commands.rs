@@ -26,6 +26,7 @@ pub(crate) mod sensors;
 pub(crate) mod serve;
 pub(crate) mod sessions;
 pub(crate) mod snapshot;
+pub(crate) mod storage;
 pub(crate) mod touch;
 pub(crate) mod train;
 

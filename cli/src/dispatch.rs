@@ -7,7 +7,7 @@ use crate::args::{Cli, Command};
 use crate::commands::{
     Context, analyses, audit, catalogues, compact, config, demo, experiment, explore, fsck, health,
     jobs, keys, letters, load, maps, migrate, next_touch, objects, openapi, report, robots,
-    sensors, serve, sessions, snapshot, touch, train,
+    sensors, serve, sessions, snapshot, storage, touch, train,
 };
 use crate::output::Output;
 
@@ -61,6 +61,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Whoami => keys::whoami(&context()?).await,
         Command::Audit(args) => audit::run(args, &context()?).await,
         Command::Snapshot(args) => snapshot::run(args, output, context).await,
+        Command::Storage => storage::run(&context()?).await,
         Command::Compact(args) => compact::run(args, output, context).await,
         Command::Fsck(args) => fsck::run(args, output).await,
         Command::Migrate(args) => migrate::run(args, output).await,

@@ -29,6 +29,7 @@ mod maps;
 mod keys;
 mod compactions;
 mod snapshots;
+mod storage;
 mod history;
 mod sessions;
 mod stamps;

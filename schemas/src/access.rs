@@ -69,6 +69,8 @@ pub struct ApiKey {
     pub revoked_at: Option<String>,
     /// Until when the previous secret stays valid; null if only the current one is.
     pub rotating_until: Option<String>,
+    /// Bytes of stored data that it wrote and that were not removed since.
+    pub stored_bytes: u64,
 }
 
 /// A key with its secret, which is shown only once.
@@ -107,6 +109,8 @@ pub struct Whoami {
     pub role: Role,
     /// The caller's key; null if the server requires no keys.
     pub key: Option<ApiKey>,
+    /// Bytes of stored data that one key may hold; null: no bound.
+    pub quota_bytes: Option<u64>,
 }
 
 /// The key that wrote something.

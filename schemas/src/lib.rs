@@ -24,6 +24,7 @@ pub mod object;
 pub mod sensor;
 pub mod session;
 pub mod fleet;
+pub mod storage;
 pub mod training;
 
 pub use access::{
@@ -73,6 +74,7 @@ pub use session::{
     PriorEntry, ReadingsAdded, ReadingsQuery, RobotBase, Session, SessionEnd, SessionEvent,
     SessionPage, SessionState, SessionsQuery, Truth,
 };
+pub use storage::{Storage, StorageHolder, StoredKind, StoredThing};
 pub use symmetry::{SymmetryAxis, SymmetryBy};
 pub use training::{
     Catalogue, CataloguePage, CatalogueVersion, CatalogueVersionPage, CurrentVersion,

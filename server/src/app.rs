@@ -22,6 +22,7 @@ use crate::services::keys::Keys;
 use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
+use crate::services::storage::Storage;
 
 /// What handlers work with. Cheap to clone.
 #[derive(Clone)]
@@ -42,6 +43,7 @@ pub(crate) struct Parts {
     pub(crate) keys: Arc<Keys>,
     pub(crate) audit: Arc<Audit>,
     pub(crate) operations: Operations,
+    pub(crate) storage: Arc<Storage>,
     pub(crate) stopping: watch::Receiver<bool>,
 }
 
@@ -107,6 +109,10 @@ impl App {
         &self.0.operations
     }
 
+    pub(crate) fn storage(&self) -> &Arc<Storage> {
+        &self.0.storage
+    }
+
     /// Reads much of the store on a thread that computes: those that serve requests stay free.
     pub(crate) async fn apart<T: Send + 'static>(
         &self,
@@ -124,7 +130,7 @@ impl App {
     /// Whether the server does its work.
     pub(crate) fn readiness(&self) -> Readiness {
         let (store, room) = match self.0.store.stats() {
-            Ok(stats) => (check("store", true, taken(&stats)), room(&stats)),
+            Ok(stats) => (check("store", true, taken(&stats)), room(&stats, &self.0.storage)),
             Err(error) => {
                 let unknown = check("room", true, "nobody can tell".to_owned());
                 (check("store", false, error.to_string()), unknown)
@@ -196,13 +202,14 @@ impl App {
     }
 }
 
-/// Whether writes are taken.
-fn room(stats: &EngineStats) -> Check {
+/// Whether writes are taken; if not, what would make room.
+fn room(stats: &EngineStats, storage: &Storage) -> Check {
     let reserve = stats.reserve_bytes >> 20;
     match stats.free_bytes {
         Some(free) if free < stats.reserve_bytes => {
-            let free = free >> 20;
-            check("room", false, format!("{free} MB are free, {reserve} MB must stay: no writes"))
+            let (free, advice) = (free >> 20, storage.advice(stats));
+            let found = format!("{free} MB are free, {reserve} MB must stay: no writes{advice}");
+            check("room", false, found)
         }
         Some(free) => check("room", true, format!("{} MB are free", free >> 20)),
         None => check("room", true, "nobody can tell".to_owned()),

@@ -69,6 +69,8 @@ pub struct Config {
     pub disk_reserve_bytes: u64,
     /// Room beyond 1.5 times the live bytes at which the stored data is compacted by itself.
     pub store_slack_bytes: u64,
+    /// Bytes of stored data that one API key may hold; no bound when `None`.
+    pub store_quota_bytes: Option<u64>,
     /// How the free bytes are found.
     pub free_space: FreeSpace,
     /// The longest body of JSON or MessagePack, in bytes.
@@ -101,6 +103,8 @@ pub struct Config {
     pub training_threads: usize,
     /// How many trainings may wait.
     pub training_queue_max: usize,
+    /// How long one training may take.
+    pub training_time_max: Duration,
     /// How many bytes of memory models may have that sessions recognise by.
     pub model_memory_bytes_max: u64,
     /// How many bytes of memory beliefs may have; those that were not used for longest are
@@ -149,6 +153,7 @@ impl Config {
             store_cache_bytes: 64 << 20,
             disk_reserve_bytes: RESERVE_BYTES,
             store_slack_bytes: SLACK_BYTES,
+            store_quota_bytes: Some(10_000_000_000),
             free_space: FreeSpace::of_disk(),
             json_bytes_max: 32 << 20,
             mesh_bytes_max: 64 << 20,
@@ -165,6 +170,7 @@ impl Config {
             compute_queue_max: 256,
             training_threads: n_cores.saturating_sub(1).max(1),
             training_queue_max: 32,
+            training_time_max: Duration::from_secs(86_400),
             model_memory_bytes_max: 1_000_000_000,
             belief_memory_bytes_max: 500_000_000,
             beliefs_in_memory_max: 1024,

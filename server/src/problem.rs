@@ -98,6 +98,11 @@ fn bound(refusal: &Refusal) -> Option<Bound> {
         Refusal::AnswersFull { max, .. } => Bound::used_up("answers", "content-bytes", *max),
         Refusal::ConnectionsFull { open } => Bound::used_up("connections", "connections", *open),
         Refusal::ShareFull { name, unit, total, .. } => Bound::used_up(name, unit, *total),
+        Refusal::Store(StoreError::Engine(EngineError::OverQuota { quota, .. })) => Bound::used_up(
+            "storage",
+            "content-bytes",
+            usize::try_from(*quota).unwrap_or(usize::MAX),
+        ),
         Refusal::Compute(ComputeError::Full { places }) => {
             Bound::used_up("compute", "places", *places)
         }
@@ -256,6 +261,7 @@ fn store_kind(error: &StoreError) -> ProblemType {
             ProblemType::Conflict
         }
         StoreError::Engine(EngineError::Full { .. }) => ProblemType::StorageFull,
+        StoreError::Engine(EngineError::OverQuota { .. }) => ProblemType::QuotaExceeded,
         StoreError::Engine(
             EngineError::Busy { .. }
             | EngineError::CutsUnderWay { .. }
@@ -306,7 +312,9 @@ fn status(kind: ProblemType) -> StatusCode {
         ProblemType::NotFound => StatusCode::NOT_FOUND,
         ProblemType::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
         ProblemType::Timeout => StatusCode::REQUEST_TIMEOUT,
-        ProblemType::WrongState | ProblemType::Conflict => StatusCode::CONFLICT,
+        ProblemType::WrongState | ProblemType::Conflict | ProblemType::QuotaExceeded => {
+            StatusCode::CONFLICT
+        }
         ProblemType::SessionEnded => StatusCode::GONE,
         ProblemType::TooManyRequests => StatusCode::TOO_MANY_REQUESTS,
         ProblemType::PreconditionFailed => StatusCode::PRECONDITION_FAILED,
@@ -330,6 +338,7 @@ fn title(kind: ProblemType) -> &'static str {
         ProblemType::Timeout => "Request timeout",
         ProblemType::WrongState => "State does not allow the request",
         ProblemType::Conflict => "Conflict",
+        ProblemType::QuotaExceeded => "Storage quota exceeded",
         ProblemType::SessionEnded => "Session ended",
         ProblemType::TooManyRequests => "Rate limit exceeded",
         ProblemType::PreconditionFailed => "Precondition failed",

@@ -120,6 +120,7 @@ pub(crate) const TABLE: &[(&str, Who, Effect)] = &[
     ("bind_robot", RULING, Changes),
     ("release_robot", RULING, Changes),
     ("list_audit", RULING, Reads),
+    ("get_storage", LOOKING, Reads),
     ("take_snapshot", RULING, Changes),
     ("compact", RULING, Changes),
 ];

@@ -19,6 +19,7 @@ pub(crate) mod sensors;
 pub(crate) mod sessions;
 pub(crate) mod site;
 pub(crate) mod snapshots;
+pub(crate) mod storage;
 pub(crate) mod training;
 
 use axum::Json;
@@ -87,6 +88,7 @@ pub(crate) fn api() -> OpenApiRouter<App> {
         .routes(routes!(audit::list_audit))
         .routes(routes!(snapshots::take_snapshot))
         .routes(routes!(compactions::compact))
+        .routes(routes!(storage::get_storage))
 }
 
 /// The answer to what made something: the thing, and the path that it has from now on.

@@ -36,6 +36,7 @@ use crate::services::keys::{Keys, KeysError};
 use crate::services::objects::Objects;
 use crate::services::sensors::Sensors;
 use crate::services::sessions::Sessions;
+use crate::services::storage::{self, Storage};
 use crate::tls::TlsError;
 use crate::{openapi, tls};
 
@@ -160,6 +161,7 @@ impl Server {
         let (stop, stopping) = watch::channel(false);
         let engine = open(&config).await?;
         let store = database(Arc::clone(&engine), config.migrate).await?;
+        let store = store.with_accounts(storage::accounts(config.store_quota_bytes));
         let (keys, admin_key) =
             Keys::open(store.clone(), config.access, config.new_admin_key).await?;
         let keys = Arc::new(keys);
@@ -184,6 +186,7 @@ impl Server {
         let audit = Arc::clone(app.audit());
         tokio::spawn(Arc::clone(&audit).keep(stopping.clone()));
         tokio::spawn(time_keeper.keep_time(stopping.clone()));
+        tokio::spawn(Arc::clone(app.storage()).watch(stopping.clone()));
         if let Some(keep) = session_kept {
             tokio::spawn(Arc::clone(&sessions).forget(keep, stopping.clone()));
         }
@@ -324,6 +327,7 @@ async fn assemble(
     let log = tokio::task::spawn_blocking(move || log.audit(sizes, is_essential)).await;
     let log = log.map_err(std::io::Error::other)??;
     let audit = Arc::new(Audit::new(log, config.failed_changes_per_minute));
+    let storage = Storage::new(store.clone(), Arc::clone(&keys), config.store_quota_bytes);
     let admission = Admission::new(&config);
     let rates = config.rate_per_second.map(Rates::new);
     let working = Arc::clone(&jobs);
@@ -341,6 +345,7 @@ async fn assemble(
         keys,
         audit,
         operations: Operations::new(openapi::operation_ids()),
+        storage: Arc::new(storage),
         stopping,
     };
     Ok((App::new(parts), working))

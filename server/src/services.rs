@@ -11,3 +11,4 @@ pub(crate) mod training;
 pub(crate) mod jobs;
 pub(crate) mod snapshots;
 pub(crate) mod integrity;
+pub(crate) mod storage;

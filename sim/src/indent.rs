@@ -26,6 +26,8 @@ const N_PLACES: usize = 15;
 const PLACE_STEP: f64 = 0.1 * MM;
 /// Depths of the fine grid, as fractions of the covering.
 const SPREAD_DEPTHS: [f64; 3] = [0.30, 0.50, 0.65];
+/// Draws of a taxel for a fault. A sensor of three taxels or more has one among 64 draws.
+const DRAWS_MAX: usize = 64;
 
 /// One press of the fine grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,10 +49,11 @@ pub struct IndentationRun {
     pub spread: Vec<GridPress>,
     /// Gain of every taxel.
     pub gains: Vec<f64>,
-    /// The taxel that never responds.
-    pub dead: usize,
-    /// A taxel that responds to presses on another one, and that other taxel.
-    pub cross_wired: (usize, usize),
+    /// The taxel that never responds; `None` for sensors of one taxel.
+    pub dead: Option<usize>,
+    /// A taxel that responds to presses on another one, and that other taxel; `None` for sensors of
+    /// fewer than three taxels or of one column.
+    pub cross_wired: Option<(usize, usize)>,
 }
 
 /// A run on a sensor whose images are those of its description.
@@ -104,8 +107,8 @@ struct Bench<'a> {
     sensor: &'a SensorDescription,
     gains: Vec<f64>,
     offsets: Vec<f64>,
-    dead: usize,
-    cross_wired: (usize, usize),
+    dead: Option<usize>,
+    cross_wired: Option<(usize, usize)>,
     /// Pascal for a metre of depth and a unit of the image.
     stiffness: f64,
 }
@@ -124,28 +127,28 @@ impl<'a> Bench<'a> {
         let offsets = (0..n).map(|_| stream.uniform(0.0, offset_max)).collect();
         let pressed = grid.rows / 2 * grid.cols + grid.cols / 2;
         // Neither fault is at the taxel on which the fine grid is centred.
-        let mut faulty = |but: usize| loop {
-            let taxel = stream.index(n);
-            if taxel != pressed && taxel != but {
-                return taxel;
-            }
+        let mut faulty = |but: Option<usize>| {
+            let mut drawn = (0..DRAWS_MAX).map(|_| stream.index(n));
+            drawn.find(|taxel| *taxel != pressed && Some(*taxel) != but)
         };
-        let dead = faulty(pressed);
-        let wrong = faulty(dead);
-        let beside = if wrong % grid.cols == 0 { wrong + 1 } else { wrong - 1 };
+        let dead = faulty(None);
+        let beside = |taxel| if taxel % grid.cols == 0 { taxel + 1 } else { taxel - 1 };
+        let wrong = faulty(dead).filter(|_| grid.cols > 1);
+        let cross_wired = wrong.map(|wrong| (wrong, beside(wrong)));
         let own = image(grid.center(grid.rows / 2, grid.cols / 2))[pressed];
         let thickness = parameters.covering_thickness;
         let deepest = (0.6 * thickness.min(1.0 * MM)).max(0.65 * thickness);
         let stiffness = DEEPEST * parameters.saturation / (own * deepest);
-        Self { sensor, gains, offsets, dead, cross_wired: (wrong, beside), stiffness }
+        Self { sensor, gains, offsets, dead, cross_wired, stiffness }
     }
 
     /// The mean of several readings of a press.
     fn measure(&self, shape: &[f64], depth: f64, stream: &mut Stream) -> Vec<f64> {
         let parameters = self.sensor.parameters();
         let one = |taxel: usize| {
-            let reads = if taxel == self.cross_wired.0 { self.cross_wired.1 } else { taxel };
-            let gain = if taxel == self.dead { 0.0 } else { self.gains[taxel] };
+            let crossed = self.cross_wired.filter(|(wrong, _)| *wrong == taxel);
+            let reads = crossed.map_or(taxel, |(_, beside)| beside);
+            let gain = if Some(taxel) == self.dead { 0.0 } else { self.gains[taxel] };
             let ideal = gain * self.stiffness * depth * shape[reads] + self.offsets[taxel];
             let mut sum = 0.0;
             for _ in 0..N_FRAMES {
@@ -162,9 +165,9 @@ impl<'a> Bench<'a> {
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::sensor::TaxelState;
     use palpate_core::sensor::response::fit_response;
     use palpate_core::sensor::spread_fit::{SpreadPress, fit_spread};
+    use palpate_core::sensor::{SensorParameters, TaxelGrid, TaxelState};
 
     use super::*;
 
@@ -178,9 +181,9 @@ mod tests {
             let calibration = &fit.calibration;
             for (taxel, response) in calibration.taxels().iter().enumerate() {
                 let expected = match taxel {
-                    taxel if taxel == run.dead => TaxelState::Dead,
-                    taxel if taxel == run.cross_wired.0 => {
-                        TaxelState::CrossWired { answers: run.cross_wired.1 }
+                    taxel if Some(taxel) == run.dead => TaxelState::Dead,
+                    taxel if run.cross_wired.is_some_and(|(wrong, _)| wrong == taxel) => {
+                        TaxelState::CrossWired { answers: run.cross_wired.unwrap().1 }
                     }
                     _ => TaxelState::Ok,
                 };
@@ -201,6 +204,18 @@ mod tests {
             let spread = fit_spread(sensor.grid(), INDENTER, &presses).unwrap();
             let part = spread.sigma / parameters.point_spread;
             assert!((part - 1.0).abs() < 0.03 && spread.cosine > 0.99, "seed {seed}: {spread:?}");
+        }
+    }
+
+    #[test]
+    fn sensors_too_small_for_faults_have_none() {
+        let parameters = SensorDescription::digitacts_6x6().parameters().clone();
+        for (rows, cols, n_faults) in [(1, 1, 0), (1, 2, 1), (3, 1, 1), (1, 3, 2)] {
+            let grid = TaxelGrid { rows, cols, ..parameters.grid };
+            let sensor = SensorParameters { grid, ..parameters.clone() };
+            let run = indentation_run(&SensorDescription::new(sensor).unwrap(), 1);
+            let found = usize::from(run.dead.is_some()) + usize::from(run.cross_wired.is_some());
+            assert_eq!(found, n_faults, "{rows}×{cols}");
         }
     }
 

@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
+use palpate_core::stop::Stop;
 use palpate_core::symmetry::Symmetry;
 use uuid::Uuid;
 
@@ -174,12 +175,15 @@ impl Catalogues {
         self.table.list(after, limit)
     }
 
-    /// Writes a new version: its blocks, then its manifest. It does not become current.
+    /// Writes a new version: its blocks, then its manifest. It does not become current. All its
+    /// blocks count to the caller, including those that other versions share.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Damaged`]; the engine's.
     pub async fn publish(&self, catalogue: Uuid, draft: Draft) -> Result<Manifest, StoreError> {
         self.get(catalogue)?;
+        let bytes = draft.blocks.iter().map(|(_, content)| content.len() as u64).sum();
+        self.engine.check_quota(bytes)?;
         let mut blocks = Vec::with_capacity(draft.blocks.len());
         for (name, content) in draft.blocks {
             blocks.push(self.write_block(name, &content).await?);
@@ -199,7 +203,8 @@ impl Catalogues {
             now.latest += 1;
             manifest.version = now.latest;
             let head = key::numbered(Space::Version, catalogue, u64::from(now.latest));
-            Ok::<_, Infallible>(pieces::put(Commit::new(), &head, &record::encode(&manifest), None))
+            let commit = pieces::put(Commit::new(), &head, &record::encode(&manifest), None);
+            Ok::<_, Infallible>(Commit { counted: vec![(head, bytes)], ..commit })
         });
         published.await?.unwrap_or_else(|never| match never {});
         Ok(manifest)
@@ -285,6 +290,18 @@ impl Catalogues {
         }
     }
 
+    /// Bytes of all blocks that versions of a catalogue name, each once.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`]; the engine's.
+    pub fn block_bytes(&self, catalogue: Uuid) -> Result<u64, StoreError> {
+        let mut blocks = BTreeMap::new();
+        for manifest in self.manifests(catalogue, 0, usize::MAX)? {
+            blocks.extend(manifest.blocks.iter().map(|block| (block.hash, block.length)));
+        }
+        Ok(blocks.values().sum())
+    }
+
     /// The content of a block, checked against its hash.
     ///
     /// # Errors
@@ -311,17 +328,16 @@ impl Catalogues {
         manifest.blocks.iter().map(content).collect()
     }
 
-    /// The trained model of a version.
+    /// The trained model of a version. Heeds `stop` between blocks.
     ///
     /// # Errors
     /// [`StoreError::TrainedModel`] when its blocks are inconsistent; else as [`Catalogues::block`].
-    pub fn model(&self, manifest: &Manifest) -> Result<TrainedModel, StoreError> {
-        let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
-        model_codec::model_from_blocks(&self.blocks(manifest)?, &objects).map_err(unfit(manifest))
+    pub fn model(&self, manifest: &Manifest, stop: &Stop) -> Result<TrainedModel, StoreError> {
+        self.model_of(manifest, |_| true, stop)
     }
 
     /// One part of the trained model of a version, without the others. Reads the blocks of
-    /// that part alone.
+    /// that part alone, and heeds `stop` between them.
     ///
     /// # Errors
     /// As [`Catalogues::model`].
@@ -329,11 +345,25 @@ impl Catalogues {
         &self,
         manifest: &Manifest,
         part: ModelPart,
+        stop: &Stop,
+    ) -> Result<TrainedModel, StoreError> {
+        self.model_of(manifest, |name| part.needs(name), stop)
+    }
+
+    /// The model that some blocks of a version make.
+    fn model_of(
+        &self,
+        manifest: &Manifest,
+        is_needed: impl Fn(&str) -> bool,
+        stop: &Stop,
     ) -> Result<TrainedModel, StoreError> {
         let objects: Vec<Uuid> = manifest.objects.iter().map(|object| object.id).collect();
-        let needed = manifest.blocks.iter().filter(|block| part.needs(&block.name));
-        let blocks: Result<Vec<(String, Vec<u8>)>, StoreError> =
-            needed.map(|entry| Ok((entry.name.clone(), self.block(entry)?))).collect();
+        let needed = manifest.blocks.iter().filter(|block| is_needed(&block.name));
+        let read = |entry: &BlockEntry| {
+            stop.check();
+            Ok((entry.name.clone(), self.block(entry)?))
+        };
+        let blocks: Result<Vec<(String, Vec<u8>)>, StoreError> = needed.map(read).collect();
         model_codec::model_from_blocks(&blocks?, &objects).map_err(unfit(manifest))
     }
 

@@ -1,5 +1,6 @@
 //! The database: opened once, with all its repositories.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,6 +17,7 @@ use crate::engine::{
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::error::{RecordError, StoreError, unconditional};
 use crate::essential::Essential;
+use crate::holding::{self, Accounted, Holding, Who};
 use crate::journal::{Journal, JournalSpaces};
 use crate::key::{self, Space};
 use crate::memory::MemoryEngine;
@@ -127,6 +129,35 @@ impl Database {
     #[must_use]
     pub fn essential(&self) -> Self {
         Self { engine: Arc::new(Essential(Arc::clone(&self.engine))) }
+    }
+
+    /// The same database, whose commits count to the account that `who` names at the time.
+    #[must_use]
+    pub fn with_accounts(self, who: Who) -> Self {
+        Self { engine: Arc::new(Accounted { engine: self.engine, who }) }
+    }
+
+    /// Bytes that each API key holds; those that nobody was asked a key for have the nil id.
+    #[must_use]
+    pub fn held(&self) -> BTreeMap<Uuid, u64> {
+        self.engine.held()
+    }
+
+    /// Shows what each key holds of each thing to `look`. Blocks, for the longer the more things
+    /// there are.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn holdings(&self, look: impl FnMut(Holding)) -> Result<(), EngineError> {
+        holding::each(&*self.engine, look)
+    }
+
+    /// The key that asked for a job, where that was counted.
+    ///
+    /// # Errors
+    /// The engine's.
+    pub fn job_writer(&self, job: Uuid) -> Result<Option<Uuid>, EngineError> {
+        holding::writer_of(&*self.engine, &key::id(Space::Job, job))
     }
 
     /// All sensors.
@@ -248,6 +279,9 @@ impl Database {
         let removed = self.objects().remove(id).await?;
         self.meshes().remove(id).await?;
         self.training().remove(id).await?;
+        for space in [Space::Object, Space::MeshFile, Space::Training] {
+            holding::release(&*self.engine, &key::id(space, id)).await?;
+        }
         Ok(removed)
     }
 
@@ -258,6 +292,7 @@ impl Database {
     pub async fn remove_session(&self, id: Uuid) -> Result<bool, StoreError> {
         let removed = self.sessions().remove(id).await?;
         self.journal().remove(id).await?;
+        holding::release(&*self.engine, &key::id(Space::Session, id)).await?;
         Ok(removed)
     }
 
@@ -268,6 +303,7 @@ impl Database {
     pub async fn remove_sensor(&self, id: Uuid) -> Result<bool, StoreError> {
         let removed = self.sensors().remove(id).await?;
         pieces::remove_all(&*self.engine, &key::id(Space::Calibration, id)).await?;
+        holding::release(&*self.engine, &key::id(Space::Sensor, id)).await?;
         Ok(removed)
     }
 

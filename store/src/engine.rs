@@ -7,6 +7,7 @@
 //! `scan` yields keys in ascending order. A reader may see a write shortly before it is
 //! durable.
 
+use std::collections::BTreeMap;
 use std::future::Future;
 use std::path::PathBuf;
 use std::pin::Pin;
@@ -14,6 +15,7 @@ use std::task::{Context, Poll};
 
 use futures::channel::oneshot;
 use thiserror::Error;
+use uuid::Uuid;
 
 /// Maximum length of a value, bytes; larger records are split by `pieces`.
 ///
@@ -54,6 +56,18 @@ pub trait Engine: Send + Sync + 'static {
     /// Returns at once; the [`Pending`] resolves when the commit is durable. A dropped
     /// `Pending` does not undo the commit.
     fn commit(&self, commit: Commit) -> Pending;
+
+    /// Bytes that each API key holds; those without one have the nil id.
+    fn held(&self) -> BTreeMap<Uuid, u64>;
+
+    /// Whether the account of the next commit may write this many bytes more. An engine whose
+    /// commits have no account of their own has no quota.
+    ///
+    /// # Errors
+    /// [`EngineError::OverQuota`].
+    fn check_quota(&self, _more: u64) -> Result<(), EngineError> {
+        Ok(())
+    }
 
     /// The state after all acknowledged commits, readable during later writes. Blocks until
     /// the writer has acknowledged the commits in progress.
@@ -97,6 +111,15 @@ pub enum Expected {
     Value(Vec<u8>),
 }
 
+/// The API key that the bytes of a commit count to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Account {
+    /// The key's id; nil where nobody is asked for a key.
+    pub key: Uuid,
+    /// Bytes that the key may hold; `None` is no bound.
+    pub quota: Option<u64>,
+}
+
 /// Writes that are applied together or not at all, with their conditions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Commit {
@@ -104,8 +127,12 @@ pub struct Commit {
     pub expectations: Vec<(Vec<u8>, Expected)>,
     /// Keys and their new values; `None` removes the key. The last write of a key wins.
     pub writes: Vec<(Vec<u8>, Option<Vec<u8>>)>,
-    /// Whether it must work on a full disk and may use the reserve.
+    /// Whether it must work on a full disk and may use the reserve, and bytes beyond the quota.
     pub is_essential: bool,
+    /// Who its bytes count to.
+    pub account: Option<Account>,
+    /// Bytes that count to things besides those that it writes: the thing's key, and how many.
+    pub counted: Vec<(Vec<u8>, u64)>,
 }
 
 impl Commit {
@@ -342,6 +369,20 @@ pub enum EngineError {
         /// Bytes that must stay free.
         reserve: u64,
     },
+    /// The key would hold more than its quota; nothing was written.
+    #[error(
+        "this key holds {} MB of stored data and may hold {} MB: these {more} bytes do not fit; \
+         remove sessions, objects or versions that it wrote, or ask an administrator for more \
+         (`--store-quota-mb`)", megabytes(*.held), megabytes(*.quota)
+    )]
+    OverQuota {
+        /// Bytes that it holds.
+        held: u64,
+        /// Bytes that do not fit.
+        more: u64,
+        /// Bytes that it may hold.
+        quota: u64,
+    },
     /// Too little space is left on the disk for a compaction.
     #[error(
         "no room to compact: it needs {} MB, {} MB are free and {} MB must stay free",
@@ -397,6 +438,10 @@ pub enum EngineError {
         /// Number of writes.
         found: usize,
     },
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.3}", bytes as f64 / 1e6)
 }
 
 /// Error of a commit that was not applied.

@@ -58,6 +58,8 @@ pub enum Kind {
     RobotHolder = 21,
     /// The latest time.
     Clock = 22,
+    /// Bytes of a thing that an API key wrote.
+    Holding = 23,
     /// Number of commits, and the sum of all records.
     Tally = 30,
 }

@@ -1,7 +1,10 @@
 //! An engine whose commits may use the reserve of a full disk, for operations that must
 //! always work: revoking a key, ending a session, freeing space.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use uuid::Uuid;
 
 use crate::engine::{Commit, Compacted, Cut, Engine, EngineError, EngineStats, Pair, Pending};
 
@@ -24,6 +27,10 @@ impl Engine for Essential {
 
     fn commit(&self, commit: Commit) -> Pending {
         self.0.commit(Commit { is_essential: true, ..commit })
+    }
+
+    fn held(&self) -> BTreeMap<Uuid, u64> {
+        self.0.held()
     }
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {

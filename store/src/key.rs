@@ -60,6 +60,8 @@ pub enum Space {
     RobotHolder = b'h',
     /// The latest time.
     Clock = b'y',
+    /// How many bytes an API key wrote of a thing, by thing and key.
+    Holding = b'z',
 }
 
 /// The bytes of an id inside a key: the space's letter and 16 bytes.

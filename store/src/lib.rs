@@ -4,25 +4,27 @@
 //! atomically and durably ([`sled`], [`memory`]); [`envelope`] and [`record`] define the
 //! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`mesh`],
 //! [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
-//! [`fsck`] checks a whole database, [`snapshot`] copies one. `docs/formats.md` draws every
+//! [`holding`] counts the bytes that each API key wrote; [`fsck`] checks a whole database,
+//! [`snapshot`] copies one. `docs/formats.md` draws every
 //! byte. Times are arguments, in milliseconds since 1970. Not here: HTTP, clocks, and
 //! upgrades of old formats (`migrations`).
 
 pub mod engine;
-pub mod memory;
 mod essential;
 pub mod key;
 pub mod envelope;
 pub mod private;
-pub mod sled;
 mod descriptor_code;
 pub mod model;
 pub mod model_codec;
 pub mod error;
 pub mod record;
 pub mod entity;
-pub mod robot;
 mod pieces;
+pub mod holding;
+pub mod robot;
+pub mod memory;
+pub mod sled;
 pub mod table;
 pub mod access;
 pub mod journal;

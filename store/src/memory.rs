@@ -4,14 +4,18 @@ use std::collections::BTreeMap;
 use std::ops::Bound;
 use std::sync::Mutex;
 
+use uuid::Uuid;
+
 use crate::engine::{
     Commit, CommitError, Compacted, Cut, Engine, EngineError, EngineStats, Expected, Pair, Pending,
 };
+use crate::holding::{Bill, Held};
 
 /// Keys and values in a sorted map under one lock.
 #[derive(Debug, Default)]
 pub struct MemoryEngine {
     state: Mutex<State>,
+    held: Held,
 }
 
 #[derive(Debug, Default)]
@@ -65,7 +69,23 @@ impl Engine for MemoryEngine {
         if let Some(expectation) = broken {
             return Pending::ready(Err(CommitError::Conflict { expectation }));
         }
-        for (key, value) in commit.writes {
+        let mut bill = Bill::of(&commit);
+        let mut writes: BTreeMap<Vec<u8>, Option<Vec<u8>>> = commit.writes.into_iter().collect();
+        if let Some(bill) = &mut bill {
+            for (key, value) in &writes {
+                bill.add(key, state.pairs.get(key).map(Vec::as_slice), value.as_deref());
+            }
+        }
+        let get = |key: &[u8]| Ok(state.pairs.get(key).cloned());
+        match bill.map_or(Ok(Vec::new()), |bill| bill.settle(&self.held, get)) {
+            Ok(holdings) => writes.extend(holdings.into_iter().map(|(key, it)| (key, Some(it)))),
+            Err(error) => return Pending::ready(Err(error.into())),
+        }
+        for (key, value) in writes {
+            let before = state.pairs.get(&key).map(Vec::as_slice);
+            if let Err(error) = self.held.note(&key, before, value.as_deref()) {
+                return Pending::ready(Err(error.into()));
+            }
             match value {
                 Some(value) => state.pairs.insert(key, value),
                 None => state.pairs.remove(&key),
@@ -73,6 +93,10 @@ impl Engine for MemoryEngine {
         }
         state.commits += 1;
         Pending::ready(Ok(()))
+    }
+
+    fn held(&self) -> BTreeMap<Uuid, u64> {
+        self.held.all()
     }
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {

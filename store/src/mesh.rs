@@ -10,9 +10,10 @@ use std::sync::Arc;
 
 use uuid::Uuid;
 
-use crate::engine::{Commit, Engine, Expected};
+use crate::engine::{Commit, Engine, EngineError, Expected};
 use crate::envelope::{self, Kind};
 use crate::error::{RecordError, StoreError, conflict};
+use crate::holding;
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record::{self, SCHEMA};
@@ -99,22 +100,33 @@ impl Meshes {
         let before = self.engine.get(&head)?;
         let file_key = key::nested(Space::MeshFile, object, info.upload);
         let sealed = envelope::seal(Kind::MeshFile, SCHEMA, file);
-        pieces::write_large(&*self.engine, &file_key, &sealed).await?;
+        if let Err(error) = pieces::write_large(&*self.engine, &file_key, &sealed).await {
+            // What was written before does not stay, where the engine still removes.
+            if let Err(error) = self.remove_file(&file_key).await {
+                tracing::warn!(%error, "Cannot remove what was stored of a mesh that did not fit");
+            }
+            return Err(error.into());
+        }
         let expected = before.clone().map_or(Expected::Absent, Expected::Value);
         let commit = Commit::new().expect(head.clone(), expected).put(head, record::encode(info));
         match self.engine.commit(commit).await.map_err(conflict) {
             Ok(()) => {}
             Err(Ok(_)) => {
-                pieces::remove_all(&*self.engine, &file_key).await?;
+                self.remove_file(&file_key).await?;
                 return Err(StoreError::Changed { what: "mesh of object", id: object });
             }
             Err(Err(error)) => return Err(error.into()),
         }
         if let Some(Ok(before)) = before.map(|bytes| record::decode::<MeshInfo>(&bytes)) {
             let replaced = key::nested(Space::MeshFile, object, before.upload);
-            pieces::remove_all(&*self.engine, &replaced).await?;
+            self.remove_file(&replaced).await?;
         }
         Ok(())
+    }
+
+    async fn remove_file(&self, file_key: &[u8]) -> Result<(), EngineError> {
+        pieces::remove_all(&*self.engine, file_key).await?;
+        holding::release(&*self.engine, file_key).await
     }
 
     /// The metadata of an object's mesh, if it has one.

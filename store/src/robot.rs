@@ -11,6 +11,7 @@ use uuid::Uuid;
 
 use crate::engine::{Commit, Engine};
 use crate::error::{StoreError, unconditional};
+use crate::holding;
 use crate::key::{self, Space};
 use crate::record;
 
@@ -74,6 +75,7 @@ impl RobotHolders {
     /// The engine's.
     pub async fn remove(&self, robot: &str) -> Result<(), StoreError> {
         let commit = Commit::new().remove(key::robot_name(robot));
-        Ok(self.engine.commit(commit).await.map_err(unconditional)?)
+        self.engine.commit(commit).await.map_err(unconditional)?;
+        Ok(holding::release(&*self.engine, &holding::robot(robot.as_bytes())).await?)
     }
 }

@@ -11,6 +11,7 @@
 //! without it from time to time (`compaction`, `levels`, `base`).
 
 mod base;
+mod census;
 mod compaction;
 mod current;
 mod cut;
@@ -22,6 +23,7 @@ mod room;
 mod tally;
 mod writer;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::Bound;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -32,10 +34,12 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::thread::JoinHandle;
 
 use futures::channel::oneshot;
+use uuid::Uuid;
 
 use crate::engine::{
     Commit, Compacted, Cut, Engine, EngineError, EngineStats, OpenError, Pair, Pending,
 };
+use crate::holding::Held;
 use crate::private;
 use compaction::Compaction;
 pub use compaction::Halt;
@@ -44,7 +48,7 @@ pub use cut::CUTS_MAX;
 use cut::{Memory, SledCut};
 use levels::Levels;
 use mark::Mark;
-use opening::{Verified, lock_folder, open_levels, unusable, verify};
+use opening::{Verified, held, lock_folder, open_levels, unreadable, unusable, verify};
 pub use room::FreeSpace;
 use room::Room;
 use tally::TALLY_KEY;
@@ -124,6 +128,7 @@ struct Shared {
     flushes: AtomicU64,
     compactions: AtomicU64,
     live_bytes: AtomicU64,
+    held: Held,
 }
 
 impl Shared {
@@ -182,6 +187,7 @@ impl SledEngine {
             flushes: AtomicU64::new(0),
             compactions: AtomicU64::new(0),
             live_bytes: AtomicU64::new(live_bytes),
+            held: held(&levels).map_err(|error| unreadable(folder, &error))?,
         });
         let memory = Arc::new(Memory::default());
         let (queue, orders) = sync_channel(QUEUE_MAX);
@@ -286,6 +292,10 @@ impl Engine for SledEngine {
             Ok(()) => pending,
             Err(error) => Pending::ready(Err(error.into())),
         }
+    }
+
+    fn held(&self) -> BTreeMap<Uuid, u64> {
+        self.shared.held.all()
     }
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {

@@ -10,6 +10,7 @@ use uuid::Uuid;
 
 use crate::engine::{Commit, Engine, Expected};
 use crate::entity::{Job, Object, Sensor, Session};
+use crate::envelope;
 use crate::error::{StoreError, conflict};
 use crate::key::{self, ID_KEY_BYTES, Space};
 use crate::pieces::{self, Limit};
@@ -142,11 +143,16 @@ impl<T: Entity> Table<T> {
     pub fn list_whole(&self, after: Option<Uuid>, limit: usize) -> Result<Page<T>, StoreError> {
         let prefix = key::space(T::SPACE);
         let (mut items, mut last) = (Vec::new(), after);
-        let keys = self.keys(&prefix, after, limit.saturating_add(1))?;
-        let more = keys.len() > limit;
-        for id in keys.into_iter().take(limit) {
+        let heads = self.heads(&prefix, after, limit.saturating_add(1))?;
+        let more = heads.len() > limit;
+        for (id, first) in heads.into_iter().take(limit) {
             last = Some(id);
-            match self.find(id) {
+            let is_whole = envelope::total_bytes(&first).is_ok_and(|total| total == first.len());
+            let found = match is_whole {
+                true => record::decode(&first).map(Some).map_err(StoreError::damaged(T::SPACE)),
+                false => self.find(id),
+            };
+            match found {
                 Ok(found) => items.extend(found),
                 Err(error @ StoreError::Damaged { .. }) => {
                     tracing::error!("Left {} {id} out of a list: {error}", T::WHAT);
@@ -157,24 +163,26 @@ impl<T: Entity> Table<T> {
         Ok(Page { next: last.filter(|_| more), items })
     }
 
-    /// Up to `limit` ids after `after`, in ascending order.
-    fn keys(
+    /// Up to `limit` ids after `after`, in ascending order, with the first piece of each record.
+    fn heads(
         &self,
         prefix: &[u8],
         after: Option<Uuid>,
         limit: usize,
-    ) -> Result<Vec<Uuid>, StoreError> {
-        let mut ids: Vec<Uuid> = Vec::new();
+    ) -> Result<Vec<(Uuid, Vec<u8>)>, StoreError> {
+        let mut found = Vec::new();
         let mut after = after.map(|id| [&key::id(T::SPACE, id)[..], &[0xff; 5]].concat());
-        while ids.len() < limit {
+        while found.len() < limit {
             let page = self.engine.scan(prefix, after.as_deref(), KEYS_PER_SCAN)?;
             let Some((last, _)) = page.last() else { break };
             after = Some(last.clone());
-            let heads = page.iter().filter(|(key, _)| key.len() == ID_KEY_BYTES);
-            ids.extend(heads.filter_map(|(key, _)| Uuid::from_slice(&key[1..]).ok()));
+            let heads = page.into_iter().filter(|(key, _)| key.len() == ID_KEY_BYTES);
+            found.extend(
+                heads.filter_map(|(key, first)| Some((Uuid::from_slice(&key[1..]).ok()?, first))),
+            );
         }
-        ids.truncate(limit);
-        Ok(ids)
+        found.truncate(limit);
+        Ok(found)
     }
 
     /// All items.
@@ -218,6 +226,7 @@ impl<T: Entity> Table<T> {
             let mut commit =
                 Commit::new().expect(head.clone(), Expected::Value(pieces::first(&bytes)));
             commit.writes.extend(with.writes);
+            commit.counted = with.counted;
             if let (Some(old), Some(new)) = (before.name(), after.name())
                 && old != new
             {

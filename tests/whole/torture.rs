@@ -132,6 +132,10 @@ fn attackers_harm_no_honest_robot_and_hold_nothing() {
     let attacks = counts["attacks"].as_array().unwrap();
     assert_eq!(attacks.len(), 12);
     assert!(attacks.iter().all(|attack| attack["attempts"].as_u64() > Some(3)), "{counts}");
+    let aside = counts["aside"].as_array().unwrap();
+    let findings: Vec<u64> = aside.iter().map(|one| one["finding"].as_u64().unwrap()).collect();
+    assert_eq!(findings, [4, 5, 12, 15, 21, 22]);
+    assert!(aside.iter().all(|one| one["attempts"].as_u64() > Some(1)), "{counts}");
     assert!(
         number("honest_requests") > 500 && counts["peak_mb"].as_f64() < Some(1200.0),
         "{counts}"

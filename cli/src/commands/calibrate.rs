@@ -48,16 +48,18 @@ pub(crate) async fn indent(
     let text = serde_json::to_string(&indentations)?;
     std::fs::write(out, text).with_context(|| format!("cannot write {}", out.display()))?;
     let place = |taxel: usize| format!("row {}, column {}", taxel / grid.cols, taxel % grid.cols);
+    let dead = run.dead.map_or_else(|| "none".to_owned(), place);
+    let crossed = run.cross_wired.map_or_else(
+        || "none".to_owned(),
+        |(wrong, answers)| format!("{}, which answers {}", place(wrong), place(answers)),
+    );
     Ok(format!(
         "wrote {} presses of taxels and {} of a fine grid to {}\n\
-         dead: {}; cross-wired: {}, which answers {}\n\
+         dead: {dead}; cross-wired: {crossed}\n\
          next: palpate sensors calibrate {} --file {}",
         indentations.response.len(),
         run.spread.len(),
         out.display(),
-        place(run.dead),
-        place(run.cross_wired.0),
-        place(run.cross_wired.1),
         sensor.name,
         out.display()
     ))

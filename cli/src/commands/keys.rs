@@ -5,6 +5,7 @@ use palpate_client::schemas::{ApiKey, CreateKey, NewApiKey, PageQuery, Role, Rot
 use serde_json::json;
 
 use super::Context;
+use super::storage::megabytes;
 use crate::output::{self, word};
 
 /// Arguments of `palpate keys`.
@@ -130,13 +131,14 @@ fn table_of(key: &ApiKey) -> String {
 
 fn table(keys: &[ApiKey]) -> String {
     output::table(
-        ["id", "name", "role", "state", "created", "last used", "expires"],
+        ["id", "name", "role", "state", "holds", "created", "last used", "expires"],
         keys.iter().map(|key| {
             [
                 key.id.to_string(),
                 key.name.clone(),
                 word(&key.role),
                 state(key),
+                megabytes(key.stored_bytes),
                 key.created_at.clone(),
                 key.last_used_at.clone().unwrap_or_else(|| "never".to_owned()),
                 key.expires_at.clone().unwrap_or_else(|| "never".to_owned()),

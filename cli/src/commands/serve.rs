@@ -207,6 +207,15 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000)
     )]
     compute_queue: u64,
+    /// Seconds that one training may take; then it fails, and the next one starts.
+    #[arg(
+        long,
+        env = "PALPATE_TRAINING_MAX_S",
+        value_name = "S",
+        default_value_t = 86_400,
+        value_parser = clap::value_parser!(u64).range(1..=31_536_000)
+    )]
+    training_max_s: u64,
     /// Migrate stored data of an older layout at the start; take a snapshot or a copy first.
     /// Without it, such data is refused.
     #[arg(long, env = "PALPATE_MIGRATE")]
@@ -229,6 +238,16 @@ pub(crate) struct ServeArgs {
         value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
     )]
     store_slack_mb: u64,
+    /// Stored data that one API key may hold, in MB: its sessions, readings, objects and versions.
+    /// More is refused (409) until some of it is removed. 0 is no bound.
+    #[arg(
+        long,
+        env = "PALPATE_STORE_QUOTA_MB",
+        value_name = "MB",
+        default_value_t = 10_000,
+        value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)
+    )]
+    store_quota_mb: u64,
 }
 
 /// When requests need an API key.
@@ -350,9 +369,11 @@ fn config(args: ServeArgs) -> Config {
         requests_max: args.requests.map_or(usual.requests_max, |requests| requests as usize),
         store_cache_bytes: args.store_cache_mb << 20,
         compute_queue_max: args.compute_queue as usize,
+        training_time_max: Duration::from_secs(args.training_max_s),
         migrate: args.migrate,
         disk_reserve_bytes: args.disk_reserve_mb << 20,
         store_slack_bytes: args.store_slack_mb << 20,
+        store_quota_bytes: Some(args.store_quota_mb * 1_000_000).filter(|bytes| *bytes > 0),
         ..usual
     }
 }

@@ -93,10 +93,10 @@ fn calibration((sensor, run): &Run) -> anyhow::Result<Calibration> {
 
 /// How many of a run's two faulty taxels are named rightly.
 fn n_faults_found(calibration: &Calibration, run: &IndentationRun) -> u32 {
-    let (wrong, answers) = run.cross_wired;
     let state = |taxel: usize| calibration.taxels()[taxel].state;
-    u32::from(state(run.dead) == TaxelState::Dead)
-        + u32::from(state(wrong) == TaxelState::CrossWired { answers })
+    let is_crossed = |(wrong, answers)| state(wrong) == TaxelState::CrossWired { answers };
+    u32::from(run.dead.is_some_and(|dead| state(dead) == TaxelState::Dead))
+        + u32::from(run.cross_wired.is_some_and(is_crossed))
 }
 
 /// The fitted spread at each depth of a run.

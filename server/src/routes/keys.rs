@@ -11,7 +11,6 @@ use crate::extract::{JsonBody, Params, Segment1};
 use crate::middleware::caller::Caller;
 use crate::refusal::Refusal;
 use crate::routes::documented::Conflict;
-use crate::wire::access;
 
 /// List the keys
 ///
@@ -50,7 +49,7 @@ pub(crate) async fn get_key(
     State(app): State<App>,
     Segment1(key): Segment1,
 ) -> Result<Json<ApiKey>, Refusal> {
-    Ok(Json(access::key(&app.keys().get(&key)?, app.keys().now_ms())))
+    Ok(Json(app.keys().shown(&app.keys().get(&key)?)))
 }
 
 /// Revoke a key
@@ -92,6 +91,10 @@ pub(crate) async fn whoami(
     State(app): State<App>,
     Extension(caller): Extension<Caller>,
 ) -> Json<Whoami> {
-    let key = caller.key.as_ref().map(|key| access::key(key, app.keys().now_ms()));
-    Json(Whoami { keys_required: app.keys().required(), role: caller.role(), key })
+    Json(Whoami {
+        keys_required: app.keys().required(),
+        role: caller.role(),
+        key: caller.key.as_ref().map(|key| app.keys().shown(key)),
+        quota_bytes: app.storage().quota().filter(|_| caller.key.is_some()),
+    })
 }

@@ -42,7 +42,8 @@ pub(crate) async fn readyz(
 pub(crate) async fn metrics(State(app): State<App>) -> Response {
     app.measure();
     let content_type = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
-    (content_type, telemetry::metrics_handle().render()).into_response()
+    let text = telemetry::metrics_handle().render() + &app.storage().figures();
+    (content_type, text).into_response()
 }
 
 /// Get the server's version

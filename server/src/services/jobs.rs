@@ -13,7 +13,7 @@ mod plan;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use control::{CANCEL, Control, SUSPEND};
+use control::{CANCEL, Control, OVERDUE, SUSPEND};
 use dashmap::DashMap;
 use draft::draft;
 use ending::Ending;
@@ -27,6 +27,8 @@ use palpate_store::model_codec::model_to_blocks;
 use tokio::sync::{Notify, oneshot, watch};
 use uuid::Uuid;
 
+use crate::asker;
+use crate::client::Client;
 use crate::clock::now_ms;
 use crate::config::Config;
 use crate::refusal::Refusal;
@@ -53,6 +55,8 @@ pub(crate) struct Jobs {
     wake: Notify,
     starting: tokio::sync::Mutex<()>,
     queue_max: usize,
+    /// How long a training may take.
+    within: Duration,
 }
 
 impl Jobs {
@@ -77,6 +81,7 @@ impl Jobs {
             wake: Notify::new(),
             starting: tokio::sync::Mutex::new(()),
             queue_max: config.training_queue_max.max(1),
+            within: config.training_time_max,
         })
     }
 
@@ -277,13 +282,23 @@ impl Jobs {
     async fn run(self: &Arc<Self>, job: Job, stopping: watch::Receiver<bool>) {
         let id = job.id;
         let Some(control) = self.control(id) else { return };
-        match self.train(&job, &control).await {
+        // What a training stores counts to the key that asked for it.
+        let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
+        match asker::ask(client.map(Client::Key), self.train(&job, &control)).await {
             Ok(version) => {
                 self.end(Ending::new(id, JobState::Succeeded, Some(version), None), &stopping)
                     .await;
             }
             Err(TrainingFailure::Stopped) if control.is_ordered(SUSPEND) => {
                 tracing::info!(job.id = %id, "Suspended job {id}: the server stops");
+            }
+            Err(TrainingFailure::Stopped) if control.is_ordered(OVERDUE) => {
+                let within = self.within.as_secs();
+                let reason = format!(
+                    "it took longer than {within} s, which is what a training may take: train \
+                     fewer objects or readings, or start the server with `--training-max-s`"
+                );
+                self.end(Ending::new(id, JobState::Failed, None, Some(reason)), &stopping).await;
             }
             Err(TrainingFailure::Stopped) => {
                 let reason = "it was cancelled while it ran".to_owned();
@@ -309,6 +324,7 @@ impl Jobs {
         });
         let job = marked.await??;
         control.job.send_replace(shown(&job));
+        control.begin(self.within);
         tracing::info!(job.id = %job.id, "Started job {}", job.id);
         let training: StartTraining = serde_json::from_str(&job.request).map_err(|error| {
             Refusal::Unusable { what: "job", id: job.id.to_string(), reason: error.to_string() }

@@ -145,16 +145,25 @@ impl Keys {
         found.ok_or_else(|| Refusal::NotFound { what: "key", reference: reference.to_owned() })
     }
 
+    /// A key as it is now, for the wire.
+    pub(crate) fn shown(&self, key: &AccessKey) -> wire::ApiKey {
+        let held = self.store.held().get(&key.id).copied().unwrap_or(0);
+        convert::access::key(key, self.now_ms(), held)
+    }
+
     pub(crate) fn list(&self, query: &wire::PageQuery) -> Result<wire::ApiKeyPage, Refusal> {
         let (after, limit) = (page_id(query)?, page_length(query)?);
-        let now = self.now_ms();
+        let (now, held) = (self.now_ms(), self.store.held());
+        let shown = |key: &AccessKey| {
+            convert::access::key(key, now, held.get(&key.id).copied().unwrap_or(0))
+        };
         Ok(self.read(|keys| {
             let behind = keys.values().filter(|key| after.is_none_or(|after| key.id > after));
             let mut items: Vec<_> = behind.take(limit + 1).collect();
             let more = items.len() > limit;
             items.truncate(limit);
             let next = items.last().filter(|_| more).map(|key| key.id);
-            let items = items.into_iter().map(|key| convert::access::key(key, now)).collect();
+            let items = items.into_iter().map(shown).collect();
             wire::ApiKeyPage { items, next_cursor: cursor(next) }
         }))
     }
@@ -179,7 +188,7 @@ impl Keys {
         self.store.keys().create(&key).await?;
         self.learn(key.clone());
         tracing::info!(key.id = %key.id, "Created key {:?}", key.name);
-        Ok(wire::NewApiKey { key: convert::access::key(&key, now), secret })
+        Ok(wire::NewApiKey { key: self.shown(&key), secret })
     }
 
     /// Refuses a key from now on; one that is refused already stays as it is.
@@ -218,7 +227,7 @@ impl Keys {
         let rotated = AccessKey { hash, previous: Some(previous), ..key };
         self.change(rotated.clone()).await?;
         tracing::info!(key.id = %rotated.id, "Rotated key {:?}", rotated.name);
-        Ok(wire::NewApiKey { key: convert::access::key(&rotated, now), secret })
+        Ok(wire::NewApiKey { key: self.shown(&rotated), secret })
     }
 
     /// Stores a changed key, then lets the change count.

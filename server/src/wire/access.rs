@@ -7,8 +7,8 @@ use palpate_store::audit::{AuditEntry, Ring};
 use super::time;
 use crate::wire::Invalid;
 
-/// A key as the wire has it.
-pub(crate) fn key(key: &AccessKey, now_ms: u64) -> wire::ApiKey {
+/// A key as the wire has it, which holds `stored_bytes`.
+pub(crate) fn key(key: &AccessKey, now_ms: u64, stored_bytes: u64) -> wire::ApiKey {
     let rotating = key.previous.map(|previous| previous.until_ms).filter(|until| *until > now_ms);
     wire::ApiKey {
         id: key.id,
@@ -20,6 +20,7 @@ pub(crate) fn key(key: &AccessKey, now_ms: u64) -> wire::ApiKey {
         last_used_at: key.last_used_at_ms.map(time),
         revoked_at: key.revoked_at_ms.map(time),
         rotating_until: rotating.map(time),
+        stored_bytes,
     }
 }
 

@@ -54,7 +54,7 @@ async fn a_calibration_answers_its_fit_and_check_shows_what_it_does() {
     };
     assert_eq!((of("finger"), of("digitacts-6x6")), (json!(1), Value::Null));
     assert_eq!((&fit["n_presses"], &fit["spread"]["n_presses"]), (&json!(180), &json!(225)));
-    let (dead, (wrong, answers)) = (run.dead, run.cross_wired);
+    let (dead, (wrong, answers)) = (run.dead.unwrap(), run.cross_wired.unwrap());
     assert_eq!(fit["taxels"][dead]["state"], "dead");
     assert_eq!(fit["taxels"][wrong]["state"], "cross_wired");
     let place = json!({"row": answers / 6, "col": answers % 6});

@@ -16,7 +16,10 @@ fn get() -> Method {
 async fn without_keys_everybody_on_this_machine_may_do_everything() {
     let it = Harness::start().await;
     let whoami = it.get("/v1/whoami").await.expect(200);
-    assert_eq!(whoami, json!({"keys_required": false, "role": "admin", "key": null}));
+    assert_eq!(
+        whoami,
+        json!({"keys_required": false, "role": "admin", "key": null, "quota_bytes": null})
+    );
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
 }
 
@@ -150,7 +153,7 @@ async fn an_admin_is_always_left() {
     let it = Harness::guarded().await;
     let last = it.send(Method::DELETE, "/v1/keys/admin", None).await;
     let last = last.problem(409, "wrong-state", None);
-    assert!(last["detail"].as_str().unwrap().contains("last admin"), "{last}");
+    assert!(last["detail"].as_str().unwrap().contains("last valid admin key"), "{last}");
     let other = it.new_key("other", "admin").await;
     it.send(Method::DELETE, "/v1/keys/admin", None).await.expect(204);
     it.get("/v1/keys").await.problem(401, UNAUTHENTICATED, None);

@@ -32,6 +32,7 @@ mod removal;
 mod sessions;
 mod sharing;
 mod site;
+mod storage;
 mod symmetry;
 mod tables;
 mod tls;

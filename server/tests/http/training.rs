@@ -131,6 +131,22 @@ async fn a_version_is_trained_with_any_descriptor_of_one_feature_a_reading() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_training_that_takes_too_long_fails_and_says_so() {
+    let it = Harness::start_with(|config| {
+        config.training_time_max = std::time::Duration::from_millis(20);
+    })
+    .await;
+    it.post("/v1/objects", &json!({"name": "cube"})).await.expect(201);
+    it.put_mesh("cube", &off_box([60.0, 50.0, 40.0])).await.expect(200);
+    let training = json!({"readings_per_object": 5000, "n_classes": 8, "seed": 3});
+    let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
+    let job = it.finished(job["id"].as_str().unwrap()).await;
+    assert_eq!(job["state"], "failed", "{job}");
+    assert!(job["reason"].as_str().unwrap().contains("--training-max-s"), "{job}");
+    it.server.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn jobs_can_be_cancelled_until_they_are_finished() {
     let it = Harness::start().await;
     for name in ["cube", "other"] {

@@ -88,6 +88,9 @@ pub fn look_alikes(letters: &[Letter], overlap_min: f64) -> Vec<LookAlike> {
     found
 }
 
+/// Steps of one climb. Every step raises the overlap; the bound guards against rounding.
+const CLIMB_STEPS_MAX: usize = 1000;
+
 /// The angle and overlap of the best rotation of `second` onto `first`: every 6°, then
 /// refined by ever smaller steps of angle and shift.
 fn best_overlap(first: &Shape, second: &Shape) -> (f64, f64) {
@@ -99,7 +102,10 @@ fn best_overlap(first: &Shape, second: &Shape) -> (f64, f64) {
     coarse.sort_by(|a, b| b.1.total_cmp(&a.1));
     let refined = coarse[..3].iter().map(|&(mut angle, mut best)| {
         let (mut shift, mut turn, mut step) = (DVec2::ZERO, 3.0 * DEG, 0.8 * MM);
-        while step > 0.1 * MM {
+        for _ in 0..CLIMB_STEPS_MAX {
+            if step <= 0.1 * MM {
+                break;
+            }
             let neighbours = [
                 (turn, DVec2::ZERO),
                 (-turn, DVec2::ZERO),

@@ -12,6 +12,7 @@ use uuid::Uuid;
 use super::{BlockEntry, Catalogue, Catalogues, Manifest};
 use crate::engine::{Commit, Expected};
 use crate::error::{StoreError, conflict};
+use crate::holding;
 use crate::key::{self, Space};
 use crate::pieces;
 use crate::record;
@@ -62,7 +63,7 @@ impl Catalogues {
         for hash in freed.difference(&named) {
             pieces::remove_all(&*self.engine, &key::hash(Space::Block, hash)).await?;
         }
-        Ok(())
+        Ok(holding::release(&*self.engine, &head).await?)
     }
 
     /// Removes a catalogue with all its versions, which must not be in use; no version may be
@@ -81,7 +82,11 @@ impl Catalogues {
             }
         }
         self.table.remove(catalogue).await?;
-        Ok(pieces::remove_all(&*self.engine, &key::id(Space::Version, catalogue)).await?)
+        pieces::remove_all(&*self.engine, &key::id(Space::Version, catalogue)).await?;
+        for space in [Space::Version, Space::Catalogue] {
+            holding::release(&*self.engine, &key::id(space, catalogue)).await?;
+        }
+        Ok(())
     }
 
     /// The blocks that other versions of any catalogue name.

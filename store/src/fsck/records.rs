@@ -11,6 +11,7 @@ use crate::catalogue::{Catalogue, Manifest};
 use crate::engine::VALUE_BYTES_MAX;
 use crate::entity::{Job, Object, Sensor, Session};
 use crate::envelope::{self, HEADER_BYTES, Kind};
+use crate::holding;
 use crate::journal::{Entry, JournalRetractionV1, JournalRobotV1, StoredHead};
 use crate::key;
 use crate::mesh::MeshInfo;
@@ -34,6 +35,8 @@ pub(super) enum Whole {
     Calibration(StoredCalibration),
     /// A file or block: its hash and length.
     Raw([u8; 32], u64),
+    /// Bytes that a key wrote of a thing.
+    Holding,
     /// A job, a key, a retraction, or an entry of the audit log: no other record refers to it.
     Alone,
     /// A complete record of a kind that later versions added.
@@ -67,6 +70,7 @@ pub(super) fn space(letter: u8) -> (&'static str, Option<usize>, &'static str) {
         b'a' => ("key", Some(17), "whoever holds the key is not let in"),
         b'y' => ("clock", Some(1), "a key that has expired is let in when the clock is set back"),
         b'h' => ("robot", None, "the robot's name belongs to nobody"),
+        b'z' => ("holding", None, "the bytes that a key holds are counted wrong"),
         b'l' | b'd' | b'q' => ("audit entry", Some(9), "the audit log lacks the entry"),
         _ => ("other", None, "it is not known to this version of Palpate"),
     }
@@ -90,6 +94,10 @@ pub(super) fn words(key: &[u8]) -> String {
         (Some(b'l' | b'd' | b'q'), 9..) => format!("number {}", number(1)),
         (Some(b'f'), 33..) => format!("{} upload {}", id(1), id(17)),
         (Some(b'n'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
+        (Some(b'z'), 18..) => {
+            let (thing, account) = (&key[1..key.len() - 16], key.len() - 16);
+            format!("{} {} of key {}", space(thing[0]).0, words(thing), id(account))
+        }
         (Some(b'h'), 2..) => String::from_utf8_lossy(&key[1..]).into_owned(),
         (Some(b'u' | b'w'), 26..) => {
             let end = (18 + usize::from(key[17])).min(key.len() - 8);
@@ -235,6 +243,9 @@ impl Assembly {
             b'y' => decoded(bytes, |_: ClockV1| Whole::Alone),
             b'h' => decoded(bytes, |_: RobotHolder| Whole::Alone),
             b'l' | b'd' | b'q' => decoded(bytes, |_: AuditEntry| Whole::Alone),
+            b'z' => {
+                holding::bytes(bytes).map(|_| Whole::Holding).map_err(|error| error.to_string())
+            }
             b'f' => self.raw(Kind::MeshFile),
             b'b' => self.raw(Kind::Block),
             _ => envelope::open_any(bytes).map(|_| Whole::Other).map_err(|error| error.to_string()),

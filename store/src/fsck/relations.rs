@@ -22,6 +22,7 @@ pub(super) struct Relations {
     /// Readings withdrawn by entries, and those with a record of it.
     withdrawn: BTreeSet<(Uuid, u64)>,
     retractions: BTreeSet<(Uuid, u64)>,
+    sensors: BTreeSet<Uuid>,
     sessions: BTreeSet<Uuid>,
     objects: BTreeSet<Uuid>,
     /// Present blocks: their lengths, `None` if damaged.
@@ -83,7 +84,10 @@ impl Relations {
                 report.layout = Some(layout.layout);
                 false
             }
-            Whole::Sensor(sensor) => self.thing(Space::Sensor, sensor.id, id, &sensor.name),
+            Whole::Sensor(sensor) => {
+                self.sensors.insert(id);
+                self.thing(Space::Sensor, sensor.id, id, &sensor.name)
+            }
             Whole::Object(object) => {
                 self.objects.insert(id);
                 self.thing(Space::Object, object.id, id, &object.name)
@@ -144,10 +148,28 @@ impl Relations {
                 }
                 calibration.sensor != id || u64::from(calibration.number) != number_of(key)
             }
+            Whole::Holding => {
+                if !self.is_there(key) {
+                    self.leftover(key, "what it counts was removed".to_owned(), report);
+                }
+                false
+            }
             Whole::Alone | Whole::Other => false,
         };
         if is_misplaced {
             report.add(damage(key, "it lies where another one belongs".to_owned()));
+        }
+    }
+
+    /// Whether the thing is there that a holding counts. Holdings come behind all things.
+    fn is_there(&self, key: &[u8]) -> bool {
+        let id = id_of(&key[1..]);
+        match key.get(1) {
+            Some(b'e') => self.sessions.contains(&id),
+            Some(b'o' | b't' | b'f') => self.objects.contains(&id),
+            Some(b's') => self.sensors.contains(&id),
+            Some(b'c' | b'v') => self.catalogues.contains_key(&id),
+            _ => true,
         }
     }
 

@@ -1,23 +1,24 @@
 //! The base: an immutable file of sorted pairs, the result of a compaction.
 //!
 //! Blocks of pairs in ascending order of their keys, each with a CRC-32; then an index of the
-//! blocks' first keys; then a footer. `docs/formats.md` draws it. A file is made durable
-//! before `current` names it and never changes afterwards, so readers share it without a
-//! lock.
+//! blocks' first keys; then a footer with the sum over all pairs. `docs/formats.md` draws it. A
+//! file is made durable before `current` names it and never changes afterwards, so readers share
+//! it without a lock.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::ops::Bound;
+use std::ops::{Bound, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::tally::Contents;
 use crate::engine::{KEY_BYTES_MAX, Pair, VALUE_BYTES_MAX};
 
 const MAGIC: [u8; 4] = *b"PLPB";
-const VERSION: u32 = 1;
-/// Length of the footer: magic, version u32, index at u64, index length u64, pairs u64,
-/// CRC-32 of the index, CRC-32 of these; little-endian.
-const FOOTER_BYTES: usize = 40;
+const VERSION: u32 = 2;
+/// Length of the footer: magic, version u32, index at u64, index length u64, pairs u64, bytes of
+/// pairs u64, sum u128, CRC-32 of the index, CRC-32 of these; little-endian.
+const FOOTER_BYTES: usize = 64;
 /// Length at which a block ends with the pair that reaches it. Chosen: a read of one key
 /// costs one block, the index costs memory for each.
 const BLOCK_BYTES: usize = 8 << 10;
@@ -35,6 +36,8 @@ pub(super) struct Base {
     file: File,
     path: PathBuf,
     blocks: Vec<Block>,
+    /// What its footer says that it holds.
+    contents: Contents,
 }
 
 /// Position of a block, and its first key.
@@ -56,7 +59,7 @@ pub(super) struct BaseWriter {
     first: Vec<u8>,
     at: u64,
     synced_at: u64,
-    n_pairs: u64,
+    contents: Contents,
 }
 
 impl BaseWriter {
@@ -70,7 +73,7 @@ impl BaseWriter {
             first: Vec::new(),
             at: 0,
             synced_at: 0,
-            n_pairs: 0,
+            contents: Contents::default(),
         })
     }
 
@@ -86,8 +89,13 @@ impl BaseWriter {
         }
         self.block.extend_from_slice(key);
         self.block.extend_from_slice(value);
-        self.n_pairs += 1;
+        self.contents.add(key, value);
         if self.block.len() >= BLOCK_BYTES { self.end_block() } else { Ok(()) }
+    }
+
+    /// What was put so far.
+    pub(super) fn contents(&self) -> Contents {
+        self.contents
     }
 
     fn end_block(&mut self) -> io::Result<()> {
@@ -122,7 +130,9 @@ impl BaseWriter {
         let mut footer = [&MAGIC[..], &VERSION.to_le_bytes()].concat();
         footer.extend_from_slice(&self.at.to_le_bytes());
         footer.extend_from_slice(&(index.len() as u64).to_le_bytes());
-        footer.extend_from_slice(&self.n_pairs.to_le_bytes());
+        footer.extend_from_slice(&self.contents.n_pairs.to_le_bytes());
+        footer.extend_from_slice(&self.contents.live_bytes.to_le_bytes());
+        footer.extend_from_slice(&self.contents.sum.to_le_bytes());
         footer.extend_from_slice(&crc32fast::hash(&index).to_le_bytes());
         footer.extend_from_slice(&crc32fast::hash(&footer).to_le_bytes());
         self.file.write_all(&index)?;
@@ -154,11 +164,37 @@ impl Base {
         }
         let mut index = vec![0; usize::try_from(index_length).map_err(io::Error::other)?];
         read_at(&file, &mut index, index_at)?;
-        if crc32fast::hash(&index).to_le_bytes() != said[32..36] {
+        if crc32fast::hash(&index).to_le_bytes() != said[56..60] {
             return Err(damaged("has a damaged index"));
         }
         let blocks = blocks(&index).ok_or_else(|| damaged("has a damaged index"))?;
-        Ok(Self { file, path: path.to_owned(), blocks })
+        let sum = said[40..56].try_into().map_or(0, u128::from_le_bytes);
+        let contents = Contents { sum, n_pairs: number(said, 24), live_bytes: number(said, 32) };
+        Ok(Self { file, path: path.to_owned(), blocks, contents })
+    }
+
+    /// What it holds, as was summed up when it was written.
+    pub(super) fn contents(&self) -> Contents {
+        self.contents
+    }
+
+    /// How many blocks it has.
+    pub(super) fn n_blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Checks the checksums of some of its blocks, which lie one behind the other.
+    pub(super) fn check(&self, places: Range<usize>) -> io::Result<()> {
+        let blocks = self.blocks.get(places).unwrap_or_default();
+        let (Some(first), Some(last)) = (blocks.first(), blocks.last()) else { return Ok(()) };
+        let mut bytes = vec![0; (last.at - first.at) as usize + last.length as usize];
+        read_at(&self.file, &mut bytes, first.at)?;
+        for block in blocks {
+            let from = (block.at - first.at) as usize;
+            let whole = bytes.get(from..from + block.length as usize).unwrap_or_default();
+            split_block(whole).ok_or_else(|| self.damaged_at(block.at))?;
+        }
+        Ok(())
     }
 
     /// The value of `key`.
@@ -185,25 +221,13 @@ impl Base {
         }
     }
 
-    /// Keys that divide the file into `n` parts of about the same length.
-    pub(super) fn cuts(&self, n: usize) -> Vec<Vec<u8>> {
-        let places = (1..n).map(|part| self.blocks.len() * part / n);
-        let mut keys: Vec<Vec<u8>> =
-            places.filter_map(|place| self.blocks.get(place)).map(|b| b.first.to_vec()).collect();
-        keys.dedup();
-        keys
-    }
-
     /// The pairs of a block.
     fn read(&self, place: usize) -> io::Result<Vec<Pair>> {
         let block = &self.blocks[place];
         let mut bytes = vec![0; block.length as usize];
         read_at(&self.file, &mut bytes, block.at)?;
-        let damaged = || damage(&self.path, &format!("has a damaged block at {}", block.at));
-        let (mut rest, checksum) = bytes.split_at(bytes.len() - CHECKSUM_BYTES);
-        if crc32fast::hash(rest).to_le_bytes() != checksum {
-            return Err(damaged());
-        }
+        let damaged = || self.damaged_at(block.at);
+        let mut rest = split_block(&bytes).ok_or_else(damaged)?;
         let mut pairs = Vec::with_capacity(32);
         while !rest.is_empty() {
             let (pair, behind) = split_pair(rest).ok_or_else(damaged)?;
@@ -211,6 +235,38 @@ impl Base {
             rest = behind;
         }
         Ok(pairs)
+    }
+}
+
+impl Base {
+    fn damaged_at(&self, at: u64) -> io::Error {
+        damage(&self.path, &format!("has a damaged block at {at}"))
+    }
+}
+
+/// Looks keys up that ascend: a block is read once for all of its keys.
+pub(super) struct BaseCursor<'base> {
+    base: &'base Base,
+    /// The block that was read last.
+    place: Option<usize>,
+    pairs: Vec<Pair>,
+}
+
+impl<'base> BaseCursor<'base> {
+    pub(super) fn new(base: &'base Base) -> Self {
+        Self { base, place: None, pairs: Vec::new() }
+    }
+
+    /// The value of `key`.
+    pub(super) fn get(&mut self, key: &[u8]) -> io::Result<Option<&[u8]>> {
+        let after = self.base.blocks.partition_point(|block| *block.first <= *key);
+        let Some(place) = after.checked_sub(1) else { return Ok(None) };
+        if self.place != Some(place) {
+            self.pairs = self.base.read(place)?;
+            self.place = Some(place);
+        }
+        let found = self.pairs.binary_search_by(|(found, _)| found.as_slice().cmp(key));
+        Ok(found.ok().map(|at| self.pairs[at].1.as_slice()))
     }
 }
 
@@ -266,6 +322,12 @@ fn blocks(mut index: &[u8]) -> Option<Vec<Block>> {
         index = rest;
     }
     Some(blocks)
+}
+
+/// What is in a block, if its checksum says so.
+fn split_block(bytes: &[u8]) -> Option<&[u8]> {
+    let (pairs, checksum) = bytes.split_last_chunk::<CHECKSUM_BYTES>()?;
+    (crc32fast::hash(pairs).to_le_bytes() == *checksum).then_some(pairs)
 }
 
 fn split_pair(bytes: &[u8]) -> Option<(Pair, &[u8])> {
@@ -339,6 +401,22 @@ mod tests {
     }
 
     #[test]
+    fn a_footer_has_the_sum_of_all_pairs() {
+        let folder = tempfile::tempdir().unwrap();
+        let pairs = pairs(300);
+        let base = written(&folder.path().join("base"), &pairs);
+        let mut contents = Contents::default();
+        pairs.iter().for_each(|(key, value)| contents.add(key, value));
+        assert_eq!(base.contents(), contents);
+        let mut cursor = BaseCursor::new(&base);
+        for (key, value) in &pairs {
+            assert_eq!(cursor.get(key).unwrap(), Some(value.as_slice()));
+            assert_eq!(cursor.get(&[key.as_slice(), b"!"].concat()).unwrap(), None);
+        }
+        assert_eq!(cursor.get(b"a").unwrap(), None);
+    }
+
+    #[test]
     fn flipped_bits_and_truncation_of_a_base_are_detected() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("base");
@@ -352,6 +430,8 @@ mod tests {
             flipped[place] ^= 4;
             std::fs::write(&path, flipped).unwrap();
             assert!(read().is_err(), "byte {place}");
+            let checked = Base::open(&path).and_then(|base| base.check(0..base.n_blocks()));
+            assert!(checked.is_err(), "byte {place}");
         }
         for length in [0, 10, whole.len() / 2, whole.len() - 1] {
             std::fs::write(&path, &whole[..length]).unwrap();

@@ -65,7 +65,7 @@ impl Form {
 }
 
 /// A key, and its value unless it was removed.
-type Said = (Vec<u8>, Option<Vec<u8>>);
+pub(super) type Said = (Vec<u8>, Option<Vec<u8>>);
 type Saying = Box<dyn Iterator<Item = ::sled::Result<Said>>>;
 
 impl Layer {
@@ -121,6 +121,16 @@ impl Levels {
             }))
         });
         Merged { sources: sleds.chain(base).map(Iterator::peekable).collect() }
+    }
+
+    /// The writes and removals in the sleds from `start` on, by ascending key; the upper sled wins.
+    pub(super) fn changes(
+        &self,
+        start: Bound<&[u8]>,
+    ) -> impl Iterator<Item = ::sled::Result<Said>> + use<> {
+        let sleds = std::iter::once(&self.top).chain(&self.frozen).map(|layer| layer.range(start));
+        let mut merged = Merged { sources: sleds.map(Iterator::peekable).collect() };
+        std::iter::from_fn(move || merged.next_said())
     }
 
     /// Adds a write to the batch of the top; `None` removes.

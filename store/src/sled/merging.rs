@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use super::base::{Base, BaseWriter};
 use super::levels::Levels;
-use super::tally::{Contents, TALLY_KEY};
+use super::tally::TALLY_KEY;
 use crate::engine::{Compacted, EngineError};
 
 /// Number of bytes after which the thread sleeps as long as they took: requests need the
@@ -31,22 +31,21 @@ pub(super) fn merge(
 ) -> Result<Option<Base>, EngineError> {
     super::guarded("compacting", || {
         let mut writer = BaseWriter::create(path)?;
-        let mut contents = Contents::default();
         let (mut begun, mut stride_from) = (Instant::now(), 0);
         for pair in levels.range(Bound::Excluded(&TALLY_KEY)) {
-            if stop.load(Ordering::Relaxed) || stop_after == Some(contents.n_pairs) {
+            if stop.load(Ordering::Relaxed) || stop_after == Some(writer.contents().n_pairs) {
                 return Ok(None);
             }
             let (key, value) = pair?;
-            contents.add(&key, &value);
             writer.put(&key, &value)?;
-            if contents.live_bytes - stride_from >= STRIDE_BYTES {
-                stride_from = contents.live_bytes;
+            let written = writer.contents().live_bytes;
+            if written - stride_from >= STRIDE_BYTES {
+                stride_from = written;
                 std::thread::sleep(begun.elapsed());
                 begun = Instant::now();
             }
         }
-        if sum != contents.sum {
+        if sum != writer.contents().sum {
             let what = "the stored records do not give the stored sum";
             return Err(io::Error::new(io::ErrorKind::InvalidData, what).into());
         }

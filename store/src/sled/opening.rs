@@ -2,6 +2,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
+use std::ops::Bound;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,9 +13,11 @@ use super::base::Base;
 use super::current::{Current, base_file, sled_folder};
 use super::levels::{Form, Layer, Levels};
 use super::mark::{self, Found};
-use super::tally::{Contents, TALLY_KEY, Tally, contents};
-use super::{SledOptions, guarded};
-use crate::engine::{EngineError, OpenError};
+use super::tally::{Contents, TALLY_KEY, Tally};
+use super::{SledOptions, census, guarded};
+use crate::engine::{EngineError, OpenError, Pair};
+use crate::holding::Held;
+use crate::key::{self, Space};
 
 /// The lock file of the folder.
 const LOCK_FILE: &str = "lock";
@@ -38,15 +41,12 @@ pub(super) struct Verified {
 
 /// Checks the levels against tally and mark.
 pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenError> {
-    let unreadable = |error: EngineError| OpenError::Damaged {
-        folder: folder.to_owned(),
-        detail: error.to_string(),
-    };
+    let unreadable = |error: EngineError| unreadable(folder, &error);
     let path = folder.join(mark::MARK_FILE);
     let found_mark =
         mark::read(folder).map_err(|source| OpenError::Io { path: path.clone(), source })?;
     let record = guarded("reading", || levels.get(&TALLY_KEY)).map_err(unreadable)?;
-    let Contents { sum, n_pairs, live_bytes } = contents(levels).map_err(unreadable)?;
+    let Contents { sum, n_pairs, live_bytes } = census::take(levels).map_err(unreadable)?;
     let tally = record.as_deref().map(Tally::from_record);
     let there = tally.flatten().map_or(0, |tally| tally.commits);
     let acknowledged = match found_mark {
@@ -72,6 +72,26 @@ pub(super) fn verify(folder: &Path, levels: &Levels) -> Result<Verified, OpenErr
     Ok(Verified { tally, live_bytes, damage })
 }
 
+/// The error of files that the engine cannot read.
+pub(super) fn unreadable(folder: &Path, error: &EngineError) -> OpenError {
+    OpenError::Damaged { folder: folder.to_owned(), detail: error.to_string() }
+}
+
+/// Bytes that each API key holds.
+pub(super) fn held(levels: &Levels) -> Result<Held, EngineError> {
+    let (held, prefix) = (Held::default(), key::space(Space::Holding));
+    guarded("counting the bytes of keys", || {
+        let pairs = levels.range(Bound::Included(&prefix));
+        let within = |pair: &::sled::Result<Pair>| {
+            pair.as_ref().map_or(true, |(key, _)| key.starts_with(&prefix))
+        };
+        pairs.take_while(within).collect::<::sled::Result<Vec<Pair>>>()
+    })?
+    .iter()
+    .try_for_each(|(key, record)| held.note(key, None, Some(record)))?;
+    Ok(held)
+}
+
 /// Opens the database's files.
 pub(super) fn open_levels(
     folder: &Path,
@@ -85,9 +105,14 @@ pub(super) fn open_levels(
         }
         None => None,
     };
-    let frozen = current.frozen.map(|number| open_layer(folder, number, options)).transpose()?;
-    let top = open_layer(folder, current.top, options)?;
-    Ok(Levels { top, frozen, base })
+    // Both read their logs; side by side a restart in the middle of a merge waits for one.
+    let (top, frozen) = std::thread::scope(|scope| {
+        let open = |number| open_layer(folder, number, options);
+        let frozen = scope.spawn(move || current.frozen.map(open).transpose());
+        (open(current.top), frozen.join())
+    });
+    let frozen = frozen.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+    Ok(Levels { top: top?, frozen, base })
 }
 
 /// Opens the sled with the given number, created durably if it is missing.

@@ -5,20 +5,12 @@
 //! length (u32), the key and the value, added up modulo 2¹²⁸. A commit updates it by its own
 //! writes.
 
-use std::ops::Bound;
-
-use super::levels::Levels;
-use crate::engine::EngineError;
 use crate::envelope::{self, Kind};
 
 /// The tally's key. No commit may write a key that begins with it.
 pub(super) const TALLY_KEY: [u8; 1] = [0];
 /// Schema of its record.
 const SCHEMA: u16 = 1;
-
-/// Maximum number of reading threads at an opening.
-const PARTS_MAX: usize = 8;
-const PANICKED: &str = "it panicked";
 
 /// The number of commits, and the sum of all pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +45,7 @@ impl Tally {
     }
 }
 
-/// Totals of the levels.
+/// Totals of the levels, or the difference that upper levels make.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Contents {
     pub(super) sum: u128,
@@ -65,48 +57,25 @@ pub(super) struct Contents {
 impl Contents {
     pub(super) fn add(&mut self, key: &[u8], value: &[u8]) {
         self.sum = self.sum.wrapping_add(summand(key, value));
-        self.n_pairs += 1;
-        self.live_bytes += (key.len() + value.len()) as u64;
+        self.n_pairs = self.n_pairs.wrapping_add(1);
+        self.live_bytes = self.live_bytes.wrapping_add((key.len() + value.len()) as u64);
     }
-}
 
-/// Reads all levels; if there is a base, in parallel parts of the key space.
-pub(super) fn contents(levels: &Levels) -> Result<Contents, EngineError> {
-    let n_parts = std::thread::available_parallelism().map_or(1, usize::from).min(PARTS_MAX);
-    let cuts = levels.base.as_ref().map_or_else(Vec::new, |base| base.cuts(n_parts));
-    let starts = std::iter::once(None).chain(cuts.iter().map(Some));
-    let ends = cuts.iter().map(Some).chain(std::iter::once(None));
-    let parts: Vec<_> = starts.zip(ends).collect();
-    let count = |start: Option<&Vec<u8>>, end: Option<&Vec<u8>>| {
-        super::guarded("checking", || {
-            let start = match start {
-                Some(start) => Bound::Included(start.as_slice()),
-                None => Bound::Excluded(&TALLY_KEY[..]),
-            };
-            let mut contents = Contents::default();
-            for pair in levels.range(start) {
-                let (key, value) = pair?;
-                if end.is_some_and(|end| key >= *end) {
-                    break;
-                }
-                contents.add(&key, &value);
-            }
-            Ok(contents)
-        })
-    };
-    std::thread::scope(|scope| {
-        let threads: Vec<_> =
-            parts.iter().map(|(start, end)| scope.spawn(|| count(*start, *end))).collect();
-        threads.into_iter().try_fold(Contents::default(), |all, thread| {
-            let panicked = |_| EngineError::Failed { doing: "checking", detail: PANICKED.into() };
-            let part = thread.join().map_err(panicked)??;
-            Ok(Contents {
-                sum: all.sum.wrapping_add(part.sum),
-                n_pairs: all.n_pairs + part.n_pairs,
-                live_bytes: all.live_bytes + part.live_bytes,
-            })
-        })
-    })
+    /// Removes a pair from the totals.
+    pub(super) fn remove(&mut self, key: &[u8], value: &[u8]) {
+        self.sum = self.sum.wrapping_sub(summand(key, value));
+        self.n_pairs = self.n_pairs.wrapping_sub(1);
+        self.live_bytes = self.live_bytes.wrapping_sub((key.len() + value.len()) as u64);
+    }
+
+    /// The sum of both. A difference may be negative: numbers wrap around.
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self {
+            sum: self.sum.wrapping_add(other.sum),
+            n_pairs: self.n_pairs.wrapping_add(other.n_pairs),
+            live_bytes: self.live_bytes.wrapping_add(other.live_bytes),
+        }
+    }
 }
 
 fn summand(key: &[u8], value: &[u8]) -> u128 {

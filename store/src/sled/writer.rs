@@ -20,6 +20,7 @@ use super::room::{Allowance, Room};
 use super::tally::{TALLY_KEY, Tally};
 use super::{Shared, guarded};
 use crate::engine::{Commit, CommitError, Compacted, EngineError, Expected};
+use crate::holding::Bill;
 
 /// Maximum number of orders that share one flush.
 const GROUP_MAX: usize = 1024;
@@ -37,6 +38,13 @@ pub(super) enum Order {
     Cut(oneshot::Sender<Result<u64, EngineError>>),
     /// Compact.
     Compact(oneshot::Sender<Result<Compacted, EngineError>>),
+}
+
+/// A key, what it held, and what it is to hold.
+struct Change {
+    key: Vec<u8>,
+    before: Option<Vec<u8>>,
+    value: Option<Vec<u8>>,
 }
 
 /// The one thread that writes.
@@ -125,29 +133,52 @@ impl Writer {
         self.tell_of_room(&room);
         room?;
         // The last write of a key wins.
-        let writes: BTreeMap<Vec<u8>, Option<Vec<u8>>> = commit.writes.into_iter().collect();
+        let changes = self.changes(commit)?;
         let mut tally = Tally { commits: self.tally.commits + 1, ..self.tally };
         let (mut batch, mut live_bytes) = (::sled::Batch::default(), self.live_bytes);
-        for (key, value) in writes {
-            let before = guarded("reading before a write", || self.levels.get(&key))?;
-            self.memory.note(&key, before.as_deref());
-            if let Some(before) = &before {
-                tally.remove(&key, before);
+        for Change { key, before, value } in &changes {
+            self.memory.note(key, before.as_deref());
+            if let Some(before) = before {
+                tally.remove(key, before);
                 live_bytes -= (key.len() + before.len()) as u64;
             }
-            if let Some(value) = &value {
-                tally.add(&key, value);
+            if let Some(value) = value {
+                tally.add(key, value);
                 live_bytes += (key.len() + value.len()) as u64;
             }
+            let (key, value) = (key.clone(), value.clone());
             guarded("reading before a write", || self.levels.write(&mut batch, key, value))?;
         }
         batch.insert(&TALLY_KEY, self.levels.top.form.encode(tally.to_record()));
         let applied = guarded("writing", || self.levels.top.db.apply_batch(batch));
         self.poison_if_failed(applied)?;
+        for Change { key, before, value } in changes {
+            self.shared.held.note(&key, before.as_deref(), value.as_deref())?;
+        }
         self.tally = tally;
         self.live_bytes = live_bytes;
         self.shared.live_bytes.store(live_bytes, Ordering::Relaxed);
         Ok(())
+    }
+
+    /// The changes of a commit: the last write of each key, and the holdings of its account.
+    fn changes(&self, commit: Commit) -> Result<Vec<Change>, EngineError> {
+        let mut bill = Bill::of(&commit);
+        let get = |key: &[u8]| guarded("reading before a write", || self.levels.get(key));
+        let writes: BTreeMap<Vec<u8>, Option<Vec<u8>>> = commit.writes.into_iter().collect();
+        let mut changes = Vec::with_capacity(writes.len() + 1);
+        for (key, value) in writes {
+            let before = get(&key)?;
+            if let Some(bill) = &mut bill {
+                bill.add(&key, before.as_deref(), value.as_deref());
+            }
+            changes.push(Change { key, before, value });
+        }
+        let Some(bill) = bill else { return Ok(changes) };
+        for (key, record) in bill.settle(&self.shared.held, get)? {
+            changes.push(Change { before: get(&key)?, value: Some(record), key });
+        }
+        Ok(changes)
     }
 
     /// Makes everything applied so far durable, and moves the mark.

@@ -31,6 +31,11 @@ fn all(engine: &SledEngine) -> Vec<Pair> {
     engine.scan(b"", None, usize::MAX).unwrap()
 }
 
+/// Bytes of all keys and values.
+fn bytes(pairs: &[Pair]) -> u64 {
+    pairs.iter().map(|(key, value)| (key.len() + value.len()) as u64).sum()
+}
+
 fn pairs(model: &Model) -> Vec<Pair> {
     model.iter().map(|(key, value)| (key.clone(), value.clone())).collect()
 }
@@ -73,11 +78,8 @@ fn compaction_and_restart_keep_all_records() {
         for round in 0..3 {
             let done = engine.compact().unwrap();
             assert_eq!(all(&engine), before, "round {round}");
-            let live: usize = before.iter().map(|(key, value)| key.len() + value.len()).sum();
-            assert_eq!((done.live_bytes, engine.stats().unwrap().live_bytes), {
-                let live = live as u64;
-                (live, live)
-            });
+            let live = bytes(&before);
+            assert_eq!((done.live_bytes, engine.stats().unwrap().live_bytes), (live, live));
             assert_eq!(samples::read_all(&database), Ok(()));
         }
         assert_eq!(engine.stats().unwrap().compactions, 3);
@@ -163,6 +165,8 @@ fn a_compaction_killed_at_any_step_loses_nothing() {
             data = killed;
             let engine = open(&data, &by_hand());
             assert_eq!(all(&engine), pairs(&model), "{halt:?}, round {round}");
+            let counted = engine.stats().unwrap().live_bytes;
+            assert_eq!(counted, bytes(&pairs(&model)), "{halt:?}, round {round}");
             engine.compact().unwrap();
             assert_eq!(all(&engine), pairs(&model), "{halt:?}, round {round}");
             assert_eq!(files(&data).len(), 3, "step {place}: {:?}", files(&data));
@@ -246,4 +250,10 @@ fn a_lost_or_damaged_file_is_reported_and_nothing_removed() {
         let left = names.len() - 1;
         assert_eq!(files(broken.path()).len(), left, "{name}");
     }
+    let base = folder.path().join("base-2");
+    let mut bytes = std::fs::read(&base).unwrap();
+    bytes[20] ^= 1;
+    std::fs::write(&base, bytes).unwrap();
+    let error = SledEngine::open(folder.path(), &by_hand()).unwrap_err();
+    assert!(error.to_string().contains("base-2 has a damaged block at 0"), "{error}");
 }

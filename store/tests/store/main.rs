@@ -8,6 +8,7 @@ mod crash;
 mod damage;
 mod engines;
 mod fsck;
+mod holding;
 mod keeping;
 mod meshes;
 mod removal;

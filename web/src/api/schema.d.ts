@@ -1149,6 +1149,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/storage": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show what is stored, and who wrote it
+         * @description Bytes that each key holds, the quota, and the things whose removal frees most: sessions,
+         *     objects, sensors, catalogues, and what a compaction gives back.
+         */
+        get: operations["get_storage"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/whoami": {
         parameters: {
             query?: never;
@@ -1245,6 +1266,11 @@ export interface components {
             role: components["schemas"]["Role"];
             /** @description Until when the previous secret stays valid; null if only the current one is. */
             rotating_until?: string | null;
+            /**
+             * Format: int64
+             * @description Bytes of stored data that it wrote and that were not removed since.
+             */
+            stored_bytes: number;
         };
         /** @description A page of keys. */
         ApiKeyPage: {
@@ -2845,7 +2871,7 @@ export interface components {
          * @description Type of a problem.
          * @enum {string}
          */
-        ProblemType: "urn:palpate:problem:malformed-request" | "urn:palpate:problem:unauthenticated" | "urn:palpate:problem:forbidden" | "urn:palpate:problem:not-found" | "urn:palpate:problem:method-not-allowed" | "urn:palpate:problem:timeout" | "urn:palpate:problem:wrong-state" | "urn:palpate:problem:conflict" | "urn:palpate:problem:session-ended" | "urn:palpate:problem:precondition-failed" | "urn:palpate:problem:precondition-required" | "urn:palpate:problem:body-too-large" | "urn:palpate:problem:unsupported-media-type" | "urn:palpate:problem:invalid-value" | "urn:palpate:problem:too-many-requests" | "urn:palpate:problem:overloaded" | "urn:palpate:problem:unavailable" | "urn:palpate:problem:storage-full" | "urn:palpate:problem:damaged" | "urn:palpate:problem:internal";
+        ProblemType: "urn:palpate:problem:malformed-request" | "urn:palpate:problem:unauthenticated" | "urn:palpate:problem:forbidden" | "urn:palpate:problem:not-found" | "urn:palpate:problem:method-not-allowed" | "urn:palpate:problem:timeout" | "urn:palpate:problem:wrong-state" | "urn:palpate:problem:conflict" | "urn:palpate:problem:quota-exceeded" | "urn:palpate:problem:session-ended" | "urn:palpate:problem:precondition-failed" | "urn:palpate:problem:precondition-required" | "urn:palpate:problem:body-too-large" | "urn:palpate:problem:unsupported-media-type" | "urn:palpate:problem:invalid-value" | "urn:palpate:problem:too-many-requests" | "urn:palpate:problem:overloaded" | "urn:palpate:problem:unavailable" | "urn:palpate:problem:storage-full" | "urn:palpate:problem:damaged" | "urn:palpate:problem:internal";
         /** @description Readiness of the server, check by check. */
         Readiness: {
             /** @description The checks. */
@@ -3734,6 +3760,53 @@ export interface components {
              */
             risk: number;
         };
+        /** @description What is stored, which key wrote how much of it, and what takes most of the room. */
+        Storage: {
+            /**
+             * Format: int64
+             * @description Bytes that are free on the disk; null: nobody can tell.
+             */
+            free_bytes?: number | null;
+            /** @description What each key holds, most first. Removing what a key wrote frees it. */
+            holders: components["schemas"]["StorageHolder"][];
+            /** @description The things whose removal frees most, most first. */
+            largest: components["schemas"]["StoredThing"][];
+            /**
+             * Format: int64
+             * @description Bytes of what is stored: keys and records.
+             */
+            live_bytes: number;
+            /**
+             * Format: int64
+             * @description Bytes that one key may hold; null: no bound.
+             */
+            quota_bytes?: number | null;
+            /**
+             * Format: int64
+             * @description Bytes that must stay free: with fewer, writes are refused.
+             */
+            reserve_bytes: number;
+            /**
+             * Format: int64
+             * @description Bytes of the database on the disk. A compaction gives back what exceeds `live_bytes`.
+             */
+            stored_bytes: number;
+        };
+        /** @description Bytes that a key holds. */
+        StorageHolder: {
+            /**
+             * Format: int64
+             * @description Bytes that it holds: sessions, readings, objects, meshes, sensors, versions and jobs that
+             *     it wrote. Versions that share a part count it each.
+             */
+            bytes: number;
+            key?: components["schemas"]["Writer"] | null;
+        };
+        /**
+         * @description The kinds of things that take room.
+         * @enum {string}
+         */
+        StoredKind: "session" | "object" | "sensor" | "catalogue" | "compaction";
         /** @description A stored training reading. */
         StoredReading: {
             /**
@@ -3772,6 +3845,23 @@ export interface components {
             items: components["schemas"]["StoredReading"][];
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
+        };
+        /** @description Something stored that can be removed. */
+        StoredThing: {
+            /**
+             * Format: int64
+             * @description Bytes that its removal frees.
+             */
+            bytes: number;
+            /**
+             * Format: uuid
+             * @description Its id; null: it has none.
+             */
+            id?: string | null;
+            /** @description What kind of thing it is. */
+            kind: components["schemas"]["StoredKind"];
+            /** @description Its name; of a session its id. */
+            name: string;
         };
         /** @description Report of an object's surface, as `surface` uses it. */
         SurfaceReport: {
@@ -4059,6 +4149,11 @@ export interface components {
              *     everything.
              */
             keys_required: boolean;
+            /**
+             * Format: int64
+             * @description Bytes of stored data that one key may hold; null: no bound.
+             */
+            quota_bytes?: number | null;
             /** @description Role of the caller; `admin` if the server requires no keys. */
             role: components["schemas"]["Role"];
         };
@@ -12674,6 +12769,83 @@ export interface operations {
             /** @description The disk is full: nothing was stored */
             507: {
                 headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_storage: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What takes the room */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Storage"];
+                };
+            };
+            /** @description The API key is missing or not valid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The key has none of the required roles: trainer, viewer, admin */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description The client exceeds its share; `Retry-After` says when to try again */
+            429: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal error, or the stored data is damaged */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Overloaded or shutting down; `Retry-After` says when to try again */
+            503: {
+                headers: {
+                    /** @description The limit's name, the remaining quota `r` and the seconds `t` until it is replenished */
+                    RateLimit?: string;
+                    /** @description The limit: its name, quota `q` and unit `qu` */
+                    "RateLimit-Policy"?: string;
+                    /** @description Whole seconds to wait; absent if waiting does not help */
+                    "Retry-After"?: string;
                     [name: string]: unknown;
                 };
                 content: {

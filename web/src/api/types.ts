@@ -34,6 +34,7 @@ export type Session = Schemas["Session"];
 export type SessionEvent = Schemas["SessionEvent"];
 export type SessionReading = Schemas["SessionReading"];
 export type StartTraining = Schemas["StartTraining"];
+export type Storage = Schemas["Storage"];
 export type StoredReading = Schemas["StoredReading"];
 export type Version = Schemas["Version"];
 export type Whoami = Schemas["Whoami"];

@@ -1,18 +1,21 @@
 // Health of the server: checks, metrics and version.
 import { ask, getJson } from "../api/http";
 import { useResource } from "../api/resource";
-import type { Readiness, Version } from "../api/types";
+import type { Readiness, Storage, Version } from "../api/types";
 import { bytes, count } from "../format";
 import { Show } from "../parts/Notes";
 import { Badge, Panel, ViewHead } from "../parts/Panel";
+import { StorageTables } from "./Storage";
 import { parseMetrics, quantile, total, type Sample } from "./metrics";
 
 const EVERY_MS = 5000;
+const STORAGE_EVERY_MS = 60_000;
 
 export function HealthView() {
   const ready = useResource("readyz", (signal) => getJson<Readiness>("/readyz", signal), EVERY_MS);
   const version = useResource("version", (signal) => getJson<Version>("/version", signal));
   const metrics = useResource("metrics", async (signal) => parseMetrics(await (await ask("/metrics", { signal })).text()), EVERY_MS);
+  const storage = useResource("storage", (signal) => getJson<Storage>("/v1/storage", signal), STORAGE_EVERY_MS);
   return (
     <>
       <ViewHead title="Health" sub={version.data ? `${version.data.name} ${version.data.version}, API ${version.data.api}` : "State of the server"}>
@@ -31,6 +34,11 @@ export function HealthView() {
           </Show>
         </Panel>
       </div>
+      <Panel title="Storage">
+        <Show of={storage} what="the storage" lines={4}>
+          {(found) => <StorageTables storage={found} />}
+        </Show>
+      </Panel>
       <Panel title="Requests">
         <Show of={metrics} what="the requests" lines={6}>
           {(samples) => <Requests samples={samples} />}

@@ -19,6 +19,7 @@ use uuid::Uuid;
 
 use super::memory::NoRoom;
 use super::{Catalogues, parameters_of};
+use crate::asker::Asker;
 use crate::model::{Model, NoPart, part_name};
 use crate::refusal::Refusal;
 use crate::wire::count;
@@ -75,7 +76,11 @@ impl Catalogues {
         self.memory.make_room(expected).map_err(|why| no_room(expected, why))?;
         let (table, read_name) = (self.table.clone(), name.clone());
         let tables = Arc::clone(&self.tables);
-        let read = move || read_part(&table, read_name, manifest, part, &tables);
+        let stop = Asker::current().overdue().clone();
+        let read = move || {
+            let core = table.model_part(&manifest, part, &stop)?;
+            prepared_part(&table, read_name, manifest, core, part, &tables)
+        };
         let model = match self.pool.place()?.run(read).await? {
             Err(Refusal::Store(
                 error @ (StoreError::Damaged { .. } | StoreError::Model { .. }),
@@ -92,11 +97,11 @@ impl Catalogues {
 
     /// All parts of a version's model, read for the caller alone.
     pub(crate) async fn whole(&self, catalogue: Uuid, version: u32) -> Result<Arc<Model>, Refusal> {
-        let table = self.table.clone();
+        let (table, stop) = (self.table.clone(), Asker::current().overdue().clone());
         let read = move || {
             let name = table.get(catalogue)?.name;
             let manifest = table.manifest(catalogue, version)?;
-            let core = table.model(&manifest)?;
+            let core = table.model(&manifest, &stop)?;
             let origins_in_model = origins_in_model(&manifest)?;
             let (core, objects) = (Arc::new(core), manifest.objects);
             let (symmetries, prepared) = (Arc::default(), None);
@@ -139,14 +144,14 @@ fn bytes_found(core: &TrainedModel) -> Option<u64> {
     core.surface.as_ref().map(|surface| surface.bytes() as u64)
 }
 
-fn read_part(
+fn prepared_part(
     table: &Table,
     name: String,
     manifest: Manifest,
+    core: TrainedModel,
     part: ModelPart,
     tables: &Arc<TableBudget>,
 ) -> Result<Model, Refusal> {
-    let core = table.model_part(&manifest, part)?;
     let (catalogue, version, n_objects) =
         (manifest.catalogue, manifest.version, manifest.objects.len());
     let what = part_name(part);

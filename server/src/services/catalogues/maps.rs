@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use palpate_core::stop::Stop;
 use palpate_dissertation::geometric::model::{GeometricMap, GeometricModel};
 use palpate_schemas as wire;
 use palpate_schemas::PlyForm;
@@ -15,6 +16,7 @@ use palpate_store::model_codec::{ModelPart, model_to_blocks};
 use uuid::Uuid;
 
 use super::{Catalogues, Model};
+use crate::asker::Asker;
 use crate::clock::now_ms;
 use crate::compute::Pool;
 use crate::refusal::Refusal;
@@ -107,8 +109,9 @@ impl Catalogues {
         let manifest = self.manifest(&catalogue, ours.version)?;
         let mut parameters = training::parameters(&catalogue, &manifest)?;
         parameters.merged_from = vec![reference(&ours), reference(&theirs)];
+        let stop = Asker::current().overdue().clone();
         let merging = move || {
-            let geometry = merge(&ours, &theirs)?;
+            let geometry = merge(&ours, &theirs, &stop)?;
             let core = TrainedModel { geometric: Some(Arc::new(geometry)), ..(*ours.core).clone() };
             let ids: Vec<Uuid> = ours.objects.iter().map(|object| object.id).collect();
             Ok::<_, Refusal>((model_to_blocks(&core, &ids), core))
@@ -139,7 +142,7 @@ fn reference(model: &Model) -> wire::VersionReference {
 
 /// The geometry of `ours` with the evidence of `theirs`. Objects that `theirs` does not know
 /// keep their maps.
-fn merge(ours: &Model, theirs: &Model) -> Result<GeometricModel, Refusal> {
+fn merge(ours: &Model, theirs: &Model, stop: &Stop) -> Result<GeometricModel, Refusal> {
     let (our_geometry, their_geometry) = (ours.geometric()?, theirs.geometric()?);
     let mut n_shared = 0;
     let mut maps = Vec::with_capacity(ours.objects.len());
@@ -155,7 +158,7 @@ fn merge(ours: &Model, theirs: &Model) -> Result<GeometricModel, Refusal> {
         let theirs_from_ours = origin(ours, place) - origin(theirs, other);
         let occupancy = map
             .occupancy
-            .merge_shifted(&their_geometry.maps[other].occupancy, theirs_from_ours)
+            .merge_shifted(&their_geometry.maps[other].occupancy, theirs_from_ours, stop)
             .map_err(|error| {
                 Refusal::field("/with", format!("object {:?}: {error}", object.name))
             })?;

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use palpate_schemas as wire;
@@ -13,16 +13,20 @@ use crate::wire::count;
 
 /// Followers hear at most this often how far a job is.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
-/// What the running training is told: go on, stop for good, or stop until the next start.
+/// What the running training is told: go on, stop for good, stop until the next start, or stop
+/// because its time is up.
 const GO_ON: u8 = 0;
 pub(super) const CANCEL: u8 = 1;
 pub(super) const SUSPEND: u8 = 2;
+pub(super) const OVERDUE: u8 = 3;
 
 /// An unfinished job: what it is told, and what it tells.
 pub(super) struct Control {
     order: AtomicU8,
     pub(super) job: watch::Sender<wire::Job>,
     told: Mutex<(JobStage, Instant, Instant)>,
+    /// When its time is up; set when it begins.
+    ends: OnceLock<Instant>,
 }
 
 impl Control {
@@ -32,7 +36,14 @@ impl Control {
             order: AtomicU8::new(GO_ON),
             job: watch::Sender::new(job),
             told: Mutex::new((JobStage::Sampling, now, now)),
+            ends: OnceLock::new(),
         }
+    }
+
+    /// Begins the time that the training may take.
+    pub(super) fn begin(&self, within: Duration) {
+        // A job begins once in the life of its control.
+        let _ = self.ends.set(Instant::now() + within);
     }
 
     /// Tells the training what to do at its next step.
@@ -52,7 +63,10 @@ impl Control {
 
     /// Tells the followers how far the job is, and the job whether to go on.
     pub(super) fn tell(&self, stage: JobStage, done: usize, total: usize) -> ControlFlow<()> {
-        if self.order.load(Ordering::Relaxed) != GO_ON {
+        if self.ends.get().is_some_and(|ends| Instant::now() >= *ends) && self.is_ordered(GO_ON) {
+            self.order(OVERDUE);
+        }
+        if !self.is_ordered(GO_ON) {
             return ControlFlow::Break(());
         }
         let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);

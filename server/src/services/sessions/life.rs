@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use palpate_schemas as wire;
 use palpate_schemas::{SessionEvent, SessionState};
+use rayon::prelude::*;
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -14,6 +15,7 @@ use super::fits::fits;
 use super::open::Full;
 use super::{Sessions, finished};
 use crate::asker;
+use crate::client::Client;
 use crate::clock::now_ms;
 use crate::live::{Live, status};
 use crate::refusal::Refusal;
@@ -33,8 +35,10 @@ impl Sessions {
         let (mut after, now) = (None, now_ms());
         loop {
             let page = self.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
-            for session in page.items.iter().filter(|session| session.closed_at_ms.is_none()) {
-                let status = status(&self.store, session, now)?;
+            // Of those that were not closed the last reading says whether they have expired.
+            let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
+            let ends = ends.map(|session| Ok((session, status(&self.store, session, now)?)));
+            for (session, status) in ends.collect::<Result<Vec<_>, Refusal>>()? {
                 if status.end.is_none() {
                     self.open.note(session.id, status.expires_at_ms, opened_by(session));
                 }
@@ -57,13 +61,13 @@ impl Sessions {
         let pinned = self.catalogues.pin(name, request.version)?;
         let method = convert::session::method(request, pinned.has_surfaces);
         let model = self.model(pinned.catalogue, pinned.version, method).await?;
-        let (time_to_live, key) = (self.time_to_live, asker::Asker::current().key());
-        let limits = Limits { time_to_live, now_ms: now_ms(), opened_by: key };
+        let (time_to_live, asker) = (self.time_to_live, asker::Asker::current());
+        let limits = Limits { time_to_live, now_ms: now_ms(), opened_by: asker.key() };
         let session =
             convert::session::new_session(request, method, &model, Uuid::now_v7(), limits)?;
         fits(&session, &model, self.belief_bytes_max)?;
         let status = status(&self.store, &session, limits.now_ms)?;
-        self.enter(session.id, status.expires_at_ms, key)?;
+        self.enter(session.id, status.expires_at_ms, asker.client())?;
         if let Err(error) = self.store.sessions().create(&session).await {
             self.open.leave(session.id);
             return Err(error.into());
@@ -243,12 +247,12 @@ impl Sessions {
     }
 
     /// Takes a place for a new session, that of an expired one if need be.
-    fn enter(&self, id: Uuid, expires: Option<u64>, key: Option<Uuid>) -> Result<(), Refusal> {
-        if self.open.enter(id, expires, key).is_ok() {
+    fn enter(&self, id: Uuid, expires: Option<u64>, client: Option<Client>) -> Result<(), Refusal> {
+        if self.open.enter(id, expires, client).is_ok() {
             return Ok(());
         }
         self.sweep()?;
-        self.open.enter(id, expires, key).map_err(|full| match full {
+        self.open.enter(id, expires, client).map_err(|full| match full {
             Full::Total { max, soonest_ms } => {
                 let wait = soonest_ms.map(|soonest| {
                     Duration::from_millis(soonest.saturating_sub(now_ms())).max(SWEEP_EVERY)

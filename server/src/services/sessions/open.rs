@@ -1,4 +1,4 @@
-//! Which sessions are open: a bound on how many there are, with a share of each key, and who is
+//! Which sessions are open: a bound on how many there are, with a share of each client, and who is
 //! due to expire.
 //!
 //! An expiry noted here is never too late, and may be too early: readings and leases that come
@@ -30,7 +30,7 @@ struct Place {
 pub(super) enum Full {
     /// All places are taken; the first is free again at the earliest at this time.
     Total { max: usize, soonest_ms: Option<u64> },
-    /// The key's share is: of all places this many are taken.
+    /// The client's share is: of all places this many are taken.
     Share { used: usize, max: usize },
 }
 
@@ -39,16 +39,21 @@ impl Open {
         Self { sessions: Mutex::default(), places: Budget::new(max) }
     }
 
-    /// Takes a place for a new session, which counts to the share of the key that opens it.
+    /// Takes a place for a new session, which counts to the share of the client that opens it.
+    /// Programs on the server's own machine that are not asked for a key have no share: all of
+    /// them are one address.
     pub(super) fn enter(
         &self,
         id: Uuid,
         expires: Option<u64>,
-        key: Option<Uuid>,
+        client: Option<Client>,
     ) -> Result<(), Full> {
+        let is_own =
+            |client: &Client| matches!(client, Client::Address(address) if address.is_loopback());
+        let client = client.filter(|client| !is_own(client));
         let mut sessions = self.lock();
         let max = self.places.total();
-        let taken = self.places.take(key.map(Client::Key), 1);
+        let taken = self.places.take(client, 1);
         let holding = taken.map_err(|over| match over {
             Over::Total => {
                 let soonest_ms = sessions.values().filter_map(|place| place.expires).min();
@@ -60,7 +65,8 @@ impl Open {
         Ok(())
     }
 
-    /// Notes a session that is open already, whatever the bounds.
+    /// Notes a session that is open already, whatever the bounds. Of one that was opened without a
+    /// key nobody knows the address after a restart: it counts to the total alone.
     pub(super) fn note(&self, id: Uuid, expires: Option<u64>, key: Option<Uuid>) {
         let mut sessions = self.lock();
         match sessions.get_mut(&id) {
@@ -143,17 +149,30 @@ mod tests {
 
     #[test]
     fn a_key_holds_its_share_and_leaves_places_for_others() {
-        let (open, [greedy, other]) = (Open::new(40), [1, 2].map(|key| Some(id(key))));
+        let (open, [greedy, other]) = (Open::new(40), [1, 2].map(|key| Some(Client::Key(id(key)))));
         let n = (1..).take_while(|n| open.enter(id(*n), None, greedy).is_ok()).count();
         assert_eq!(n, 30, "three quarters");
         assert_eq!(open.enter(id(99), None, greedy), Err(Full::Share { used: 30, max: 40 }));
         open.enter(id(100), None, other).unwrap();
         // What was open before a restart counts too.
         let again = Open::new(40);
-        (1..=30).for_each(|n| again.note(id(n), Some(5), greedy));
-        again.note(id(1), Some(6), greedy);
+        (1..=30).for_each(|n| again.note(id(n), Some(5), Some(id(1))));
+        again.note(id(1), Some(6), Some(id(1)));
         assert_eq!(again.enter(id(99), None, greedy), Err(Full::Share { used: 30, max: 40 }));
         again.leave(id(1));
         again.enter(id(99), None, greedy).unwrap();
+    }
+
+    #[test]
+    fn an_address_in_the_network_has_a_share_too() {
+        let at = |address: [u8; 4]| Some(Client::at(address.into()));
+        let open = Open::new(40);
+        let greedy = at([10, 0, 0, 1]);
+        let n = (1..).take_while(|n| open.enter(id(*n), None, greedy).is_ok()).count();
+        assert_eq!(n, 30, "three quarters");
+        open.enter(id(100), None, at([10, 0, 0, 2])).unwrap();
+        let own = Open::new(40);
+        let n = (1..).take_while(|n| own.enter(id(*n), None, at([127, 0, 0, 1])).is_ok()).count();
+        assert_eq!(n, 40, "programs of this machine take all");
     }
 }

@@ -6,6 +6,7 @@
 //! requests that should have been refused, and resources that attackers still hold
 //! afterwards.
 
+mod aside;
 mod attacks;
 mod foe;
 mod honest;
@@ -28,6 +29,7 @@ use crate::material::{Material, off_box};
 use crate::robot::Robot;
 use crate::serving::Serving;
 use crate::{Access, Args};
+use aside::Aside;
 use attacks::{Attack, Prey, attack};
 use foe::{Foe, Stolen};
 use honest::{Honest, Log, Seen};
@@ -63,6 +65,7 @@ pub(crate) struct Report {
     honest_requests: usize,
     idle_cores_after: f64,
     attacks: Vec<Told>,
+    aside: Vec<Aside>,
     seconds_per_attack: u32,
     seed: u64,
     seconds: f64,
@@ -141,6 +144,13 @@ pub(crate) async fn run(
         say(shortened(&format!("an honest robot was refused: {refusal}")));
     }
 
+    let within = Duration::from_secs(u64::from(args.seconds));
+    let aside = aside::attack(command, folder.path(), within).await?;
+    for fault in aside.iter().flat_map(|aside| &aside.faults).take(SAID) {
+        say(shortened(fault));
+    }
+    faults.extend(aside.iter().flat_map(|aside| aside.faults.clone()));
+
     let before = log.window(before);
     let mut during = Seen::default();
     for (told, window) in told.iter_mut().zip(windows) {
@@ -160,6 +170,7 @@ pub(crate) async fn run(
         honest_requests: before.requests() + during.requests(),
         idle_cores_after,
         attacks: told,
+        aside,
         seconds_per_attack: args.seconds,
         seed: args.seed,
         seconds: begun.elapsed().as_secs_f64(),

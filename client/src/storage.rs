@@ -1,0 +1,17 @@
+//! Storage: how many bytes are stored, by which key, and what takes most of the room.
+
+use palpate_schemas::Storage;
+
+use crate::client::Client;
+use crate::error::Error;
+use crate::request::Request;
+
+impl Client {
+    /// What is stored, which key holds how much, and what would free most.
+    ///
+    /// # Errors
+    /// [`Error`].
+    pub async fn storage(&self) -> Result<Storage, Error> {
+        self.send(Request::get(["v1", "storage"])).await
+    }
+}
