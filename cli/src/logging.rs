@@ -1,29 +1,18 @@
-//! Logs to standard error, and on request traces to a collector.
+//! Where logs go: to the standard error; and spans, on request, to a collector.
 
-use std::sync::OnceLock;
-
-use anyhow::Context as _;
-use opentelemetry::trace::TracerProvider as _;
-use opentelemetry_otlp::{Protocol, SpanExporter, WithExportConfig};
-use opentelemetry_sdk::Resource;
-use opentelemetry_sdk::propagation::TraceContextPropagator;
-use opentelemetry_sdk::trace::SdkTracerProvider;
-use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer};
+use anyhow::{Context as _, ensure};
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::{Layer, layer::SubscriberExt, util::SubscriberInitExt};
 
 use crate::args::{Cli, Command, LogFormat};
 use crate::progress;
 
-/// Exporter of spans, for the life of the process.
-static SPANS: OnceLock<SdkTracerProvider> = OnceLock::new();
-
-/// Installs logging to standard error: what `RUST_LOG` selects, else warnings, and with `serve` or
-/// `--verbose` also normal events. Spans go to the collector that `serve` names, if any.
+/// Logs go to the standard error: what `RUST_LOG` says, else warnings, and with `serve` or
+/// `--verbose` also what happens. Spans go to the collector that `serve` names, if it does.
 pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
     let talkative = cli.verbose || matches!(cli.command, Command::Serve(_));
     let default = if talkative { "info" } else { "warn" };
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    let filter = filter(std::env::var("RUST_LOG").ok(), default)?;
     let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
     let log = match cli.log_format {
         LogFormat::Human => log.with_ansi(progress::is_watched()).boxed(),
@@ -33,42 +22,49 @@ pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
         Command::Serve(args) => args.otlp_endpoint.as_deref(),
         _ => None,
     };
-    let spans = collector.map(provider).transpose()?;
-    let spans = spans.map(|provider| {
-        let tracer = provider.tracer("palpate");
-        let layer = tracing_opentelemetry::layer().with_tracer(tracer);
-        let _ = SPANS.set(provider);
-        // Spans are told whatever the log leaves out.
-        layer.with_filter(EnvFilter::new("off,palpate_server=info"))
-    });
-    tracing_subscriber::registry().with(log.with_filter(filter)).with(spans).init();
+    check_collector(collector, cfg!(feature = "otlp"))?;
+    let subscriber = tracing_subscriber::registry().with(log.with_filter(filter));
+    #[cfg(feature = "otlp")]
+    let subscriber = subscriber.with(collector.map(crate::spans::layer).transpose()?);
+    subscriber.init();
     Ok(())
 }
 
-/// Sends the remaining spans, at the end of the process.
-pub(crate) fn flush() {
-    if let Some(spans) = SPANS.get()
-        && let Err(error) = spans.shutdown()
-    {
-        eprintln!("some spans did not reach the collector: {error}");
-    }
+/// Which logs are written: `RUST_LOG`, such as `warn,palpate_server=debug`, else the default.
+fn filter(asked: Option<String>, default: &str) -> anyhow::Result<Targets> {
+    let asked = asked.filter(|asked| !asked.is_empty());
+    asked.as_deref().unwrap_or(default).parse().context("RUST_LOG is no list of levels")
 }
 
-/// Exporter of spans by OTLP over HTTP.
-fn provider(address: &str) -> anyhow::Result<SdkTracerProvider> {
-    let endpoint = format!("{}/v1/traces", address.trim_end_matches('/'));
-    // The exporter's client speaks TLS by it, and asks for it even when the collector does not.
-    let _ = rustls::crypto::ring::default_provider().install_default();
-    let exporter = SpanExporter::builder()
-        .with_http()
-        .with_protocol(Protocol::HttpBinary)
-        .with_endpoint(&endpoint)
-        .build()
-        .with_context(|| format!("cannot send spans to {endpoint}"))?;
-    opentelemetry::global::set_text_map_propagator(TraceContextPropagator::new());
-    let resource = Resource::builder()
-        .with_service_name("palpate")
-        .with_attribute(opentelemetry::KeyValue::new("service.version", env!("CARGO_PKG_VERSION")))
-        .build();
-    Ok(SdkTracerProvider::builder().with_batch_exporter(exporter).with_resource(resource).build())
+/// Refuses a collector in a build that cannot send spans.
+fn check_collector(collector: Option<&str>, is_built_in: bool) -> anyhow::Result<()> {
+    ensure!(
+        is_built_in || collector.is_none(),
+        "--otlp-endpoint (OTEL_EXPORTER_OTLP_ENDPOINT) needs the feature `otlp`, which this \
+         palpate was built without: build it with `--features otlp`"
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rust_log_says_what_is_logged() {
+        let asked = filter(Some("warn,palpate_server=debug".to_owned()), "info").unwrap();
+        assert!(asked.would_enable("palpate_server::live", &tracing::Level::DEBUG));
+        assert!(!asked.would_enable("hyper", &tracing::Level::INFO));
+        let default = filter(Some(String::new()), "info").unwrap();
+        assert!(default.would_enable("hyper", &tracing::Level::INFO));
+        assert!(filter(Some("palpate=loudly".to_owned()), "info").is_err());
+    }
+
+    #[test]
+    fn a_collector_is_refused_by_a_build_without_otlp() {
+        let error = check_collector(Some("http://localhost:4318"), false).unwrap_err();
+        assert!(error.to_string().contains("--features otlp"), "{error}");
+        assert!(check_collector(None, false).is_ok());
+        assert!(check_collector(Some("http://localhost:4318"), true).is_ok());
+    }
 }

@@ -14,6 +14,8 @@ mod readings_file;
 mod robot;
 mod explorer;
 mod settings;
+#[cfg(feature = "otlp")]
+mod spans;
 mod symmetry;
 mod verdict;
 mod trial;
@@ -52,7 +54,8 @@ fn main() -> ExitCode {
         }
         Err(error) => Err(error.into()),
     };
-    logging::flush();
+    #[cfg(feature = "otlp")]
+    spans::flush();
     exit::code_of(outcome)
 }
 

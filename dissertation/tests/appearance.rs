@@ -6,7 +6,6 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use palpate_core::belief::MismatchError;
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
@@ -263,22 +262,6 @@ fn clients_features_use_the_same_machinery() {
     assert_eq!(short, Err(AppearanceError::Feature { expected: 4, found: 1 }));
     let image = belief.add(&touches(KINDS[0], 1, 1)[0], &SensorDescription::digitacts_6x6());
     assert_eq!(image, Err(AppearanceError::FeatureExpected { dimension: 4 }));
-}
-
-#[test]
-fn centers_are_images_for_invertible_descriptors() {
-    let plain = AppearanceConfig { descriptor: DescriptorKind::Vectorize, ..config() };
-    let model = learn(&plain, &KINDS);
-    let images = model.vocabulary.class_images().unwrap();
-    assert_eq!(images.len(), model.vocabulary.n_classes());
-    // Centres are means of images of norm 1: nowhere clearly negative, norm 1 at most.
-    for image in &images {
-        assert_eq!((image.rows, image.cols), (6, 6));
-        let norm: f64 = image.pressures.iter().map(|p| p * p).sum::<f64>().sqrt();
-        assert!((0.3..1.01).contains(&norm), "{norm}");
-        assert!(image.pressures.iter().all(|p| *p > -0.05), "{image:?}");
-    }
-    assert_eq!(learn(&config(), &KINDS).vocabulary.class_images(), None);
 }
 
 #[test]

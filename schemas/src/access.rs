@@ -8,6 +8,7 @@ use uuid::Uuid;
 
 /// Role of a key. `x-palpate-roles` of each operation lists the roles that may call it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, PartialOrd, Ord, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
     /// Touches objects: sessions, readings and next touches; reads sensors and catalogues.
@@ -185,6 +186,7 @@ pub struct AuditQuery {
 /// A part of the audit log with its own capacity. Entries of one ring never displace those of
 /// another.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum AuditRing {
     /// Requests that changed something, or may have.

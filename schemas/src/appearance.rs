@@ -54,6 +54,7 @@ pub enum FeatureSource {
 
 /// Clustering method for the appearance classes.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum ClusteringKind {
     /// A Gaussian mixture with full covariances.

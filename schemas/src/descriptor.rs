@@ -5,6 +5,7 @@ use utoipa::ToSchema;
 
 /// Descriptor that turns a press into a feature.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum Descriptor {
     /// The raw pressures; neither rotation nor shift is removed.

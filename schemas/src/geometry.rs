@@ -20,6 +20,7 @@ pub struct GeometricTraining {
 
 /// Kind of contact map.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum GeometricKind {
     /// A raised shape pressed from above, such as a letter: x, y and the rotation about the plane's
@@ -100,6 +101,7 @@ pub struct PlyQuery {
 
 /// Content of a PLY file.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum PlyForm {
     /// Centres of the cells that are likely occupied.

@@ -68,6 +68,7 @@ pub struct UpdateObject {
 
 /// Unit of the coordinates in a mesh file. STL, OBJ, PLY and OFF do not record it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum MeshUnit {
     /// Metres.

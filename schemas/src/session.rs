@@ -162,6 +162,7 @@ pub struct PriorEntry {
 
 /// Recognition method.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Surface matching: pairs of touches propose poses, all touches verify them, and the best are
@@ -185,6 +186,35 @@ pub enum Method {
     Appearance,
     /// Bags of features with the rule as the dissertation prints it, for its figures.
     AppearanceLiteral,
+}
+
+impl Method {
+    /// Its name, as on the wire.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Surface => "surface",
+            Self::Sva => "sva",
+            Self::SvaLiteral => "sva_literal",
+            Self::Geometric => "geometric",
+            Self::GeometricHistogram => "geometric_histogram",
+            Self::GeometricParticles => "geometric_particles",
+            Self::Appearance => "appearance",
+            Self::AppearanceLiteral => "appearance_literal",
+        }
+    }
+
+    /// Whether it needs contact maps, and a prior over poses.
+    #[must_use]
+    pub fn is_geometric(self) -> bool {
+        matches!(self, Self::Geometric | Self::GeometricHistogram | Self::GeometricParticles)
+    }
+
+    /// Whether it compares appearance alone: it needs no poses, and the object may move.
+    #[must_use]
+    pub fn is_appearance(self) -> bool {
+        matches!(self, Self::Appearance | Self::AppearanceLiteral)
+    }
 }
 
 /// A session: one object that is touched.
@@ -296,6 +326,7 @@ pub struct AddReadings {
 
 /// How much of the belief an answer contains.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum), value(rename_all = "snake_case"))]
 #[serde(rename_all = "snake_case")]
 pub enum BeliefDetail {
     /// All objects, and the five likeliest poses.

@@ -12,6 +12,7 @@ use crate::admission::Admission;
 use crate::compute::Pool;
 use crate::config::Config;
 use crate::model::part_name;
+use crate::process;
 use crate::rate::Rates;
 use crate::refusal::Refusal;
 use crate::roles::Operations;
@@ -165,8 +166,7 @@ impl App {
 
     /// Brings the figures up to date that nobody else keeps.
     pub(crate) fn measure(&self) {
-        // What the operating system says of the process: memory, processor time, open files.
-        metrics_process::Collector::default().collect();
+        process::measure();
         metrics::gauge!("palpate_sessions_in_memory").set(self.0.sessions.n_live() as f64);
         metrics::gauge!("palpate_sessions_open").set(self.0.sessions.n_open() as f64);
         metrics::gauge!("palpate_jobs_unfinished").set(self.0.jobs.n_unfinished() as f64);

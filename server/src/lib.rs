@@ -21,6 +21,7 @@ mod hints;
 mod model;
 mod wire;
 mod known_sensors;
+mod process;
 mod refusal;
 mod repeats;
 mod live;

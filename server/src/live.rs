@@ -44,7 +44,7 @@ use crate::refusal::Refusal;
 use crate::wire::belief::{belief, top};
 use crate::wire::life::Status;
 use crate::wire::reading::Incoming;
-use crate::wire::session::{is_geometric, options};
+use crate::wire::session::options;
 use crate::wire::{count, geometry};
 use account::Account;
 pub(crate) use account::Total;
@@ -283,7 +283,7 @@ impl Live {
 
     /// Whether folding so many entries gives way to what other robots wait for.
     fn length_of(&self, missing: usize, folding: &Folding) -> Length {
-        let is_long = missing > SHORT_READINGS_MAX || is_geometric(folding.method);
+        let is_long = missing > SHORT_READINGS_MAX || folding.method.is_geometric();
         if is_long { Length::Long } else { Length::Short }
     }
 

@@ -6,6 +6,8 @@
 //! drifts; `UPDATE_OPENAPI=1 cargo test -p palpate-server openapi` rewrites it.
 
 mod examples;
+#[cfg(any(test, not(feature = "swagger")))]
+pub(crate) mod listing;
 #[cfg(test)]
 mod operations;
 mod unions;

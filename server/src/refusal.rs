@@ -65,7 +65,7 @@ pub(crate) enum Refusal {
     )]
     NoMarginals { session: Uuid },
     #[error(
-        "session {session} has the method {method}, which cannot rank next touches: expected \
+        "session {session} has the method `{method}`, which cannot rank next touches: expected \
          `surface`"
     )]
     NoNextTouches { session: Uuid, method: &'static str },

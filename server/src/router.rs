@@ -6,7 +6,6 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::get;
 use tower_http::catch_panic::CatchPanicLayer;
-use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
 use crate::middleware::admission::admit;
@@ -38,11 +37,30 @@ pub(crate) fn router(app: App) -> Router {
         .with_state(app)
 }
 
-/// Pages for people, and the API's description.
+/// The dashboard, and the API's description and documentation.
 fn pages() -> Router<App> {
-    let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
-    let pages = Router::new().merge(docs).route("/openapi.json", get(description));
+    let pages = docs().route("/openapi.json", get(description));
     dashboard::paths().fold(pages, |pages, path| pages.route(path, get(file)))
+}
+
+/// The API's documentation: Swagger UI.
+#[cfg(feature = "swagger")]
+fn docs() -> Router<App> {
+    use utoipa_swagger_ui::{Config, SwaggerUi};
+
+    Router::new().merge(SwaggerUi::new("/docs").config(Config::from("/openapi.json")))
+}
+
+/// The API's documentation: a plain list of operations.
+#[cfg(not(feature = "swagger"))]
+fn docs() -> Router<App> {
+    async fn listing(headers: HeaderMap) -> Response {
+        let page = openapi::listing::page().as_bytes();
+        dashboard::tagged("text/html; charset=utf-8", page, &headers)
+    }
+    ["/docs", "/docs/"]
+        .into_iter()
+        .fold(Router::new(), |pages, path| pages.route(path, get(listing)))
 }
 
 async fn file(uri: Uri, headers: HeaderMap) -> Response {

@@ -7,7 +7,6 @@ mod canvas;
 pub mod occupancy;
 
 use glam::{DQuat, DVec3};
-use palpate_core::reading::TactileImage;
 use palpate_core::units::DEG;
 
 use crate::mesh::Mesh;
@@ -49,40 +48,6 @@ impl Default for View {
 #[must_use]
 pub fn mesh_png(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Vec<u8> {
     drawn(mesh, view, size, points).to_png()
-}
-
-/// Pictures of several meshes side by side, `columns` in a row, each `size` pixels wide.
-#[must_use]
-pub fn contact_sheet(meshes: &[&Mesh], view: View, size: usize, columns: usize) -> Vec<u8> {
-    let columns = columns.clamp(1, meshes.len().max(1));
-    let rows = meshes.len().div_ceil(columns).max(1);
-    let mut sheet = Canvas::new(columns * size, rows * size, BACKGROUND);
-    for (idx, mesh) in meshes.iter().enumerate() {
-        let tile = drawn(mesh, view, size, &[]);
-        sheet.paste(&tile, idx % columns * size, idx / columns * size);
-    }
-    sheet.to_png()
-}
-
-/// Tactile images side by side, each taxel a square of `taxel_size` pixels; black is 0 and
-/// white is `full` pascal.
-#[must_use]
-pub fn images_png(images: &[&TactileImage], full: f64, taxel_size: usize) -> Vec<u8> {
-    let gap = taxel_size;
-    let width = images.iter().map(|image| image.cols * taxel_size + gap).sum::<usize>() + gap;
-    let height = images.iter().map(|image| image.rows).max().unwrap_or(0) * taxel_size + 2 * gap;
-    let mut strip = Canvas::new(width, height, BACKGROUND);
-    let mut left = gap;
-    for image in images {
-        for (taxel, pressure) in image.pressures.iter().enumerate() {
-            let gray = (255.0 * (pressure / full).clamp(0.0, 1.0)) as u8;
-            let (x, y) =
-                (left + taxel % image.cols * taxel_size, gap + taxel / image.cols * taxel_size);
-            strip.fill(x, y, taxel_size, [gray; 3]);
-        }
-        left += image.cols * taxel_size + gap;
-    }
-    strip.to_png()
 }
 
 fn drawn(mesh: &Mesh, view: View, size: usize, points: &[DVec3]) -> Canvas {
@@ -129,9 +94,6 @@ mod tests {
     fn pictures_have_the_requested_size() {
         let ball = sphere(0.03, 24);
         assert_eq!(size_of(&mesh_png(&ball, View::default(), 64, &[])), (64, 64));
-        assert_eq!(size_of(&contact_sheet(&[&ball; 3], View::default(), 32, 2)), (64, 64));
-        let image = TactileImage { rows: 2, cols: 3, pressures: vec![0.0; 6] };
-        assert_eq!(size_of(&images_png(&[&image, &image], 1.0, 4)), (4 + 2 * 16, 16));
     }
 
     #[test]

@@ -151,12 +151,6 @@ impl StoreError {
     pub(crate) fn damaged(space: Space) -> impl Fn(RecordError) -> Self {
         move |source| Self::Damaged { space, source }
     }
-
-    /// Whether the same call may succeed if it is repeated shortly.
-    #[must_use]
-    pub fn is_transient(&self) -> bool {
-        matches!(self, Self::Engine(EngineError::Busy { .. }) | Self::Changed { .. })
-    }
 }
 
 /// Splits a commit's error: the index of the failed expectation, or the engine's error.

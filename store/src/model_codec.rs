@@ -29,6 +29,7 @@ use palpate_dissertation::sva::model::{ObjectMap, SvaModel};
 use reader::Reader;
 use thiserror::Error;
 use uuid::Uuid;
+use writer::{put_counts, put_floats, put_singles};
 
 use crate::descriptor_code::{DESCRIPTORS, descriptor_code};
 use crate::model::TrainedModel;
@@ -218,25 +219,19 @@ pub fn model_from_blocks(
 pub fn vocabulary_to_block(model: &SvaModel) -> Vec<u8> {
     let vocabulary = &model.vocabulary;
     let mut block = Vec::new();
-    for number in [
-        FORM,
-        descriptor_code(vocabulary.descriptor),
-        count(vocabulary.rows),
-        count(vocabulary.cols),
-        count(vocabulary.mean.len()),
-        count(vocabulary.n_classes()),
-        count(model.association.max_classes),
-    ] {
-        block.extend_from_slice(&number.to_le_bytes());
-    }
-    let medoids = vocabulary.medoids.iter().flatten();
-    for value in std::iter::once(&model.association.threshold)
-        .chain(&vocabulary.mean)
-        .chain(medoids)
-        .chain(&vocabulary.spreads)
-    {
-        block.extend_from_slice(&value.to_le_bytes());
-    }
+    let counts = [
+        vocabulary.rows,
+        vocabulary.cols,
+        vocabulary.mean.len(),
+        vocabulary.n_classes(),
+        model.association.max_classes,
+    ];
+    put_counts(&mut block, &[FORM, descriptor_code(vocabulary.descriptor)]);
+    put_counts(&mut block, &counts.map(count));
+    put_floats(&mut block, &[model.association.threshold]);
+    put_floats(&mut block, &vocabulary.mean);
+    vocabulary.medoids.iter().for_each(|medoid| put_floats(&mut block, medoid));
+    put_floats(&mut block, &vocabulary.spreads);
     block
 }
 
@@ -270,29 +265,18 @@ pub fn map_to_block(map: &ObjectMap) -> Vec<u8> {
     let (patches, postings) = (map.patches(), index.postings());
     let bytes = 64 + patches.len() * 28 + index.offsets().len() * 4 + postings.len() * 6;
     let mut block = Vec::with_capacity(bytes);
-    for number in [
-        FORM,
-        count(patches.len()),
-        count(index.n_classes()),
-        u32::from(index.distances().n()),
-        count(postings.len()),
-    ] {
-        block.extend_from_slice(&number.to_le_bytes());
-    }
-    let [x, y, z] = map.origin_in_training().to_array();
-    for value in [index.distances().min(), index.distances().max(), x, y, z] {
-        block.extend_from_slice(&value.to_le_bytes());
-    }
+    let distances = index.distances();
+    let n_bins = u32::from(distances.n());
+    let (n_patches, n_postings) = (count(patches.len()), count(postings.len()));
+    put_counts(&mut block, &[FORM, n_patches, count(index.n_classes()), n_bins, n_postings]);
+    put_floats(&mut block, &[distances.min(), distances.max()]);
+    put_floats(&mut block, &map.origin_in_training().to_array());
     for patch in patches {
-        let [nx, ny, nz] = patch.normal;
-        let [x, y, z] = patch.position;
-        for value in [x, y, z, nx, ny, nz, patch.normal_confidence] {
-            block.extend_from_slice(&value.to_le_bytes());
-        }
+        put_singles(&mut block, &patch.position);
+        put_singles(&mut block, &patch.normal);
+        put_singles(&mut block, &[patch.normal_confidence]);
     }
-    for offset in index.offsets() {
-        block.extend_from_slice(&offset.to_le_bytes());
-    }
+    put_counts(&mut block, index.offsets());
     for posting in postings {
         for number in [posting.first, posting.second, posting.weight] {
             block.extend_from_slice(&number.to_le_bytes());

@@ -18,7 +18,7 @@ dockerfile = (ROOT / "deploy/Dockerfile").read_text()
 stages = re.findall(r"^FROM (\S+)", dockerfile, re.M)
 version = re.search(r'^rust-version = "([\d.]+)"', (ROOT / "Cargo.toml").read_text(), re.M)[1]
 assert stages[0].startswith(f"rust:{version}-"), f"{stages[0]} is not Rust {version}"
-for needed in ("USER 65532", "HEALTHCHECK", "--locked"):
+for needed in ("USER 65532", "HEALTHCHECK", "--locked", "--features full"):
     assert needed in dockerfile, f"deploy/Dockerfile has no {needed}"
 
 left_out = [

@@ -6,9 +6,9 @@ mod command;
 mod constants;
 mod corpora;
 mod house;
-mod letters;
 mod load;
 mod numbers;
 mod serving;
-mod story;
+#[cfg(feature = "otlp")]
+mod spans;
 mod torture;

@@ -1,6 +1,6 @@
 //! `palpate audit`: the audit log, newest first.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::schemas::{AuditEntry, AuditPage, AuditQuery, AuditRing};
 
 use super::Context;
@@ -26,37 +26,15 @@ pub(crate) struct AuditArgs {
     operation: Option<String>,
     /// Only entries of this ring.
     #[arg(long, value_name = "RING")]
-    ring: Option<RingChoice>,
+    ring: Option<AuditRing>,
     /// Maximum number of entries.
     #[arg(short, long, value_name = "N", default_value_t = 100)]
     n: usize,
 }
 
-/// A ring of the audit log.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RingChoice {
-    /// Requests that changed something, or may have.
-    Changes,
-    /// Requests of a key holder that were refused or failed.
-    Refused,
-    /// Requests without a valid key that were refused or failed.
-    Strangers,
-}
-
-impl From<RingChoice> for AuditRing {
-    fn from(choice: RingChoice) -> Self {
-        match choice {
-            RingChoice::Changes => Self::Changes,
-            RingChoice::Refused => Self::Refused,
-            RingChoice::Strangers => Self::Strangers,
-        }
-    }
-}
-
 /// Shows the entries.
 pub(crate) async fn run(args: AuditArgs, context: &Context) -> anyhow::Result<()> {
     let AuditArgs { since, until, by, operation, ring, n } = args;
-    let ring = ring.map(AuditRing::from);
     let mut query = AuditQuery { since, until, key: by, operation, ring, ..AuditQuery::default() };
     let mut items: Vec<AuditEntry> = Vec::new();
     let next_cursor = loop {

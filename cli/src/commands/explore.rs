@@ -7,10 +7,10 @@ mod truth;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::schemas::{
-    AddReadings, Belief, BeliefDetail, CreateSession, Method, Reading, ReadingsQuery, SensorPreset,
-    Session,
+    AddReadings, Belief, BeliefDetail, CreateSession, MeshUnit, Method, Reading, ReadingsQuery,
+    SensorPreset, Session,
 };
 use palpate_sim::shapes;
 use serde::Serialize;
@@ -19,9 +19,9 @@ use uuid::Uuid;
 use self::planner::Planner;
 use self::truth::Truth;
 use super::Context;
-use super::objects::Unit;
 use super::sensors::parse_preset;
 use super::touch::ensure_sensor;
+use crate::args::among;
 use crate::exit::Ended;
 use crate::explorer::{self, Plan};
 use crate::output;
@@ -48,7 +48,7 @@ pub(crate) struct ExploreArgs {
     mesh: Option<PathBuf>,
     /// Unit of the mesh file's coordinates.
     #[arg(long, value_enum, default_value = "mm")]
-    unit: Unit,
+    unit: MeshUnit,
     /// Send the readings of this file instead of exploring; `-` reads standard input.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["mesh", "object", "offline", "out"])]
     replay: Option<PathBuf>,
@@ -84,8 +84,8 @@ pub(crate) struct ExploreArgs {
     catalogue: String,
     /// Recognition method of a new session [default: surface]. With --perturb, use a method that
     /// ignores poses: `appearance`, with a version trained with `--appearance`.
-    #[arg(long, value_enum, conflicts_with_all = ["session", "offline"])]
-    method: Option<ExploreMethod>,
+    #[arg(long, value_parser = among(&BLIND), conflicts_with_all = ["session", "offline"])]
+    method: Option<Method>,
     /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `surface`
     /// [default: 0.05].
     #[arg(long, value_name = "PROBABILITY", conflicts_with_all = ["session", "offline"])]
@@ -101,30 +101,14 @@ pub(crate) struct ExploreArgs {
     picture: Option<PathBuf>,
 }
 
-/// Recognition method. The methods `geometric…` are missing because they need a pose prior, which a
-/// blind arm does not have.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ExploreMethod {
-    /// Spatially varying appearance (chapter 5).
-    Sva,
-    /// Spatially varying appearance as the dissertation prints it.
-    SvaLiteral,
-    /// Bags of features (chapter 4): identity only, no pose.
-    Appearance,
-    /// Bags of features as the dissertation prints them.
-    AppearanceLiteral,
-}
-
-impl ExploreMethod {
-    fn wire(self) -> Method {
-        match self {
-            Self::Sva => Method::Sva,
-            Self::SvaLiteral => Method::SvaLiteral,
-            Self::Appearance => Method::Appearance,
-            Self::AppearanceLiteral => Method::AppearanceLiteral,
-        }
-    }
-}
+/// Methods without a pose prior, which a blind arm does not have.
+const BLIND: [Method; 5] = [
+    Method::Surface,
+    Method::Sva,
+    Method::SvaLiteral,
+    Method::Appearance,
+    Method::AppearanceLiteral,
+];
 
 /// The answer of the command.
 #[derive(Debug, Serialize)]
@@ -186,7 +170,7 @@ async fn replay(args: &ExploreArgs, file: ReadingsFile, context: &Context) -> an
 async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
     let plan = plan(args)?;
     if args.mesh.is_some() {
-        context.output.say(crate::robot::read_as(args.unit.wire(), &plan.mesh));
+        context.output.say(crate::robot::read_as(args.unit, &plan.mesh));
     }
     let (session, truth) = if args.offline {
         (None, args.object.as_deref().map(Truth::named))
@@ -267,7 +251,7 @@ async fn hear(
 
 fn plan(args: &ExploreArgs) -> anyhow::Result<Plan> {
     let mesh = match (&args.mesh, &args.object) {
-        (Some(path), _) => crate::robot::read_mesh(path, args.unit.wire())?,
+        (Some(path), _) => crate::robot::read_mesh(path, args.unit)?,
         (None, Some(name)) => shapes::example(name).ok_or_else(|| {
             anyhow::anyhow!(
                 "object {name} is not a built-in example, expected one of {} or --mesh FILE",
@@ -296,7 +280,7 @@ async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Sessio
         None => {
             let new = CreateSession {
                 catalogue: Some(args.catalogue.clone()),
-                method: args.method.map(ExploreMethod::wire),
+                method: args.method,
                 unknown_prior: args.unknown_prior,
                 ..CreateSession::default()
             };

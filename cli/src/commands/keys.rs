@@ -1,6 +1,6 @@
 //! `palpate keys`: manage API keys. And `palpate whoami`.
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use palpate_client::schemas::{ApiKey, CreateKey, NewApiKey, PageQuery, Role, RotateKey};
 use serde_json::json;
 
@@ -23,7 +23,7 @@ enum Action {
         name: String,
         /// Role of the key.
         #[arg(long)]
-        role: RoleChoice,
+        role: Role,
         /// Days until the key expires [default: never].
         #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u64).range(1..=3650))]
         expires_days: Option<u64>,
@@ -50,38 +50,13 @@ enum Action {
     },
 }
 
-/// Role of a key.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RoleChoice {
-    /// Touch objects: sessions, readings, next touches.
-    Robot,
-    /// Train: objects, sensors, trainings; and read.
-    Trainer,
-    /// Read.
-    Viewer,
-    /// Everything, including managing keys.
-    Admin,
-}
-
-impl From<RoleChoice> for Role {
-    fn from(choice: RoleChoice) -> Self {
-        match choice {
-            RoleChoice::Robot => Self::Robot,
-            RoleChoice::Trainer => Self::Trainer,
-            RoleChoice::Viewer => Self::Viewer,
-            RoleChoice::Admin => Self::Admin,
-        }
-    }
-}
-
 /// Runs the command.
 pub(crate) async fn run(args: KeysArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     match args.action {
         Action::Create { name, role, expires_days } => {
             let expires_in_s = expires_days.map(|days| days * 86_400);
-            let created =
-                client.create_key(&CreateKey { name, role: role.into(), expires_in_s }).await?;
+            let created = client.create_key(&CreateKey { name, role, expires_in_s }).await?;
             output.answer(&created, with_secret)?;
             if !client.whoami().await?.keys_required {
                 output.say("This server does not require keys yet. It will from its next start.");

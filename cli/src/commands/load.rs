@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::schemas::{BeliefDetail, Method};
 use palpate_client::{Client, Error as ClientError, RetryPolicy};
 use palpate_experiments::load::{
@@ -16,6 +16,7 @@ use palpate_experiments::load::{
 use serde::Serialize;
 
 use super::Context;
+use crate::args::among;
 use crate::exit::Ended;
 use crate::output::Output;
 use crate::progress::StepProgress;
@@ -79,11 +80,11 @@ pub(crate) struct LoadArgs {
     #[arg(long, default_value_t = 30.0, value_parser = positive)]
     timeout_s: f64,
     /// Recognition method [default: the server's choice].
-    #[arg(long, value_enum)]
-    method: Option<LoadMethod>,
+    #[arg(long, value_parser = among(&[Method::Surface, Method::Sva]))]
+    method: Option<Method>,
     /// How much of the belief each answer contains.
     #[arg(long, value_enum, default_value = "full")]
-    belief: LoadBelief,
+    belief: BeliefDetail,
     /// Seed of all random choices.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -109,26 +110,6 @@ pub(crate) struct LoadArgs {
     /// Write throughput and latency against the rate as a plot (SVG).
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-}
-
-/// Recognition method.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LoadMethod {
-    /// Surface matching.
-    Surface,
-    /// Spatially varying appearance (chapter 5).
-    Sva,
-}
-
-/// How much of the belief an answer contains.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LoadBelief {
-    /// All objects, and the likeliest poses.
-    Full,
-    /// The likeliest object and pose.
-    Top,
-    /// Nothing: the reading is only stored.
-    None,
 }
 
 /// The answer: the run, and the bounds that it exceeded.
@@ -212,15 +193,8 @@ fn config(args: &LoadArgs) -> LoadConfig {
     LoadConfig {
         seed: args.seed,
         catalogue: args.catalogue.clone(),
-        method: args.method.map(|method| match method {
-            LoadMethod::Surface => Method::Surface,
-            LoadMethod::Sva => Method::Sva,
-        }),
-        belief: match args.belief {
-            LoadBelief::Full => BeliefDetail::Full,
-            LoadBelief::Top => BeliefDetail::Top,
-            LoadBelief::None => BeliefDetail::None,
-        },
+        method: args.method,
+        belief: args.belief,
         rates,
         arrivals: if args.poisson { Arrivals::Poisson } else { Arrivals::Constant },
         duration: Duration::from_secs_f64(args.duration_s),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use palpate_client::schemas::{
     CatalogueVersion, MergeMaps, OccupancyMap, PlyForm, SliceQuery, VersionReference,
 };
@@ -66,16 +66,7 @@ struct ExportArgs {
     ply: Option<PathBuf>,
     /// Content of the PLY file.
     #[arg(long, value_enum, default_value = "points")]
-    form: Form,
-}
-
-/// Content of a PLY file.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Form {
-    /// The centres of the cells.
-    Points,
-    /// The surface around them.
-    Mesh,
+    form: PlyForm,
 }
 
 #[derive(Debug, Args)]
@@ -137,11 +128,7 @@ async fn export(args: ExportArgs, context: &Context) -> anyhow::Result<()> {
         files.push(path);
     }
     if let Some(path) = args.ply {
-        let form = match args.form {
-            Form::Points => PlyForm::Points,
-            Form::Mesh => PlyForm::Mesh,
-        };
-        write(&path, &client.occupancy_ply(catalogue, version, object, form).await?)?;
+        write(&path, &client.occupancy_ply(catalogue, version, object, args.form).await?)?;
         files.push(path);
     }
     context.output.answer(&Exported { files }, |exported| {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use palpate_client::schemas::{
     AddTrainingReadings, CreateObject, MeshReport, MeshUnit, ObjectInfo, PageQuery, ProblemType,
     Reading,
@@ -27,31 +27,6 @@ pub(crate) struct ObjectsArgs {
     action: Action,
 }
 
-/// Unit of a mesh file's coordinates, which the file does not record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Unit {
-    /// Metres.
-    M,
-    /// Millimetres.
-    Mm,
-    /// Centimetres.
-    Cm,
-    /// Inches.
-    In,
-}
-
-impl Unit {
-    /// Name of the unit on the wire.
-    pub(crate) fn wire(self) -> MeshUnit {
-        match self {
-            Self::M => MeshUnit::M,
-            Self::Mm => MeshUnit::Mm,
-            Self::Cm => MeshUnit::Cm,
-            Self::In => MeshUnit::In,
-        }
-    }
-}
-
 #[derive(Debug, Subcommand)]
 enum Action {
     /// List the objects.
@@ -72,7 +47,7 @@ enum Action {
         mesh: Option<PathBuf>,
         /// Unit of the mesh file's coordinates.
         #[arg(long, value_enum, default_value = "mm")]
-        unit: Unit,
+        unit: MeshUnit,
         /// Description for people.
         #[arg(long, default_value = "")]
         description: String,
@@ -85,7 +60,7 @@ enum Action {
         file: PathBuf,
         /// Unit of the mesh file's coordinates.
         #[arg(long, value_enum, default_value = "mm")]
-        unit: Unit,
+        unit: MeshUnit,
     },
     /// Remove an object with its mesh and readings. Trained versions keep it.
     Remove {
@@ -161,7 +136,7 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
             let id = object.id.to_string();
             if let Some((format, bytes)) = file {
                 let format = robot::wire_format(format);
-                match client.put_mesh(&id, format, unit.wire(), bytes.into()).await {
+                match client.put_mesh(&id, format, unit, bytes.into()).await {
                     Ok(report) => output.say(read_words(&report)),
                     Err(error) => return Err(without_mesh(client, &object, error).await),
                 }
@@ -173,7 +148,7 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
         Action::Mesh { object, file, unit } => {
             let (format, bytes) = robot::read_mesh_file(&file)?;
             let format = robot::wire_format(format);
-            let report = client.put_mesh(&object, format, unit.wire(), bytes.into()).await?;
+            let report = client.put_mesh(&object, format, unit, bytes.into()).await?;
             output.answer(&report, read_words)
         }
         Action::Remove { object } => {

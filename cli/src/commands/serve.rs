@@ -65,6 +65,7 @@ pub(crate) struct ServeArgs {
     #[arg(long, env = "PALPATE_TLS_KEY", value_name = "FILE", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
     /// OTLP/HTTP collector to send a span of every request to, such as http://localhost:4318.
+    /// Needs a build with `--features otlp`.
     #[arg(long, env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
     pub(crate) otlp_endpoint: Option<String>,
     /// Allow browser pages of this origin to use the API; repeatable.

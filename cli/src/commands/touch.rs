@@ -4,9 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::schemas::{
-    CatalogueVersion, CreateSensor, CreateSession, GeometricKind, Method, ProblemType, SensorPreset,
+    CatalogueVersion, CreateSensor, CreateSession, GeometricKind, MeshUnit, Method, ProblemType,
+    SensorPreset,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_sim::press::PressSimulator;
@@ -14,7 +15,6 @@ use palpate_sim::symmetry;
 use serde::Serialize;
 
 use super::Context;
-use super::objects::Unit;
 use super::sensors::parse_preset;
 use crate::calibrated;
 use crate::exit::Ended;
@@ -41,7 +41,7 @@ pub(crate) struct TouchArgs {
     mesh: PathBuf,
     /// Unit of the mesh file's coordinates.
     #[arg(long, value_enum, default_value = "mm")]
-    unit: Unit,
+    unit: MeshUnit,
     /// Number of touches.
     #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=1000))]
     readings: u32,
@@ -60,7 +60,7 @@ pub(crate) struct TouchArgs {
     /// accurate to 8 mm and 0.2 rad. The methods `appearance…` need a version trained with
     /// `--appearance`; the robot then sends no poses.
     #[arg(long, value_enum)]
-    method: Option<TouchMethod>,
+    method: Option<Method>,
     /// Prior probability that the object is not in the catalogue, above 0 and below 1; for `surface`
     /// [default: 0.05].
     #[arg(long, value_name = "PROBABILITY")]
@@ -68,42 +68,6 @@ pub(crate) struct TouchArgs {
     /// Sensor of the robot.
     #[arg(long, default_value = "digitacts-6x6", value_parser = parse_preset)]
     sensor: SensorPreset,
-}
-
-/// Recognition method.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum TouchMethod {
-    /// Surface matching.
-    Surface,
-    /// Spatially varying appearance (chapter 5).
-    Sva,
-    /// Spatially varying appearance as the dissertation prints it.
-    SvaLiteral,
-    /// Contact and pressure maps (chapter 3).
-    Geometric,
-    /// Contact maps with the dissertation's histogram filter.
-    GeometricHistogram,
-    /// Contact maps with the dissertation's particle filter.
-    GeometricParticles,
-    /// Bags of features (chapter 4): identity only, no pose.
-    Appearance,
-    /// Bags of features as the dissertation prints them.
-    AppearanceLiteral,
-}
-
-impl TouchMethod {
-    fn wire(self) -> Method {
-        match self {
-            Self::Surface => Method::Surface,
-            Self::Sva => Method::Sva,
-            Self::SvaLiteral => Method::SvaLiteral,
-            Self::Geometric => Method::Geometric,
-            Self::GeometricHistogram => Method::GeometricHistogram,
-            Self::GeometricParticles => Method::GeometricParticles,
-            Self::Appearance => Method::Appearance,
-            Self::AppearanceLiteral => Method::AppearanceLiteral,
-        }
-    }
 }
 
 /// The answer of the command.
@@ -125,12 +89,12 @@ struct Touched {
 /// Runs the command.
 pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
-    let mesh = robot::read_mesh(&args.mesh, args.unit.wire())?;
-    output.say(robot::read_as(args.unit.wire(), &mesh));
+    let mesh = robot::read_mesh(&args.mesh, args.unit)?;
+    output.say(robot::read_as(args.unit, &mesh));
     ensure_sensor(client, args.sensor).await?;
     let current = client.current_version(&args.catalogue).await?.version;
     let version = client.catalogue_version(&args.catalogue, current).await?;
-    let method = args.method.map(TouchMethod::wire);
+    let method = args.method;
     let symmetry = symmetry::of_mesh(&mesh);
     let simulator = Arc::new(PressSimulator::new(mesh, robot::described(args.sensor)));
     let approach = approach(method, &version);
@@ -147,10 +111,12 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
         version: Some(current),
         method,
         unknown_prior: args.unknown_prior,
-        pose_prior: is_geometric(method).then(|| robot.pose_prior(truth.origin_in_mesh)),
+        pose_prior: method
+            .is_some_and(Method::is_geometric)
+            .then(|| robot.pose_prior(truth.origin_in_mesh)),
         ..CreateSession::default()
     };
-    if is_appearance(method) {
+    if method.is_some_and(Method::is_appearance) {
         robot = robot.without_poses();
     }
     let mut session = client.touch_session(&session, &context.robot("simulated")).await?;
@@ -173,7 +139,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
             return Err(Ended::Interrupted.into());
         }
     };
-    let is_posed = !is_appearance(method) && args.object != NONE;
+    let is_posed = !method.is_some_and(Method::is_appearance) && args.object != NONE;
     let touched = Touched::of(session.id(), &result);
     output.answer(&touched, |touched| verdict(touched, &result.last, is_posed))?;
     if touched.right { Ok(()) } else { Err(Ended::NotRecognised.into()) }
@@ -218,22 +184,15 @@ fn verdict(touched: &Touched, last: &Step, is_posed: bool) -> String {
     )
 }
 
-fn is_appearance(method: Option<Method>) -> bool {
-    matches!(method, Some(Method::Appearance | Method::AppearanceLiteral))
-}
-
-fn is_geometric(method: Option<Method>) -> bool {
-    matches!(
-        method,
-        Some(Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles)
-    )
-}
-
 /// The approach of the robot: straight down for planar maps.
 fn approach(method: Option<Method>, version: &CatalogueVersion) -> Approach {
     let mut kinds = version.report.objects.iter().filter_map(|object| object.geometric);
     let is_planar = kinds.any(|geometry| geometry.kind == GeometricKind::Planar);
-    if is_geometric(method) && is_planar { Approach::StraightDown } else { Approach::Anywhere }
+    if method.is_some_and(Method::is_geometric) && is_planar {
+        Approach::StraightDown
+    } else {
+        Approach::Anywhere
+    }
 }
 
 fn step_words(step: &Step) -> String {

@@ -4,10 +4,10 @@ mod appearance;
 
 use std::io::{IsTerminal, Write};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use palpate_client::Client;
 use palpate_client::schemas::{
-    CatalogueVersion, GeometricKind, GeometricReport, GeometricTraining, Job, JobState,
+    CatalogueVersion, Descriptor, GeometricKind, GeometricReport, GeometricTraining, Job, JobState,
     StartTraining, SurfaceReport, TrainingReport, Warning, WarningCode,
 };
 use serde::Serialize;
@@ -18,7 +18,7 @@ use crate::exit::Ended;
 use crate::output::{self, Output};
 use crate::progress::TrainingProgress;
 use crate::symmetry;
-use appearance::{AppearanceArgs, DescriptorName, appearance_words};
+use appearance::{AppearanceArgs, appearance_words};
 
 /// Arguments of `palpate train`.
 #[derive(Debug, Args)]
@@ -49,11 +49,11 @@ pub(crate) struct TrainArgs {
     classes: Option<u32>,
     /// Descriptor that turns a press into a feature [default: mnti].
     #[arg(long, value_enum)]
-    descriptor: Option<DescriptorName>,
+    descriptor: Option<Descriptor>,
     /// Also learn contact maps for the methods `geometric…`: of a plane pressed from above, or of a
     /// solid.
     #[arg(long, value_enum)]
-    geometric: Option<Geometry>,
+    geometric: Option<GeometricKind>,
     /// Cell size of the contact maps, 0.1 to 50 mm [default: suited to the kind].
     #[arg(long, requires = "geometric", value_parser = parse_cell_mm)]
     cell_mm: Option<f64>,
@@ -75,15 +75,6 @@ pub(crate) struct TrainArgs {
     detach: bool,
 }
 
-/// Kind of contact maps.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Geometry {
-    /// A raised shape in a plane, such as a letter.
-    Planar,
-    /// A solid touched from all sides.
-    Solid,
-}
-
 fn parse_cell_mm(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(cell) if (0.1..=50.0).contains(&cell) => Ok(cell),
@@ -100,21 +91,17 @@ struct Trained {
 
 /// Runs the command.
 pub(crate) async fn run(args: TrainArgs, context: &Context) -> anyhow::Result<()> {
-    let geometry = args.geometric.map(|kind| GeometricTraining {
-        kind: match kind {
-            Geometry::Planar => GeometricKind::Planar,
-            Geometry::Solid => GeometricKind::Solid,
-        },
-        cell: args.cell_mm.map(|cell| cell / 1e3),
-    });
+    let geometric = args
+        .geometric
+        .map(|kind| GeometricTraining { kind, cell: args.cell_mm.map(|cell| cell / 1e3) });
     let training = StartTraining {
         objects: (!args.objects.is_empty()).then_some(args.objects),
         sensor: args.sensor,
         readings_per_object: args.readings_per_object,
         seed: args.seed,
         n_classes: args.classes,
-        descriptor: args.descriptor.map(DescriptorName::wire),
-        geometric: geometry,
+        descriptor: args.descriptor,
+        geometric,
         appearance: args.appearance.wire(),
         surface: args.only_surface.then_some(true),
         sva: (args.only_surface || args.appearance.no_sva).then_some(false),

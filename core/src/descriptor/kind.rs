@@ -8,7 +8,7 @@ use super::polar_spectrum::PolarSpectrum;
 use super::schmid::Schmid;
 use super::sift::Sift;
 use super::steerable::Steerable;
-use super::vectorize::{Vectorize, from_columns};
+use super::vectorize::Vectorize;
 use super::{Descriptor, FeatureMatrix};
 use crate::reading::TactileImage;
 
@@ -78,12 +78,6 @@ impl DescriptorKind {
         }
     }
 
-    /// The descriptor of a name, if any.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
-
     /// Whether a reading has one feature for every image shape, as methods with one
     /// appearance per touch require.
     #[must_use]
@@ -116,19 +110,6 @@ impl DescriptorKind {
     pub fn describe(self, image: &TactileImage) -> FeatureMatrix {
         self.plan(image.rows, image.cols).describe(&[image])
     }
-
-    /// The image of a feature of `rows` × `cols` taxels, up to its intensity (and, for
-    /// Moment-Normalised, its rotation); `None` for descriptors that cannot be inverted and
-    /// for features of another length.
-    #[must_use]
-    pub fn picture(self, feature: &[f64], rows: usize, cols: usize) -> Option<TactileImage> {
-        let invertible = matches!(self, Self::Vectorize | Self::MomentNormalized);
-        (invertible && feature.len() == rows * cols).then(|| TactileImage {
-            rows,
-            cols,
-            pressures: from_columns(feature, rows),
-        })
-    }
 }
 
 #[cfg(test)]
@@ -138,14 +119,6 @@ mod tests {
     use super::*;
     use crate::descriptor::affinity;
     use crate::descriptor::test_support::{any_image, blob, check_descriptor, mirrored};
-
-    #[test]
-    fn names_map_back_to_descriptors() {
-        for kind in DescriptorKind::ALL {
-            assert_eq!(DescriptorKind::from_name(kind.name()), Some(kind));
-        }
-        assert_eq!(DescriptorKind::from_name("fourier"), None);
-    }
 
     #[test]
     fn every_shape_from_2_to_128_can_be_described() {
@@ -182,19 +155,6 @@ mod tests {
             let described = kind.describe(&image);
             assert!(described.values().iter().all(|value| value.abs() < 1e-15), "{kind:?}");
         }
-    }
-
-    #[test]
-    fn features_of_images_convert_back_to_images() {
-        let image = blob(6, 0.2, 0.1, 0.0);
-        let feature = DescriptorKind::Vectorize.describe(&image);
-        let picture = DescriptorKind::Vectorize.picture(feature.row(0), 6, 6).unwrap();
-        let norm = image.pressures.iter().map(|p| p * p).sum::<f64>().sqrt();
-        for (shown, pressure) in picture.pressures.iter().zip(&image.pressures) {
-            assert!((shown * norm - pressure).abs() < 1e-9);
-        }
-        assert_eq!(DescriptorKind::Mnti.picture(&[0.0; 25], 5, 5), None);
-        assert_eq!(DescriptorKind::Vectorize.picture(&[0.0; 25], 6, 6), None);
     }
 
     #[test]

@@ -45,13 +45,6 @@ pub(super) fn by_columns(image: &[f64], cols: usize, columns: &mut [f64]) {
     }
 }
 
-/// Converts concatenated columns back to a row-major image of `rows` rows.
-pub(super) fn from_columns(columns: &[f64], rows: usize) -> Vec<f64> {
-    let mut image = vec![0.0; columns.len()];
-    by_columns(columns, rows, &mut image);
-    image
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -64,7 +57,6 @@ mod tests {
         let mut columns = [0.0; 6];
         by_columns(&image, 3, &mut columns);
         assert_eq!(columns.as_slice(), [0.0, 3.0, 1.0, 4.0, 2.0, 5.0].as_slice());
-        assert_eq!(from_columns(&columns, 2), image);
     }
 
     #[test]

@@ -58,12 +58,6 @@ impl Symmetry {
         self.placed_as(pose, rotation)
     }
 
-    /// The representative of an orbit: the pose with the smallest rotation.
-    #[must_use]
-    pub fn canonical(&self, pose: &Pose) -> Pose {
-        self.nearest_to(pose, &Pose::IDENTITY)
-    }
-
     /// The orbit of `pose`, itself first, at most 60 poses. With a continuous axis these are
     /// `pose` and, if the object can be turned over, `pose` turned over; all turns of each
     /// about the axis are equal to it.
@@ -233,7 +227,7 @@ mod tests {
                 for other in alike {
                     let (moved, angle) = kind.distance(&pose, &other);
                     prop_assert!(moved < 1e-12 && angle < 1e-7, "{moved} {angle} {kind:?}");
-                    let (a, b) = (kind.canonical(&pose), kind.canonical(&other));
+                    let [a, b] = [pose, other].map(|pose| kind.nearest_to(&pose, &Pose::IDENTITY));
                     prop_assert!((a.angle_to(&Pose::IDENTITY) - b.angle_to(&Pose::IDENTITY)).abs() < 1e-7);
                 }
             }

@@ -37,17 +37,6 @@ impl Clustering {
         }
     }
 
-    /// The centre of each class, in the space of the features.
-    #[must_use]
-    pub fn centers(&self) -> Vec<Vec<f64>> {
-        match self {
-            Self::KMeans(classes) => classes.centers.clone(),
-            Self::Mixture(mixture) => {
-                mixture.components().iter().map(|part| part.mean.clone()).collect()
-            }
-        }
-    }
-
     /// ln Pr(x|g_i)·Pr(g_i) of each class; with k-means 0 for the nearest, −∞ for others.
     #[must_use]
     pub fn log_joint(&self, feature: &[f64]) -> Vec<f64> {
@@ -160,19 +149,6 @@ pub fn log_mixture_ratio(shares: &[f64], known: &[f64], priors: &[f64]) -> f64 {
     terms.map(|((share, known), prior)| share * known / prior).sum::<f64>().ln()
 }
 
-/// Histogram intersection: Σ_i min, 1 for equal histograms.
-#[must_use]
-pub fn intersection(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.min(*b)).sum()
-}
-
-/// χ² distance: ½ Σ_i (a − b)² / (a + b), 0 for equal and 1 for disjoint histograms.
-#[must_use]
-pub fn chi_squared(a: &[f64], b: &[f64]) -> f64 {
-    let terms = a.iter().zip(b).filter(|(a, b)| **a + **b > 0.0);
-    0.5 * terms.map(|(a, b)| (a - b).powi(2) / (a + b)).sum::<f64>()
-}
-
 /// The cosine between two histograms: the affinity of figure 4.9.
 #[must_use]
 pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
@@ -279,10 +255,6 @@ mod tests {
     #[test]
     fn comparisons_agree_on_equal_and_disjoint_histograms() {
         let (a, b) = ([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]);
-        assert!((intersection(&a, &a) - 1.0).abs() < 1e-12 && intersection(&a, &b).abs() < 1e-12);
-        assert!(chi_squared(&a, &a).abs() < 1e-12 && (chi_squared(&a, &b) - 1.0).abs() < 1e-12);
         assert!((correlation(&a, &a) - 1.0).abs() < 1e-12 && correlation(&a, &b).abs() < 1e-12);
-        // ½ (0.25²/0.75 + 0.25²/1.25) = 0.0666…
-        assert!((chi_squared(&[0.5, 0.5], &[0.25, 0.75]) - 1.0 / 15.0).abs() < 1e-12);
     }
 }

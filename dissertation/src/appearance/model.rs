@@ -102,24 +102,6 @@ impl AppearanceVocabulary {
         ReadingClasses { shares: features.rows().map(shares).collect() }
     }
 
-    /// The classes' centres as images of norm about 1, as in figure 4.7; `None` where
-    /// features cannot be inverted: all but Vectorize and Moment-Normalised, and discriminant
-    /// axes.
-    #[must_use]
-    pub fn class_images(&self) -> Option<Vec<TactileImage>> {
-        let AppearanceSource::Image { descriptor, rows, cols } = self.source else {
-            return None;
-        };
-        if self.discriminant.is_some() {
-            return None;
-        }
-        let centers = self.clustering.centers();
-        centers
-            .iter()
-            .map(|center| descriptor.picture(&self.pca.back_project(center), rows, cols))
-            .collect()
-    }
-
     /// Whether the parts fit each other; checked when a model is loaded.
     #[must_use]
     pub fn is_consistent(&self) -> bool {

@@ -178,13 +178,6 @@ pub fn lay_down(
     ([center.x, center.y], press, taxels)
 }
 
-/// The gains of a sensor among known ones, if they fit its image.
-#[must_use]
-pub fn gains_of<'a>(gains: &'a [TaxelGains], reading: &Reading) -> Option<&'a [f64]> {
-    let known = gains.iter().find(|known| known.sensor == reading.sensor())?;
-    (known.gains.len() == reading.image().pressures.len()).then_some(&known.gains[..])
-}
-
 impl Presses {
     fn new(set: &MosaicSet<'_>, gains: &[TaxelGains]) -> Self {
         let trained = |reading: &Reading| {

@@ -34,7 +34,7 @@ use crate::wire::Invalid;
 use crate::wire::geometry::core_prior;
 use crate::wire::next_touch::Question;
 use crate::wire::reading::{ERRORS_MAX, Incoming};
-use crate::wire::session::{Options, is_appearance, is_geometric, name, options, surface_options};
+use crate::wire::session::{Options, options, surface_options};
 
 /// Poses of pair maps are one within half a bin and a few degrees: they are refined.
 const SVA_SCALE: OrbitScale = OrbitScale { distance: 4.0 * MM, angle: 8.0 * DEG };
@@ -127,7 +127,7 @@ impl SessionBelief {
         model: &Model,
     ) -> Result<Option<BeliefMemory>, BeliefError> {
         let options = options(session);
-        if !is_geometric(options.method) {
+        if !options.method.is_geometric() {
             return Ok(None);
         }
         let weights: Vec<f64> = session.prior.iter().map(|(_, weight)| *weight).collect();
@@ -309,18 +309,18 @@ pub(crate) fn check(
 /// The field of a reading that a method cannot fold, and why.
 fn unfit(options: &Options, model: &Model, incoming: &Incoming) -> Option<(&'static str, String)> {
     let (reading, stored) = (&incoming.reading, &incoming.stored);
-    if is_appearance(options.method) {
+    if options.method.is_appearance() {
         return unfit_for_appearance(model, incoming);
     }
-    let method = name(options.method);
+    let method = options.method.name();
     if stored.feature.is_some() {
-        let detail = format!("came with the method {method}, expected with `appearance…` only");
+        let detail = format!("came with the method `{method}`, expected with `appearance…` only");
         return Some(("feature", detail));
     }
     if stored.session_from_sensor.is_none() {
         let detail = format!(
             "is missing, expected the sensor's pose in the session frame: only the methods \
-             `appearance…` do without, {method} does not"
+             `appearance…` do without, `{method}` does not"
         );
         return Some(("pose", detail));
     }

@@ -11,7 +11,7 @@ use crate::clock::now_ms;
 use crate::live::belief::SessionBelief;
 use crate::refusal::Refusal;
 use crate::wire::next_touch::{Question, next_touches};
-use crate::wire::session::{name, options};
+use crate::wire::session::options;
 
 impl Live {
     /// Where to touch next. `begun` is when the question came: its deadline counts from there.
@@ -23,7 +23,7 @@ impl Live {
     ) -> Result<wire::NextTouches, Refusal> {
         let (session, method) = (self.session.id, options(&self.session).method);
         if method != Method::Surface {
-            return Err(Refusal::NoNextTouches { session, method: name(method) });
+            return Err(Refusal::NoNextTouches { session, method: method.name() });
         }
         let mut state = self.turns.take().await?;
         let status = self.status(tools.store, now_ms())?;

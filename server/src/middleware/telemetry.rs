@@ -11,10 +11,8 @@ use axum::http::{HeaderName, HeaderValue};
 use axum::middleware::Next;
 use axum::response::Response;
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
-use opentelemetry_http::HeaderExtractor;
 use tokio::sync::watch;
 use tracing::Instrument;
-use tracing_opentelemetry::OpenTelemetrySpanExt;
 use uuid::Uuid;
 
 use crate::problem;
@@ -79,12 +77,8 @@ pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
         otel.status_code = tracing::field::Empty, request_id = %id, %method, path, route,
         status = tracing::field::Empty,
     );
-    // Who asks may have a trace of its own (W3C trace context) that this is a part of.
-    let caller = opentelemetry::global::get_text_map_propagator(|propagator| {
-        propagator.extract(&HeaderExtractor(request.headers()))
-    });
-    // Fails where nobody listens to spans.
-    let _ = span.set_parent(caller);
+    #[cfg(feature = "otlp")]
+    join_trace(&span, request.headers());
     let start = Instant::now();
     let response = next.run(request).instrument(span.clone()).await;
     let mut response = problem::finish(response, &path, &id);
@@ -100,6 +94,18 @@ pub(crate) async fn observe(mut request: Request, next: Next) -> Response {
     metrics::counter!("palpate_http_requests_total", &labels).increment(1);
     metrics::histogram!("palpate_http_request_seconds", &labels[..2]).record(elapsed);
     response
+}
+
+/// Makes the span a part of the caller's trace (W3C trace context), where the headers name one.
+#[cfg(feature = "otlp")]
+fn join_trace(span: &tracing::Span, headers: &axum::http::HeaderMap) {
+    use tracing_opentelemetry::OpenTelemetrySpanExt as _;
+
+    let caller = opentelemetry::global::get_text_map_propagator(|propagator| {
+        propagator.extract(&opentelemetry_http::HeaderExtractor(headers))
+    });
+    // Fails where nobody listens to spans.
+    let _ = span.set_parent(caller);
 }
 
 /// The robot's own id if it is fit for headers and logs, otherwise a new one.

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::object::ObjectIdx;
 use palpate_dissertation::appearance::model::{
     AppearanceModel, AppearanceSource, ObjectAppearance,
@@ -14,9 +13,7 @@ use palpate_schemas as wire;
 use palpate_schemas::{AppearanceTraining, ClusteringKind, Descriptor, FeatureSource};
 use palpate_store::catalogue::VersionObject;
 
-use crate::wire::Invalid;
-use crate::wire::training::descriptor;
-use crate::wire::{count, number, within};
+use crate::wire::{Invalid, count, descriptor, number, within};
 
 /// The most candidates for the number of classes.
 const CANDIDATES_MAX: usize = 10;
@@ -73,7 +70,7 @@ pub(crate) fn config(training: &AppearanceTraining) -> AppearanceConfig {
     let default = AppearanceConfig::default();
     let candidates = training.n_classes.as_ref();
     AppearanceConfig {
-        descriptor: training.descriptor.map_or(default.descriptor, descriptor),
+        descriptor: training.descriptor.map_or(default.descriptor, descriptor::from_wire),
         variance_share: training.variance_share.unwrap_or(default.variance_share),
         discriminant: training
             .discriminant_axes
@@ -118,7 +115,7 @@ pub(crate) fn report(
     let (classes, report) = (&model.vocabulary, &model.report);
     let (source, descriptor) = match classes.source {
         AppearanceSource::Image { descriptor, .. } => {
-            (FeatureSource::Images, Some(wire_descriptor(descriptor)))
+            (FeatureSource::Images, Some(descriptor::to_wire(descriptor)))
         }
         AppearanceSource::External { .. } => (FeatureSource::Features, None),
     };
@@ -195,21 +192,4 @@ fn warnings(model: &AppearanceModel, objects: &[VersionObject]) -> Vec<String> {
 /// The name of a vocabulary: the beginning of its block's hash.
 fn vocabulary_name(hash: &[u8; 32]) -> String {
     hash[..16].iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-fn wire_descriptor(kind: DescriptorKind) -> Descriptor {
-    match kind {
-        DescriptorKind::Vectorize => Descriptor::Vectorize,
-        DescriptorKind::Sift => Descriptor::Sift,
-        DescriptorKind::Mr8 => Descriptor::Mr8,
-        DescriptorKind::MomentNormalized => Descriptor::MomentNormalized,
-        DescriptorKind::PolarFourier => Descriptor::PolarFourier,
-        DescriptorKind::PolarFourierRw => Descriptor::PolarFourierRw,
-        DescriptorKind::PolarFourierNi => Descriptor::PolarFourierNi,
-        DescriptorKind::PolarFourierSigned => Descriptor::PolarFourierSigned,
-        DescriptorKind::Mnti => Descriptor::Mnti,
-        DescriptorKind::Steerable => Descriptor::Steerable,
-        DescriptorKind::Schmid => Descriptor::Schmid,
-        DescriptorKind::PolarSpectrum => Descriptor::PolarSpectrum,
-    }
 }

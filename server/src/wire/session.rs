@@ -97,7 +97,7 @@ pub(crate) fn session(
         catalogue: catalogue.to_owned(),
         version: session.version,
         method: options.method,
-        seed: is_geometric(options.method).then_some(session.seed),
+        seed: options.method.is_geometric().then_some(session.seed),
         pose_prior: options.pose_prior,
         bins: options.bins,
         particles: options.particles,
@@ -131,31 +131,6 @@ pub(crate) fn written(options: &Options) -> String {
 /// How a stored session recognises.
 pub(crate) fn options(session: &Session) -> Options {
     serde_json::from_str(&session.options).unwrap_or_default()
-}
-
-/// Whether a method needs maps of contact, and a prior over poses.
-pub(crate) fn is_geometric(method: Method) -> bool {
-    match method {
-        Method::Surface
-        | Method::Sva
-        | Method::SvaLiteral
-        | Method::Appearance
-        | Method::AppearanceLiteral => false,
-        Method::Geometric | Method::GeometricHistogram | Method::GeometricParticles => true,
-    }
-}
-
-/// Whether a method compares appearance alone: it needs no poses, and objects may move.
-pub(crate) fn is_appearance(method: Method) -> bool {
-    match method {
-        Method::Appearance | Method::AppearanceLiteral => true,
-        Method::Surface
-        | Method::Sva
-        | Method::SvaLiteral
-        | Method::Geometric
-        | Method::GeometricHistogram
-        | Method::GeometricParticles => false,
-    }
 }
 
 /// A method as the store names it.
@@ -194,7 +169,7 @@ pub(crate) fn new_session(
     };
     let opened_by = limits.opened_by;
     let options = Options { opened_by, ..checked_options(request, method, model)? };
-    let (method, is_geometric) = (options.method, is_geometric(options.method));
+    let (method, is_geometric) = (options.method, options.method.is_geometric());
     let seed = super::within("/seed", request.seed.unwrap_or(1), 0, INTEGER_MAX)?;
     Ok(Session {
         id,
@@ -238,10 +213,10 @@ fn checked_options(
     model: &Model,
 ) -> Result<Options, Invalid> {
     let only = |field: &str, methods: &str| {
-        let detail = format!("came with the method {}, expected with {methods}", name(method));
+        let detail = format!("came with the method `{}`, expected with {methods}", method.name());
         Invalid::field(field, detail)
     };
-    if !is_geometric(method) {
+    if !method.is_geometric() {
         let unused =
             [("/pose_prior", request.pose_prior.is_some()), ("/seed", request.seed.is_some())];
         if let Some((field, _)) = unused.iter().find(|(_, came)| *came) {
@@ -378,20 +353,6 @@ fn bins(n: [u32; 3]) -> Result<[u32; 3], Invalid> {
     let found = n.into_iter().map(u64::from).product();
     super::within("/bins", found, 8, HYPOTHESES_MAX)?;
     Ok(n)
-}
-
-/// A method's name on the wire.
-pub(crate) fn name(method: Method) -> &'static str {
-    match method {
-        Method::Surface => "`surface`",
-        Method::Sva => "`sva`",
-        Method::SvaLiteral => "`sva_literal`",
-        Method::Geometric => "`geometric`",
-        Method::GeometricHistogram => "`geometric_histogram`",
-        Method::GeometricParticles => "`geometric_particles`",
-        Method::Appearance => "`appearance`",
-        Method::AppearanceLiteral => "`appearance_literal`",
-    }
 }
 
 /// The prior over all objects of the model; empty when the request names none.

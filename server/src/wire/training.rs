@@ -1,6 +1,5 @@
 //! Catalogues, trainings and jobs for the wire.
 
-use palpate_core::descriptor::DescriptorKind;
 use palpate_core::object::MapPatch;
 use palpate_core::units::Shown;
 use palpate_core::vocabulary::ClassIdx;
@@ -15,7 +14,7 @@ use palpate_store::entity as stored;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::wire::{INTEGER_MAX, Invalid, count, time};
+use crate::wire::{INTEGER_MAX, Invalid, count, descriptor, time};
 
 /// How many switches of the current version an answer lists.
 const HISTORY_MAX: usize = 100;
@@ -204,8 +203,8 @@ pub(crate) fn training(request: &StartTraining) -> Result<StartTraining, Invalid
         distances(range)?;
     }
     let chosen = request.descriptor.unwrap_or(Descriptor::Mnti);
-    if !descriptor(chosen).gives_one_feature() {
-        let name = descriptor(chosen).name();
+    if !descriptor::from_wire(chosen).gives_one_feature() {
+        let name = descriptor::from_wire(chosen).name();
         let detail = format!("came {name}, expected a descriptor with one feature a reading");
         return Err(Invalid::field("/descriptor", detail));
     }
@@ -291,27 +290,10 @@ pub(crate) fn config(training: &StartTraining) -> Result<TrainingConfig, Invalid
     let default = TrainingConfig::default();
     Ok(TrainingConfig {
         n_classes: training.n_classes.map_or(default.n_classes, |n| n as usize),
-        descriptor: training.descriptor.map_or(default.descriptor, descriptor),
+        descriptor: training.descriptor.map_or(default.descriptor, descriptor::from_wire),
         distances: training.distance_range.map_or(Ok(default.distances), distances)?,
         ..default
     })
-}
-
-pub(super) fn descriptor(descriptor: Descriptor) -> DescriptorKind {
-    match descriptor {
-        Descriptor::Vectorize => DescriptorKind::Vectorize,
-        Descriptor::Sift => DescriptorKind::Sift,
-        Descriptor::Mr8 => DescriptorKind::Mr8,
-        Descriptor::MomentNormalized => DescriptorKind::MomentNormalized,
-        Descriptor::PolarFourier => DescriptorKind::PolarFourier,
-        Descriptor::PolarFourierRw => DescriptorKind::PolarFourierRw,
-        Descriptor::PolarFourierNi => DescriptorKind::PolarFourierNi,
-        Descriptor::PolarFourierSigned => DescriptorKind::PolarFourierSigned,
-        Descriptor::Mnti => DescriptorKind::Mnti,
-        Descriptor::Steerable => DescriptorKind::Steerable,
-        Descriptor::Schmid => DescriptorKind::Schmid,
-        Descriptor::PolarSpectrum => DescriptorKind::PolarSpectrum,
-    }
 }
 
 fn distances(range: wire::DistanceRange) -> Result<DistanceRange, Invalid> {

@@ -290,8 +290,7 @@ async fn features_are_refused_where_nobody_learnt_them() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_trained_or_asked_is_refused_by_name() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.post("/v1/sessions", &json!({"method": "appearance"})).await;
     session.problem(409, "wrong-state", None);
     let report = it.get("/v1/catalogues/default/versions/1/report/appearance").await;

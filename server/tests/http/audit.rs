@@ -92,8 +92,7 @@ async fn pages_of_the_log_lead_from_the_newest_to_the_oldest() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn readings_are_not_in_the_log_and_sessions_are() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let readings = json!({"readings": [quiet_reading()]});
     it.post(&format!("/v1/sessions/{session}/readings"), &readings).await.expect(200);
@@ -181,8 +180,7 @@ async fn failed_changes_of_a_robot_wash_nothing_out_and_are_slowed() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn sessions_that_are_kept_open_are_in_the_log_counted() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     for _ in 0..3 {
         let path = format!("/v1/sessions/{session}/lease");

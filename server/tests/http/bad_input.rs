@@ -84,8 +84,7 @@ async fn an_array_is_not_taken_for_the_fields_of_an_object_in_order() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn readings_that_cannot_be_are_refused() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({"frame_id": "base_link"})).await;
     let path = format!("/v1/sessions/{session}/readings");
     let check = async |at: &str, value: Value, pointer: &str| {
@@ -190,8 +189,7 @@ async fn trainings_and_sessions_without_a_basis_are_refused() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn sessions_that_make_no_sense_are_refused() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let check = async |body: Value, pointer: &str| {
         it.post("/v1/sessions", &body).await.problem(422, "invalid-value", Some(pointer));
     };

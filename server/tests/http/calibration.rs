@@ -86,8 +86,7 @@ async fn a_calibration_answers_its_fit_and_check_shows_what_it_does() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_calibration_applies_to_later_readings_only_also_after_a_restart() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     finger(&it).await;
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
     let one = |seq: u32| {

@@ -40,8 +40,7 @@ fn file(folder: &Path, session: &str) -> PathBuf {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_restart_goes_on_from_checkpoints_and_believes_the_same() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let (bar, cube) = (it.session(json!({})).await, it.session(json!({})).await);
     let (first, rest) = (numbered(BAR, 17, 0), numbered(BAR, 20, 100));
     for reading in &first {
@@ -71,8 +70,7 @@ async fn a_restart_goes_on_from_checkpoints_and_believes_the_same() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_damaged_checkpoint_is_as_good_as_none_and_none_outlives_its_session() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let sessions = [it.session(json!({})).await, it.session(json!({})).await];
     for session in &sessions {
         post(&it, session, &numbered(BAR, 20, 0)).await;

@@ -55,8 +55,7 @@ async fn open_sessions_are_listed_with_their_robots_the_newest_change_first() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_fleet_is_bounded_and_says_how_many_there_are() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let sessions = [it.session(json!({})).await, it.session(json!({})).await];
     let path = format!("/v1/sessions/{}/readings", sessions[0]);
     it.post(&path, &json!({"readings": [quiet_reading()]})).await.expect(200);

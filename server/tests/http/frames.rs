@@ -63,8 +63,7 @@ async fn now(it: &Harness, session: &str) -> Value {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_ramp_of_frames_is_the_press_that_it_ends_in() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let mut presses: Vec<Vec<Value>> = touches(BAR, 3, 61, resting_pose())
         .iter()
         .enumerate()
@@ -99,8 +98,7 @@ async fn a_ramp_of_frames_is_the_press_that_it_ends_in() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_withdrawn_frame_leaves_its_press_to_the_others() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let touch = &touches(BAR, 1, 61, resting_pose())[0];
     let frames = ramp(touch, 10);
     let (last, others) = frames.split_last().unwrap();
@@ -125,8 +123,7 @@ async fn a_withdrawn_frame_leaves_its_press_to_the_others() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn without_stamps_nothing_says_what_is_one_press() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let mut frames = ramp(&touches(BAR, 1, 61, resting_pose())[0], 10);
     frames.iter_mut().for_each(|frame| frame["stamp"] = Value::Null);
     let session = it.session(json!({})).await;

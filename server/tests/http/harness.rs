@@ -1,7 +1,7 @@
 //! A server for one test, and the few calls that the tests make.
 
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use palpate_core::pose::Pose;
@@ -14,6 +14,7 @@ use palpate_sim::sampler::{SamplerConfig, sample};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+use tokio::sync::OnceCell;
 
 /// A running server and its folder.
 pub(crate) struct Harness {
@@ -30,6 +31,29 @@ pub(crate) struct Answer {
     pub(crate) status: StatusCode,
     pub(crate) headers: reqwest::header::HeaderMap,
     pub(crate) text: String,
+}
+
+/// The files of a folder that [`Harness::train`] was done in: a training costs more than most
+/// tests, and each starts from a copy.
+static TRAINED: OnceCell<Vec<(PathBuf, Vec<u8>)>> = OnceCell::const_new();
+
+async fn trained_files() -> Vec<(PathBuf, Vec<u8>)> {
+    let it = Harness::start().await;
+    it.train().await;
+    it.server.shutdown().await;
+    let (root, mut files, mut folders) = (it.folder.path(), Vec::new(), vec![PathBuf::new()]);
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(root.join(&folder)).unwrap() {
+            let entry = entry.unwrap();
+            let path = folder.join(entry.file_name());
+            if entry.file_type().unwrap().is_dir() {
+                folders.push(path);
+            } else {
+                files.push((path, std::fs::read(entry.path()).unwrap()));
+            }
+        }
+    }
+    files
 }
 
 pub(crate) fn config(folder: &Path) -> Config {
@@ -49,7 +73,10 @@ impl Harness {
     }
 
     pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
-        let folder = TempDir::new().unwrap();
+        Self::start_in(TempDir::new().unwrap(), change).await
+    }
+
+    async fn start_in(folder: TempDir, change: impl FnOnce(&mut Config)) -> Self {
         let mut config = config(folder.path());
         change(&mut config);
         let mut server = Server::start(config).await.unwrap();
@@ -60,6 +87,28 @@ impl Harness {
     /// A server that asks for keys; requests have the first admin's.
     pub(crate) async fn guarded() -> Self {
         Self::start_with(|config| config.access = Access::Keys).await
+    }
+
+    /// A server that has trained a cube and a bar.
+    pub(crate) async fn trained() -> Self {
+        Self::trained_with(|_| {}).await
+    }
+
+    /// The same for a server that asks for keys.
+    pub(crate) async fn guarded_and_trained() -> Self {
+        Self::trained_with(|config| config.access = Access::Keys).await
+    }
+
+    /// The same with other settings.
+    pub(crate) async fn trained_with(change: impl FnOnce(&mut Config)) -> Self {
+        let files = TRAINED.get_or_init(trained_files).await;
+        let folder = TempDir::new().unwrap();
+        for (path, bytes) in files {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, bytes).unwrap();
+        }
+        Self::start_in(folder, change).await
     }
 
     /// The secret of a new key.

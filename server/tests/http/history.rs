@@ -40,8 +40,7 @@ fn check(step: &Value, belief: &Value) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_replay_has_every_belief_also_of_late_and_withdrawn_readings() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
     let readings = numbered(touches(BAR, 8, 61, resting_pose()));
@@ -101,8 +100,7 @@ async fn explain(it: &Harness, session: &str) -> Value {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_wrong_reading_is_named_and_hardly_any_in_a_clean_session() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let mut n_named_in_vain = 0;
     for seed in 101..109 {
         let clean = it.session(json!({})).await;
@@ -132,8 +130,7 @@ async fn a_wrong_reading_is_named_and_hardly_any_in_a_clean_session() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn contributions_are_those_of_leaving_each_reading_out() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let training = json!({"readings_per_object": 60, "n_classes": 8, "seed": 3,
         "appearance": {"n_classes": [8]}});
     let job = it.post("/v1/catalogues/default/trainings", &training).await.expect(202);
@@ -179,8 +176,7 @@ fn identities(belief: &Value) -> Vec<(String, f64)> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_belief_on_too_many_readings_is_not_explained() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({"method": "sva"})).await;
     let readings: Vec<Value> = (0..201).map(|_| quiet_reading()).collect();
     post(&it, &session, &readings).await;

@@ -26,11 +26,10 @@ fn readings(n: usize) -> Value {
 async fn a_full_disk_refuses_writes_with_507_and_reading_goes_on() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
-    let it = Harness::start_with(|config| {
+    let it = Harness::trained_with(|config| {
         config.free_space = FreeSpace::from_probe(move |_| Ok(seen.load(Ordering::Relaxed)));
     })
     .await;
-    it.train().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
     it.post(&path, &readings(6)).await.expect(200);
@@ -62,11 +61,10 @@ async fn a_full_disk_refuses_writes_with_507_and_reading_goes_on() {
 async fn a_training_that_cannot_be_stored_fails_at_once_and_the_end_is_stored_later() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
-    let it = Harness::start_with(|config| {
+    let it = Harness::trained_with(|config| {
         config.free_space = FreeSpace::from_probe(move |_| Ok(seen.load(Ordering::Relaxed)));
     })
     .await;
-    it.train().await;
     let training = json!({"readings_per_object": 150, "n_classes": 4, "seed": 5});
     let path = "/v1/catalogues/default/trainings";
     let job = it.post(path, &training).await.expect(202);
@@ -88,8 +86,7 @@ async fn a_training_that_cannot_be_stored_fails_at_once_and_the_end_is_stored_la
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_damaged_version_is_kept_from_use_and_the_rest_serves_on() {
-    let mut it = Harness::start().await;
-    it.train().await;
+    let mut it = Harness::trained().await;
     let old = it.session(json!({})).await;
     let second = json!({"readings_per_object": 70, "n_classes": 8, "seed": 4});
     let job = it.post("/v1/catalogues/default/trainings", &second).await.expect(202);
@@ -135,12 +132,11 @@ async fn a_damaged_version_is_kept_from_use_and_the_rest_serves_on() {
 async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
-    let it = Harness::start_with(|config| {
+    let it = Harness::trained_with(|config| {
         config.access = Access::Keys;
         config.free_space = FreeSpace::from_probe(move |_| Ok(seen.load(Ordering::Relaxed)));
     })
     .await;
-    it.train().await;
     let (closed, deleted) = (it.session(json!({})).await, it.session(json!({})).await);
     for session in [&closed, &deleted] {
         let path = format!("/v1/sessions/{session}/readings");
@@ -175,8 +171,7 @@ async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_snapshot_of_the_running_service_restores_to_the_same_beliefs() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
     it.post(&path, &readings(8)).await.expect(200);
@@ -215,8 +210,7 @@ async fn a_second_server_on_the_same_folder_is_refused_by_name() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_compaction_gives_room_back_and_is_shown_and_audited() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
     it.post(&path, &readings(8)).await.expect(200);

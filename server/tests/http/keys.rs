@@ -1,6 +1,6 @@
 //! API keys: made, used, rotated, revoked; and that a server without them stays at home.
 
-use palpate_server::{Access, Server, StartError};
+use palpate_server::{Access, Config, Server, StartError};
 use reqwest::Method;
 use serde_json::{Value, json};
 
@@ -122,8 +122,7 @@ async fn a_rotated_key_is_let_in_with_the_secret_before_for_as_long_as_was_said(
 
 #[tokio::test(flavor = "multi_thread")]
 async fn streams_end_with_the_key_that_opened_them() {
-    let it = Harness::guarded().await;
-    it.train().await;
+    let it = Harness::guarded_and_trained().await;
     let session = it.session(json!({})).await;
     let created = it.post("/v1/keys", &json!({"name": "screen", "role": "viewer"})).await;
     let other = it.post("/v1/keys", &json!({"name": "wall", "role": "viewer"})).await;
@@ -209,6 +208,8 @@ async fn other_machines_are_let_in_with_keys_only() {
         assert!(matches!(error, StartError::InsecureBind { .. }), "{error}");
         assert!(error.to_string().contains("--access keys"), "{error}");
     }
+    let insecure = Config { insecure_bind: true, ..open.clone() };
+    Server::start(insecure).await.unwrap().shutdown().await;
     open.access = Access::Keys;
     let mut server = Server::start(open.clone()).await.unwrap();
     assert!(server.take_admin_key().is_some());

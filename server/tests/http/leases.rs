@@ -27,8 +27,7 @@ async fn ids(it: &Harness, query: &str) -> Vec<String> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_session_expires_and_a_lease_keeps_one_open() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let short = it.session(json!({"ttl_s": 1})).await;
     let leased = it.session(json!({"ttl_s": 1})).await;
     let usual = it.session(json!({})).await;
@@ -75,11 +74,10 @@ async fn a_session_expires_and_a_lease_keeps_one_open() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn sessions_that_ended_are_deleted_where_the_operator_says_so() {
-    let it = Harness::start_with(|config| {
+    let it = Harness::trained_with(|config| {
         config.session_kept = Some(Duration::from_millis(400));
     })
     .await;
-    it.train().await;
     let (closed, expired) = (it.session(json!({})).await, it.session(json!({"ttl_s": 1})).await);
     let open = it.session(json!({})).await;
     for session in [&closed, &open] {
@@ -102,8 +100,7 @@ async fn sessions_that_ended_are_deleted_where_the_operator_says_so() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn no_more_sessions_are_open_than_may_be() {
-    let it = Harness::start_with(|config| config.sessions_open_max = 2).await;
-    it.train().await;
+    let it = Harness::trained_with(|config| config.sessions_open_max = 2).await;
     let first = it.session(json!({"ttl_s": 500})).await;
     let short = it.session(json!({"ttl_s": 2})).await;
     let full = it.post("/v1/sessions", &json!({})).await;

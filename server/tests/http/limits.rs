@@ -44,8 +44,7 @@ async fn a_client_that_asks_too_often_is_told_when_to_come_back_and_others_are_n
 
 #[tokio::test(flavor = "multi_thread")]
 async fn one_session_does_not_take_the_room_of_all() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let (busy, other) = (it.session(json!({})).await, it.session(json!({})).await);
     let readings = json!({"readings": touches(BAR, 20, 5, Pose::IDENTITY)});
     let path = format!("/v1/sessions/{busy}/readings");
@@ -126,8 +125,7 @@ async fn in_turn(it: &Harness, max: usize) -> Vec<Value> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn beliefs_answer_the_same_where_few_of_them_fit_in_memory() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let with_plenty = in_turn(&it, usize::MAX / 2).await;
     let all = belief_bytes(&it).await;
     assert!(all > 8 * 1000, "{all}");

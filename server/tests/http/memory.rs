@@ -63,8 +63,7 @@ async fn two_catalogues_in_turn_answer_the_same_where_only_one_fits() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_session_loads_what_its_method_needs_and_a_model_that_does_not_fit_is_refused() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let needed = surface_bytes(&it, "default").await;
     let it = it.restart_with(|config| config.model_memory_bytes_max = needed - 1).await;
     let refused = it.post("/v1/sessions", &json!({})).await;

@@ -19,8 +19,7 @@ fn packed(value: &Value) -> Vec<u8> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn readings_mean_the_same_in_messagepack_and_json() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let mut readings = touches(BAR, 6, 31, Pose::IDENTITY);
     for (seq, reading) in readings.iter_mut().enumerate() {
         reading["robot"] = json!("arm-3");
@@ -44,8 +43,7 @@ async fn readings_mean_the_same_in_messagepack_and_json() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn messagepack_that_cannot_be_is_refused() {
-    let it = Harness::start_with(|config| config.json_bytes_max = 100_000).await;
-    it.train().await;
+    let it = Harness::trained_with(|config| config.json_bytes_max = 100_000).await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
     let good = packed(&json!({"readings": [quiet_reading()]}));

@@ -20,8 +20,7 @@ fn candidate(start: DVec3, direction: DVec3) -> Value {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn own_approaches_are_ranked_from_the_first_moment() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/next-touches");
     let ask = json!({"sensor": "digitacts-6x6", "deadline_ms": 10000, "n": 3});
@@ -51,8 +50,7 @@ async fn own_approaches_are_ranked_from_the_first_moment() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn candidates_are_ranked_by_bits_for_their_cost_and_air_is_worth_nothing() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
     let readings = json!({"readings": touches(BAR, 5, 77, resting_pose())});
@@ -76,8 +74,7 @@ async fn candidates_are_ranked_by_bits_for_their_cost_and_air_is_worth_nothing()
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_deadline_cuts_the_answer_short() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/next-touches");
     let one = candidate(DVec3::new(0.0, 0.0, 0.1), DVec3::NEG_Z);
@@ -91,8 +88,7 @@ async fn a_deadline_cuts_the_answer_short() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn wrong_questions_name_the_field() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/next-touches");
     let good = candidate(DVec3::new(0.0, 0.0, 0.1), DVec3::NEG_Z);

@@ -43,8 +43,7 @@ async fn now(it: &Harness, session: &str) -> Value {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn readings_in_any_order_and_batches_give_one_belief() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let readings = of_a_fleet(14);
     let whole = it.session(json!({})).await;
     let expected = content(&post(&it, &whole, &readings).await["belief"]);
@@ -99,8 +98,7 @@ async fn every_method_folds_late_readings_as_if_they_had_come_in_time() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_withdrawn_reading_leaves_no_trace_and_a_repeat_does_not_bring_it_back() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let readings = of_a_fleet(12);
     let others: Vec<Value> = readings
         .iter()
@@ -137,8 +135,7 @@ async fn a_withdrawn_reading_leaves_no_trace_and_a_repeat_does_not_bring_it_back
 
 #[tokio::test(flavor = "multi_thread")]
 async fn readings_without_ids_are_listed_and_withdrawn_by_number() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
     let mut readings = touches(BAR, 4, 61, resting_pose());
@@ -178,8 +175,7 @@ async fn readings_without_ids_are_listed_and_withdrawn_by_number() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn withdrawn_readings_still_take_room() {
-    let it = Harness::start_with(|config| config.session_readings_max = 3).await;
-    it.train().await;
+    let it = Harness::trained_with(|config| config.session_readings_max = 3).await;
     let session = it.session(json!({})).await;
     let readings = of_a_fleet(4);
     post(&it, &session, &readings[..3]).await;

@@ -26,8 +26,7 @@ async fn train(it: &Harness, extra: &Value) -> Value {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_version_goes_when_it_is_not_current_and_no_session_began_with_it() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let path = "/v1/catalogues/default/versions/1";
     needed(&it, path, "new sessions use it").await;
     let session = it.session(json!({})).await;
@@ -67,8 +66,7 @@ async fn a_version_goes_when_it_is_not_current_and_no_session_began_with_it() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_catalogue_goes_with_all_its_versions() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     needed(&it, "/v1/catalogues/default", &session).await;
     delete(&it, &format!("/v1/sessions/{session}")).await.expect(204);
@@ -86,8 +84,7 @@ async fn a_catalogue_goes_with_all_its_versions() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_sensor_goes_when_no_reading_of_it_is_kept() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     for name in ["palm", "finger", "typo"] {
         it.post("/v1/sensors", &json!({"name": name, "preset": "digitacts-6x6"})).await.expect(201);
     }

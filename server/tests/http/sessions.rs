@@ -14,8 +14,7 @@ fn resting_pose() -> Pose {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn touches_are_recognised_and_a_restart_loses_nothing() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it
         .session(json!({"frame_id": "base_link", "prior": [
         {"object": "bar", "probability": 0.5}]}))
@@ -56,8 +55,7 @@ async fn touches_are_recognised_and_a_restart_loses_nothing() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_belief_at_a_reading_is_what_was_answered_to_it() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
     let mut answered = vec![it.get(&format!("{path}/belief")).await.expect(200)];
@@ -89,8 +87,7 @@ async fn the_belief_at_a_reading_is_what_was_answered_to_it() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_repeated_reading_counts_once_and_a_changed_one_is_refused() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
     let numbered: Vec<Value> = touches(CUBE, 4, 5, resting_pose())
@@ -121,8 +118,7 @@ async fn a_repeated_reading_counts_once_and_a_changed_one_is_refused() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_reading_that_is_repeated_after_a_restart_counts_once() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
     let mut readings = touches(CUBE, 3, 11, resting_pose());
@@ -149,8 +145,7 @@ async fn a_reading_that_is_repeated_after_a_restart_counts_once() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn robots_may_post_to_one_session_and_to_many_at_once() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let shared = it.session(json!({})).await;
     let own = join_all((0..4).map(|_| it.session(json!({})))).await;
     let readings = touches(CUBE, 16, 6, resting_pose());
@@ -173,12 +168,11 @@ async fn robots_may_post_to_one_session_and_to_many_at_once() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_full_queue_says_come_back_and_stores_nothing() {
-    let it = Harness::start_with(|config| {
+    let it = Harness::trained_with(|config| {
         config.compute_threads = 1;
         config.compute_queue_max = 0;
     })
     .await;
-    it.train().await;
     let mut sessions = Vec::new();
     for _ in 0..8 {
         sessions.push(it.session(json!({})).await);
@@ -206,8 +200,7 @@ async fn a_full_queue_says_come_back_and_stores_nothing() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn events_tell_beliefs_and_the_end() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let other = it.session(json!({})).await;
     let follow = async |path: String| it.client.get(it.url(&path)).send().await.unwrap();
@@ -236,8 +229,7 @@ async fn events_tell_beliefs_and_the_end() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn sessions_are_closed_and_deleted() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({"ttl_s": 600})).await;
     let path = format!("/v1/sessions/{session}");
     let body = json!({"readings": [quiet_reading()]});
@@ -267,8 +259,7 @@ async fn sessions_are_closed_and_deleted() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn more_sessions_than_fit_in_memory_are_rebuilt_from_their_journals() {
-    let it = Harness::start_with(|config| config.beliefs_in_memory_max = 2).await;
-    it.train().await;
+    let it = Harness::trained_with(|config| config.beliefs_in_memory_max = 2).await;
     let readings = touches(CUBE, 6, 4, resting_pose());
     let mut sessions = Vec::new();
     for _ in 0..5 {
@@ -291,8 +282,7 @@ async fn more_sessions_than_fit_in_memory_are_rebuilt_from_their_journals() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn who_knows_the_truth_is_told_how_right_the_belief_was() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let mut closed = Vec::new();
     for truth in
         [json!({"object": "cube"}), json!({"object": "bar"}), json!({"none_of_these": true})]

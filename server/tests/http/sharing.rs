@@ -48,8 +48,7 @@ async fn post(
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_robot_whose_base_is_off_shares_a_session_when_it_says_so() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let off = Pose::from_parts(DQuat::IDENTITY, DVec3::new(0.003, -0.003, 0.002));
     let base = json!({"position_m": 0.003, "angle_rad": 0.02});
     let mut errors = Vec::new();
@@ -72,8 +71,7 @@ async fn a_robot_whose_base_is_off_shares_a_session_when_it_says_so() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_object_that_moved_keeps_its_name_also_after_a_restart() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let before = post(&it, &session, "a", touches(BAR, 8, 77, resting_pose()), &json!({})).await;
     assert!(bar(&before) > 0.8, "{before}");
@@ -96,8 +94,7 @@ async fn an_object_that_moved_keeps_its_name_also_after_a_restart() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_object_that_shifts_at_every_touch_is_recognised_when_it_is_said() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let mut deviations = Vec::new();
     for begin in [json!({}), json!({"object_moves": {"position_m": 0.003, "angle_rad": 0.05}})] {
         let session = it.session(begin.clone()).await;
@@ -118,8 +115,7 @@ async fn an_object_that_shifts_at_every_touch_is_recognised_when_it_is_said() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_it() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
     let readings = json!({"readings": touches(BAR, 3, 77, resting_pose())});
@@ -146,8 +142,7 @@ async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_session_says_how_probable_none_of_these_is_before_the_first_touch() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let mut odds = Vec::new();
     for (begin, prior) in [(json!({}), 0.05), (json!({"unknown_prior": 0.5}), 0.5)] {
         let session = it.session(begin).await;
@@ -168,8 +163,7 @@ async fn a_session_says_how_probable_none_of_these_is_before_the_first_touch() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_is_out_of_range_is_named() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let wrong = [
         (json!({"risk": 0.9}), "/risk"),
         (

@@ -59,8 +59,7 @@ async fn a_training_makes_a_version_with_a_report_and_a_history() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let report = it.get("/v1/catalogues/default/versions/1/report").await.expect(200);
     let known = report["objects"].as_array().unwrap().iter().find(|o| o["name"] == "bar").unwrap();
     let path = "/v1/catalogues/default/versions/1/objects/bar/map";

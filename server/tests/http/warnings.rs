@@ -66,8 +66,7 @@ async fn check_names_the_unit_that_was_probably_meant() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn answers_to_readings_say_what_is_probably_wrong() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings?belief=none");
     let post =

@@ -27,8 +27,7 @@ struct Lab {
 
 impl Lab {
     async fn new() -> Self {
-        let it = Harness::guarded().await;
-        it.train().await;
+        let it = Harness::guarded_and_trained().await;
         let session = it.session(json!({})).await;
         Self { admin: it.key.clone(), it, session }
     }
@@ -133,8 +132,7 @@ async fn readings_withdrawals_and_leases_say_which_key_wrote_them() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn without_keys_names_belong_to_nobody() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
     it.post(&path, &readings("arm-A", 0)).await.expect(200);
@@ -146,12 +144,11 @@ async fn without_keys_names_belong_to_nobody() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn one_key_leaves_open_sessions_to_others() {
-    let mut it = Harness::start_with(|config| {
+    let mut it = Harness::trained_with(|config| {
         config.access = Access::Keys;
         config.sessions_open_max = 20;
     })
     .await;
-    it.train().await;
     let (greedy, other) = (it.new_key("greedy", "robot").await, it.new_key("other", "robot").await);
     it.key = Some(greedy.clone());
     for _ in 0..15 {
@@ -221,8 +218,7 @@ async fn a_key_in_a_path_is_neither_answered_nor_stored() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn texts_with_control_characters_are_refused_at_the_field() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let evil = "a\u{1b}]0;owned\u{7}";
     for (path, body, pointer) in [
         ("/v1/objects", json!({"name": "mug", "description": evil}), "/description"),

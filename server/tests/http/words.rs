@@ -14,8 +14,7 @@ fn detail(problem: &Value, pointer: &str) -> String {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn wrong_types_are_named_as_json_names_them() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");
     let said = async |field: &str, value: Value, pointer: &str| {
@@ -47,8 +46,7 @@ async fn wrong_types_are_named_as_json_names_them() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_number_that_two_readings_of_a_request_share_is_named() {
-    let it = Harness::start().await;
-    it.train().await;
+    let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let reading = |seq: u64, z: f64| {
         let mut reading = quiet_reading();

@@ -66,14 +66,6 @@ impl Canvas {
         }
     }
 
-    /// Copies another canvas into this one, which must be large enough.
-    pub(super) fn paste(&mut self, tile: &Self, left: usize, top: usize) {
-        for y in 0..tile.height {
-            let row = &tile.pixels[y * tile.width..][..tile.width];
-            self.pixels[(top + y) * self.width + left..][..tile.width].copy_from_slice(row);
-        }
-    }
-
     /// Number of pixels of one color.
     #[cfg(test)]
     pub(super) fn count(&self, color: [u8; 3]) -> usize {

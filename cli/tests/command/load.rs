@@ -1,50 +1,19 @@
 //! `palpate load` as it is used: ready by itself, its answer, its exit codes.
-#![allow(clippy::unwrap_used, reason = "tests may panic, helpers outside of test functions too")]
 
-use std::io::{BufRead, BufReader};
-use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::Output;
 
 use serde_json::Value;
 
-/// A server that stops when it is dropped.
-struct Server {
-    child: Child,
-    address: String,
-}
-
-impl Server {
-    fn start(data: &Path) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
-        command.args(["serve", "--listen", "127.0.0.1:0", "--json", "--data"]).arg(data);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let started: Value = serde_json::from_str(&line).unwrap();
-        Self { child, address: started["server"].as_str().unwrap().to_owned() }
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
+use crate::support::Server;
 
 fn load(server: &Server, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
-    command.args(["--server", &server.address, "load"]).args(arguments.split_whitespace());
-    for name in ["PALPATE_SERVER", "PALPATE_KEY", "RUST_LOG"] {
-        command.env_remove(name);
-    }
-    command.output().unwrap()
+    server.run("", &format!("load {arguments}"))
 }
 
 #[test]
 fn load_makes_a_server_ready_measures_it_and_fails_when_a_bound_is_broken() {
     let folder = tempfile::TempDir::new().unwrap();
-    let server = Server::start(&folder.path().join("data"));
+    let server = Server::start(&folder.path().join("data"), "");
     let untrained = load(&server, "--rate 5");
     let words = String::from_utf8(untrained.stderr).unwrap();
     assert_eq!(untrained.status.code(), Some(1));
@@ -52,7 +21,7 @@ fn load_makes_a_server_ready_measures_it_and_fails_when_a_bound_is_broken() {
 
     let picture = folder.path().join("load.svg");
     let short = "--prepare --training-readings 20 --touches 5 --warmup-s 0 --sessions 4 --seed 101";
-    let pid = server.child.id();
+    let pid = server.process();
     let output = load(
         &server,
         &format!(

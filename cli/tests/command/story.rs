@@ -1,69 +1,22 @@
 //! The command as it is used: its exit codes, what it prints where, and a whole round.
-#![allow(clippy::unwrap_used, reason = "tests may panic, helpers outside of test functions too")]
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
 use tempfile::TempDir;
 
-fn palpate(arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
-    command.args(arguments.split_whitespace());
-    for name in ["PALPATE_SERVER", "PALPATE_DATA", "PALPATE_LISTEN", "PALPATE_KEY", "RUST_LOG"] {
-        command.env_remove(name);
-    }
-    command
-}
+use crate::support::{Server, palpate, stderr, stdout};
 
 /// Runs to the end.
 fn run(folder: &Path, arguments: &str) -> Output {
     palpate(arguments).current_dir(folder).output().unwrap()
 }
 
-fn stdout(output: &Output) -> String {
-    String::from_utf8(output.stdout.clone()).unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-/// A server that stops when it is dropped.
-struct Server {
-    child: Child,
-    address: String,
-}
-
-impl Server {
-    fn start(data: &Path) -> Self {
-        let mut command = palpate("serve --listen 127.0.0.1:0 --json");
-        let mut child = command
-            .arg("--data")
-            .arg(data)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let started: serde_json::Value = serde_json::from_str(&line).unwrap();
-        Self { child, address: started["server"].as_str().unwrap().to_owned() }
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
 #[test]
 fn health_says_by_its_exit_code_whether_a_server_serves() {
     let folder = TempDir::new().unwrap();
-    let server = Server::start(folder.path());
-    let address = server.address.clone();
+    let server = Server::start(folder.path(), "");
+    let address = server.said("server").to_owned();
     let healthy = run(folder.path(), &format!("health --server {address}"));
     assert_eq!(healthy.status.code(), Some(0), "{}", stderr(&healthy));
     let checks = stdout(&healthy);
@@ -122,9 +75,9 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     let written: Vec<String> = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(written.len(), 10);
 
-    let server = Server::start(&data);
+    let server = Server::start(&data, "");
     let ask = |server: &Server, arguments: &str| {
-        run(at, &format!("--server {} {arguments}", server.address))
+        run(at, &format!("--server {} {arguments}", server.said("server")))
     };
     for object in ["hammer", "gear", "mug"] {
         let output = ask(&server, &format!("objects add {object} --mesh meshes/{object}.stl"));
@@ -164,7 +117,7 @@ fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() 
     assert_eq!(answer["position_error_mm"], serde_json::Value::Null, "no pose was sent");
 
     drop(server);
-    let server = Server::start(&data);
+    let server = Server::start(&data, "");
     let mistaken = ask(&server, "touch --object gear --mesh meshes/mug.stl --readings 10");
     assert_eq!(mistaken.status.code(), Some(4), "{}", stdout(&mistaken));
     let listed = ask(&server, "sessions list --json");
@@ -300,9 +253,9 @@ fn a_session_is_looked_into(
 fn a_newcomer_calibrates_a_sensor_with_a_simulated_indentation() {
     let folder = TempDir::new().unwrap();
     let (at, data) = (folder.path(), folder.path().join("data"));
-    let server = Server::start(&data);
+    let server = Server::start(&data, "");
     let ask = |arguments: &str| {
-        let output = run(at, &format!("--server {} {arguments}", server.address));
+        let output = run(at, &format!("--server {} {arguments}", server.said("server")));
         assert_eq!(output.status.code(), Some(0), "{arguments}: {}", stderr(&output));
         stdout(&output)
     };

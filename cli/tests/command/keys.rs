@@ -1,64 +1,12 @@
 //! Keys, TLS and the audit log as a person uses them from a shell.
-#![allow(clippy::unwrap_used, reason = "tests may panic, helpers outside of test functions too")]
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::Output;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-fn palpate(arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
-    command.args(arguments.split_whitespace());
-    for name in ["SERVER", "DATA", "LISTEN", "KEY", "CA", "ACCESS", "TLS_CERT", "TLS_KEY"] {
-        command.env_remove(format!("PALPATE_{name}"));
-    }
-    command.env_remove("RUST_LOG");
-    command
-}
-
-/// A server that stops when it is dropped, and what it said when it started.
-struct Server {
-    child: Child,
-    started: Value,
-}
-
-impl Server {
-    fn start(data: &Path, arguments: &str) -> Self {
-        let mut command = palpate("serve --listen 127.0.0.1:0 --json");
-        command.args(arguments.split_whitespace()).arg("--data").arg(data);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        Self { child, started: serde_json::from_str(&line).unwrap() }
-    }
-
-    fn said(&self, what: &str) -> &str {
-        self.started[what].as_str().unwrap()
-    }
-
-    fn run(&self, key: &str, arguments: &str) -> Output {
-        let mut command = palpate(arguments);
-        command.env("PALPATE_SERVER", self.said("server")).env("PALPATE_KEY", key);
-        command.output().unwrap()
-    }
-
-    /// Stops it, and what it logged.
-    fn log(mut self) -> String {
-        self.child.kill().unwrap();
-        let mut log = String::new();
-        std::io::Read::read_to_string(&mut self.child.stderr.take().unwrap(), &mut log).unwrap();
-        log
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
+use crate::support::{Server, palpate};
 
 #[track_caller]
 fn done(output: &Output) -> String {
