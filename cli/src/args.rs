@@ -48,7 +48,7 @@ pub(crate) struct Cli {
         hide_env_values = true,
         value_name = "KEY"
     )]
-    // Not `key`: subcommands have arguments of that name, and names are shared with them.
+    // Not `key`: subcommands have arguments of that name, and clap shares names with them.
     pub(crate) api_key: Option<String>,
     /// File with the API key, such as one written by `palpate serve --admin-key-file` or a mounted
     /// secret.

@@ -202,7 +202,7 @@ mod tests {
         let shifted = plan(7).mesh.translated(DVec3::splat(5.0));
         let plan = Plan { mesh: shifted, ..plan(7) };
         let (low, high) = plan.mesh.moved_by(plan.session_from_mesh()).bounds();
-        // The middle of a turned box is not that of its bounds, but near.
+        // The centre of a rotated box is near, but not at, the centre of its bounds.
         assert!((0.5 * (low + high)).abs().max_element() < 40.0 * MM);
         assert_eq!(readings(&plan).len(), 4);
     }

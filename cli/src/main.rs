@@ -48,7 +48,7 @@ fn main() -> ExitCode {
     let outcome = match runtime {
         Ok(runtime) => {
             let outcome = runtime.block_on(dispatch::run(cli));
-            // Simulated touches that nobody waits for any more are not waited for.
+            // Do not wait for simulated touches that are no longer needed.
             runtime.shutdown_background();
             outcome
         }
@@ -67,7 +67,7 @@ fn typed() -> anyhow::Result<Cli> {
     if let Some(file) = &file {
         command = settings::layered(command, file);
     }
-    // Help, and what is typed wrongly, end here.
+    // Help and usage errors exit here.
     let matches = command.clone().get_matches_from(typed);
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if let Command::Config(args) = &mut cli.command {

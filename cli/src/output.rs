@@ -63,7 +63,7 @@ fn cell(text: &str) -> Cow<'_, str> {
 
 /// JSON with control characters escaped; the content is the same.
 fn json_text(json: &str) -> Cow<'_, str> {
-    // All of them are within the first plane: four digits.
+    // All of them are in the basic plane, so four digits suffice.
     escaped(json, is_control, |c| format!("\\u{:04x}", u32::from(c)))
 }
 

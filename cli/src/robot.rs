@@ -141,7 +141,7 @@ impl Robot {
             }
             Approach::StraightDown => self.press_down(),
         };
-        // The simulator's session frame is the mesh's.
+        // The simulator's session frame is the mesh frame.
         let mesh_from_sensor = reading.session_from_sensor();
         let session_from_sensor = self.session_from_mesh * mesh_from_sensor;
         let image = reading.image().pressures.iter().copied().map(Some).collect();
@@ -170,13 +170,13 @@ impl Robot {
         match self.approach {
             Approach::StraightDown => {
                 let turn = along(PI);
-                // The face that is pressed is the object's highest.
+                // The pressed face is the highest of the object.
                 let height = self.simulator.mesh().bounds().1.z - origin_in_mesh[2];
                 let object_from_plane =
                     Pose::from_parts(DQuat::from_rotation_z(turn), off.with_z(height));
                 PosePrior::Planar {
                     plane: Some(to_wire(session_from_object * object_from_plane)),
-                    // The plane's origin was moved by a vector of this length at most.
+                    // The plane's origin was moved by at most this length.
                     half_extent: Some(SEEN_WITHIN * SQRT_2),
                     center: None,
                     angle: None,

@@ -192,7 +192,7 @@ pub(crate) async fn run(
             true => Some(ask(session, sensor, &robot, tries).await?),
             false => None,
         };
-        // The simulation is work for a processor, not for the threads that talk to the server.
+        // The simulation is compute-bound and must not block the threads that talk to the server.
         let (touched, press) = tokio::task::spawn_blocking(move || {
             let press = match &told {
                 Some(told) => robot.touch_along(told),

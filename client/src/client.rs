@@ -32,7 +32,7 @@ pub struct ClientOptions {
 
 impl fmt::Debug for ClientOptions {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // A key has no business in a log.
+        // A key must not appear in a log.
         formatter
             .debug_struct("ClientOptions")
             .field("connect_timeout", &self.connect_timeout)
@@ -88,7 +88,7 @@ impl Client {
         if !matches!(server.scheme(), "http" | "https") || server.host_str().is_none() {
             return Err(address_error());
         }
-        // Whoever installed a provider before us chose well enough.
+        // Keep a provider that is already installed.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let mut http = reqwest::Client::builder()
             .connect_timeout(options.connect_timeout)
@@ -99,7 +99,7 @@ impl Client {
             let authorities = authorities.ok().filter(|found| !found.is_empty());
             http = http.tls_certs_only(authorities.ok_or(Error::Authority)?);
         } else if server.scheme() == "http" {
-            // No certificates are needed, and some machines have none.
+            // No certificates are needed here, and some machines have none.
             http = http.tls_certs_only([]);
         }
         if is_loopback(&server) {

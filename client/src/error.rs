@@ -139,7 +139,7 @@ fn words(problem: &Problem) -> String {
     let mut words = problem.detail.clone();
     for field in &problem.errors {
         let said = problem.detail.contains(&field.detail);
-        // An empty pointer is the whole body: there is nothing to name.
+        // An empty pointer is the whole body and needs no name.
         let field = if said && field.pointer.is_empty() {
             continue;
         } else if said {

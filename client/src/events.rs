@@ -61,7 +61,7 @@ impl<T: DeserializeOwned> Stream for Events<T> {
                 }
             };
             self.last_id.clone_from(&event.id);
-            // Comments and keep-alives carry nothing.
+            // Comments and keep-alives carry no data.
             if event.data.is_empty() {
                 continue;
             }

@@ -85,7 +85,7 @@ impl Client {
         detail: BeliefDetail,
     ) -> Result<ReadingRetracted, Error> {
         let request = request.query("belief", Some(detail_name(detail)));
-        // Unlike other removals, a second one is answered as the first.
+        // Unlike other deletions, a repeated one returns the first answer.
         self.send(request.repeat(Repeat::Harmless)).await
     }
 }

@@ -70,7 +70,7 @@ pub(crate) enum Repeat {
 
 /// Whether a failed call should be retried.
 pub(crate) fn is_worth_repeating(error: &Error, repeat: Repeat) -> bool {
-    // A closing server or a store that takes no writes will not be better in a moment.
+    // A server that is shutting down or cannot write will not recover in a moment.
     if error.kind() == Some(ProblemType::Unavailable) && error.retry_after().is_none() {
         return false;
     }

@@ -16,7 +16,7 @@ pub(crate) struct Stamps {
 impl Stamps {
     /// Stamp of the reading with a number.
     pub(crate) fn of(&mut self, seq: u64) -> Stamp {
-        // A clock before 1970 stands still; the stamps rise all the same.
+        // A clock before 1970 counts as 1970; the stamps still increase.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         self.at(seq, now.unwrap_or_default())
     }

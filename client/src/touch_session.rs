@@ -133,7 +133,7 @@ impl TouchSession {
         let added = match self.client.add_readings(self.id(), &readings, query).await {
             Ok(added) => added,
             Err(error) => {
-                // What was refused is not stored: the next press has its own time.
+                // A refused press is not stored, so the next one gets its own stamp.
                 if error.status().is_some_and(|status| status < 500) {
                     self.stamps.forget();
                 }

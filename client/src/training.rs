@@ -123,7 +123,7 @@ impl Client {
         let request = Request::put(["v1", "catalogues", name, "current"])
             .header("if-match", format!("\"{revision}\""))
             .json(&SetCurrent { version })
-            // A second attempt after a success would find another revision.
+            // A retry after an unnoticed success would find another revision.
             .repeat(Repeat::Harmful);
         self.send(request).await
     }

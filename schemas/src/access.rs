@@ -86,7 +86,7 @@ pub struct NewApiKey {
 
 impl std::fmt::Debug for NewApiKey {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        // A secret has no business in a log.
+        // A secret must not appear in a log.
         formatter.debug_struct("NewApiKey").field("key", &self.key).finish_non_exhaustive()
     }
 }

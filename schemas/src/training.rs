@@ -280,9 +280,8 @@ pub struct StartTraining {
     /// Whether to learn the surfaces that `surface` needs. Default: the value of `sva`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<bool>,
-    /// Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
-    /// only train `appearance`, and, together with `surface`, large catalogues for `surface` alone.
-    /// Default: true.
+    /// Whether to learn the pair maps that `sva` needs. Set false for readings without poses, which
+    /// only train `appearance`, or, with `surface` true, for large catalogues. Default: true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sva: Option<bool>,
     /// Version of the same catalogue to extend. Its vocabularies and objects are kept bit for bit;

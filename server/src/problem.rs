@@ -336,7 +336,7 @@ fn title(kind: ProblemType) -> &'static str {
         ProblemType::NotFound => "Not found",
         ProblemType::MethodNotAllowed => "Method not allowed",
         ProblemType::Timeout => "Request timeout",
-        ProblemType::WrongState => "State does not allow the request",
+        ProblemType::WrongState => "Invalid state",
         ProblemType::Conflict => "Conflict",
         ProblemType::QuotaExceeded => "Storage quota exceeded",
         ProblemType::SessionEnded => "Session ended",

@@ -83,7 +83,7 @@ pub(crate) async fn run(args: DemoArgs, output: Output) -> anyhow::Result<()> {
     if output.json && !args.once {
         usage("--json needs --once: its one line comes at the end");
     }
-    // Kept until the server is down; the folder goes with it.
+    // Kept until the server has stopped; dropping it deletes the folder.
     let temporary = tempfile::Builder::new().prefix("palpate-demo-").tempdir()?;
     let data = args.data.clone().unwrap_or_else(|| temporary.path().join("data"));
     let server = start(data, args.listen).await?;

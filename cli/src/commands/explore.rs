@@ -187,7 +187,7 @@ async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
         let truth = truth.transpose()?;
         (Some(session), truth)
     };
-    // One reading waits while another is on its way: the arm does not run ahead of the server.
+    // At most one reading waits while another is sent, so the arm does not outrun the server.
     let (sender, mut taken) = tokio::sync::mpsc::channel::<Reading>(1);
     let work = tokio::task::spawn_blocking(move || {
         let explored = plan.explore(&mut |reading| {
@@ -201,7 +201,7 @@ async fn explore(args: &ExploreArgs, context: &Context) -> anyhow::Result<()> {
     });
     let mut readings = Vec::new();
     let heard = hear(&mut taken, &mut readings, session.as_ref(), context).await;
-    // Also when the server fails in the middle: the touches are done.
+    // Also if the server fails midway, because the touches are already made.
     let n_readings = readings.len();
     if let Some(path) = args.out.as_ref().filter(|_| n_readings > 0) {
         ReadingsFile::new(args.object.clone(), Some(args.seed), readings).write(path)?;
@@ -292,7 +292,7 @@ async fn session(args: &ExploreArgs, context: &Context) -> anyhow::Result<Sessio
 
 /// Sends one reading. Sending it again to the same session has no effect.
 async fn send(session: &Session, reading: Reading, context: &Context) -> anyhow::Result<Belief> {
-    // Only the key that a robot's name belongs to may post with it.
+    // Only the key that holds a robot name may post under it.
     let robot = reading.robot.as_ref().map(|name| context.robot(name));
     let reading = Reading { frame_id: session.frame_id.clone(), robot, ..reading };
     let readings = AddReadings { readings: vec![reading] };

@@ -205,9 +205,9 @@ fn write_meshes(
     let mut written = Vec::new();
     for letter in letters {
         let mesh = letter.solid(thickness);
-        // Files of meshes are in millimetres by custom; the mesh is in metres.
+        // Mesh files are usually in millimetres; the mesh is in metres.
         let in_mm = mesh.scaled_to_largest_dimension(mesh.largest_dimension() / MM);
-        // Some file systems do not tell a from A.
+        // Some file systems do not distinguish a from A.
         let case = if letter.symbol().is_uppercase() { "upper" } else { "lower" };
         let path = out.join(format!("{case}_{}.stl", letter.symbol()));
         std::fs::write(&path, in_mm.to_stl_bytes())

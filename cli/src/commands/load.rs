@@ -155,7 +155,7 @@ pub(crate) async fn run(args: LoadArgs, context: &Context) -> anyhow::Result<()>
 async fn measure(args: &LoadArgs, context: &Context) -> anyhow::Result<()> {
     let (client, output) = (&context.client, context.output);
     let touches = made_ready(args, client).await?;
-    // What is due is sent once: a repetition would be a request that nobody counts.
+    // Requests are sent once, because a repetition would not be counted.
     let timeout = Duration::from_secs_f64(args.timeout_s);
     let sender = client.with_policy(RetryPolicy::never(), timeout);
     let memory = match args.pid {

@@ -122,7 +122,7 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
             output.answer(&object, |object| table(std::slice::from_ref(object)))
         }
         Action::Add { name, mesh, unit, description } => {
-            // A file that cannot be read is noticed before the object is there.
+            // Detect an unreadable file before the object is created.
             let file = mesh.as_deref().map(robot::read_mesh_file).transpose()?;
             let created = client.create_object(&CreateObject { name, description }).await;
             let object = match created {
@@ -212,7 +212,7 @@ fn example(name: Option<&str>, out: &Path, output: Output) -> anyhow::Result<()>
     let mut written = Vec::new();
     for name in names {
         let mesh = shapes::example(name).with_context(|| format!("there is no example {name}"))?;
-        // Files of meshes are in millimetres by custom; the mesh is in metres.
+        // Mesh files are usually in millimetres; the mesh is in metres.
         let in_mm = mesh.scaled_to_largest_dimension(mesh.largest_dimension() / MM);
         let path = out.join(format!("{name}.stl"));
         std::fs::write(&path, in_mm.to_stl_bytes())

@@ -304,7 +304,7 @@ pub(crate) async fn run(args: ServeArgs, output: Output) -> anyhow::Result<()> {
         }
     })?;
     let stopped = until_told_to_stop().await;
-    // A second Ctrl-C does not wait for what is under way.
+    // A second Ctrl-C does not wait for requests in progress.
     tokio::select! {
         () = server.shutdown() => {}
         _ = tokio::signal::ctrl_c() => {}
@@ -323,7 +323,7 @@ fn key_file(args: &ServeArgs) -> anyhow::Result<Option<AdminKeyFile>> {
             args.data.join(ADMIN_KEY_FILE)
         }
     };
-    // Without access by keys no key is made.
+    // Without access by keys, no key is created.
     match args.access {
         AccessChoice::Open if !args.new_admin_key => Ok(None),
         _ => AdminKeyFile::prepare(&path).map(Some),

@@ -119,7 +119,7 @@ async fn create(file: &Path, client: &Client, output: Output) -> anyhow::Result<
     let (manifest, report) = match checked {
         Ok(checked) => checked,
         Err(error) => {
-            // What is there is no snapshot.
+            // The partial file is not a snapshot.
             let _ = fs::remove_file(&part);
             return Err(error);
         }
@@ -200,7 +200,7 @@ fn restored(
                 .map(|()| manifest)
         });
     if outcome.is_err() {
-        // What is there is not the whole.
+        // The folder is incomplete.
         let _ = fs::remove_dir_all(&beside);
     }
     outcome.map(|manifest| (manifest, held))

@@ -123,7 +123,7 @@ pub(crate) async fn run(args: TouchArgs, context: &Context) -> anyhow::Result<()
     if let Some(reason) = calibrated::reason_of(method, &version.report) {
         output.say(calibrated::note(reason));
     }
-    // All readings are wanted: no probability is reached.
+    // Take all readings: no probability ends the trial.
     let rule = StopRule {
         probability: f64::INFINITY,
         in_a_row: 1,
@@ -220,7 +220,7 @@ pub(crate) async fn ensure_sensor(
             let new =
                 CreateSensor { name, preset: Some(preset), description: None, image_order: None };
             match client.create_sensor(&new).await {
-                // Another robot was faster.
+                // Another robot has added it meanwhile.
                 Err(error) if error.kind() == Some(ProblemType::Conflict) => Ok(()),
                 other => other.map(|_| ()),
             }

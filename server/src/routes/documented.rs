@@ -21,17 +21,17 @@ pub(crate) struct Conflict(#[expect(dead_code, reason = "the type only documents
 )]
 pub(crate) struct Ended(#[expect(dead_code, reason = "the type only documents")] Problem);
 
-/// A mesh file, as its program wrote it.
+/// A mesh file.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MeshFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
-/// A snapshot, as `docs/formats.md` draws it.
+/// A snapshot file, in the format of `docs/formats.md`.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct SnapshotFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);
 
-/// A map of contact as an image or a model.
+/// A contact map as an image or a PLY file.
 #[derive(ToSchema)]
 #[schema(value_type = String, format = Binary)]
 pub(crate) struct MapFile(#[expect(dead_code, reason = "the type only documents")] Vec<u8>);

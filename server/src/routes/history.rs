@@ -14,8 +14,7 @@ use crate::routes::documented::{Conflict, Ended};
 
 /// List a session's readings
 ///
-/// Lists readings in the order of arrival, with the sequence numbers by which they can be
-/// retracted.
+/// Lists readings in the order of arrival, with the `number` by which each can be retracted.
 #[utoipa::path(get, path = "/v1/sessions/{session}/readings",
     operation_id = "list_session_readings", tag = "sessions",
     params(("session" = String, Path, description = "The session's id"), PageQuery),

@@ -1037,8 +1037,7 @@ export interface paths {
         };
         /**
          * List a session's readings
-         * @description Lists readings in the order of arrival, with the sequence numbers by which they can be
-         *     retracted.
+         * @description Lists readings in the order of arrival, with the `number` by which each can be retracted.
          */
         get: operations["list_session_readings"];
         put?: never;
@@ -2274,7 +2273,7 @@ export interface components {
         };
         /**
          * Format: binary
-         * @description A map of contact as an image or a model.
+         * @description A contact map as an image or a PLY file.
          */
         MapFile: string;
         /** @description A patch: a trained piece of an object's surface, in the object frame. */
@@ -2361,7 +2360,7 @@ export interface components {
         };
         /**
          * Format: binary
-         * @description A mesh file, as its program wrote it.
+         * @description A mesh file.
          */
         MeshFile: string;
         /**
@@ -3574,7 +3573,7 @@ export interface components {
         };
         /**
          * Format: binary
-         * @description A snapshot, as `docs/formats.md` draws it.
+         * @description A snapshot file, in the format of `docs/formats.md`.
          */
         SnapshotFile: string;
         /** @description Spatial acuity at one force resolution. */
@@ -3739,9 +3738,8 @@ export interface components {
             /** @description Whether to learn the surfaces that `surface` needs. Default: the value of `sva`. */
             surface?: boolean | null;
             /**
-             * @description Whether to learn the pair maps that `sva` needs. False suits readings without poses, which
-             *     only train `appearance`, and, together with `surface`, large catalogues for `surface` alone.
-             *     Default: true.
+             * @description Whether to learn the pair maps that `sva` needs. Set false for readings without poses, which
+             *     only train `appearance`, or, with `surface` true, for large catalogues. Default: true.
              */
             sva?: boolean | null;
         };

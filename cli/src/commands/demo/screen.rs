@@ -17,7 +17,7 @@ pub(super) struct Screen {
 
 struct Live {
     all: MultiProgress,
-    // A line whose bar is dropped stays on the terminal for ever.
+    // A bar that is dropped leaves its line on the terminal.
     _header: ProgressBar,
     robots: Vec<ProgressBar>,
     trials: ProgressBar,
@@ -80,7 +80,7 @@ impl Screen {
     /// Removes the table; the summary follows.
     pub(super) fn clear(&self) {
         if let Some(live) = &self.live {
-            // A terminal that is gone does not need to be cleared.
+            // A closed terminal need not be cleared.
             let _ = live.all.clear();
         }
     }

@@ -58,7 +58,7 @@ pub(super) async fn replay(
     };
     let mut all = ask(upto, after).await?;
     while let Some(after) = all.next_after {
-        // What comes meanwhile is not in it.
+        // Changes made meanwhile are not included.
         let more = ask(Some(all.upto), after).await?;
         all.steps.extend(more.steps);
         all.next_after = more.next_after;
