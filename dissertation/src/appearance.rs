@@ -61,7 +61,7 @@ impl AppearanceOptions {
     }
 }
 
-/// Why a reading cannot be used with an appearance model.
+/// Error of a reading that cannot be used with an appearance model.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum AppearanceError {
     /// The reading's image or the prior does not fit the catalogue.
@@ -112,8 +112,8 @@ impl AppearanceBelief {
         size_of::<Self>() + (numbers + self.log_prior.capacity()) * size_of::<f64>()
     }
 
-    /// The belief before any reading. `prior` weighs the objects (it is normalised); `None`
-    /// is even.
+    /// The belief before any reading. `prior` weighs the objects (it is normalised); `None` is
+    /// uniform.
     ///
     /// # Errors
     /// [`AppearanceError::Recognise`] when the prior does not fit the catalogue.

@@ -15,7 +15,7 @@ use palpate_core::training::TrainingSet;
 use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
 use palpate_dissertation::appearance::train::{
     AppearanceConfig, AppearanceSet, AppearanceTrainError, ClusteringMethod, DiscriminantConfig,
-    appearance_model, learn_appearance_vocabulary, learn_appearance_vocabulary_heard,
+    appearance_model, learn_appearance_vocabulary, learn_appearance_vocabulary_with_progress,
     object_histogram,
 };
 use palpate_dissertation::appearance::{
@@ -200,15 +200,15 @@ fn learning_stops_on_request() {
     for clustering in [ClusteringMethod::Mixture, ClusteringMethod::KMeans] {
         let config = AppearanceConfig { n_classes: vec![2, 3], clustering, ..config() };
         let stop_at = |last: usize| {
-            let hear = move |n_done: usize| {
+            let progress = move |n_done: usize| {
                 if n_done < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             };
-            learn_appearance_vocabulary_heard(&sets, &config, 1, &hear)
+            learn_appearance_vocabulary_with_progress(&sets, &config, 1, &progress)
         };
         assert_eq!(stop_at(0).err(), Some(AppearanceTrainError::Stopped));
         assert_eq!(stop_at(1).err(), Some(AppearanceTrainError::Stopped));
-        let heard = stop_at(2).unwrap();
-        assert_eq!(heard, learn_appearance_vocabulary(&sets, &config, 1).unwrap());
+        let finished = stop_at(2).unwrap();
+        assert_eq!(finished, learn_appearance_vocabulary(&sets, &config, 1).unwrap());
     }
 }
 

@@ -37,26 +37,26 @@ impl Answer {
     }
 
     /// The risk that the most probable answer, an object or "none of these", is wrong, if the
-    /// client stops as soon as it is low enough. `untold_prior` is the prior of "none of
+    /// client stops as soon as it is low enough. `default_prior` is the prior of "none of
     /// these" if the session did not state one: the risk then allows for up to half of the
     /// objects being unknown.
     #[must_use]
-    pub fn risk(&self, untold_prior: Option<f64>) -> f64 {
+    pub fn risk(&self, default_prior: Option<f64>) -> f64 {
         let known = self.probabilities.iter().copied().fold(0.0, f64::max);
-        stopping_risk(assured(known, self.unknown, untold_prior))
+        stopping_risk(assured(known, self.unknown, default_prior))
     }
 }
 
 /// The probability of the most probable answer, an object with probability `known` or "none
 /// of these", under the least favourable prior of "none of these". If the session stated a
-/// prior, only that one counts; otherwise all priors from `untold_prior` to one half.
+/// prior, only that one counts; otherwise all priors from `default_prior` to one half.
 #[must_use]
-pub fn assured(known: f64, unknown: f64, untold_prior: Option<f64>) -> f64 {
+pub fn assured(known: f64, unknown: f64, default_prior: Option<f64>) -> f64 {
     if unknown >= known {
         // A higher prior of unknown objects would only raise it.
         return unknown;
     }
-    let more = untold_prior.map_or(1.0, |prior| ((1.0 - prior) / prior).max(1.0));
+    let more = default_prior.map_or(1.0, |prior| ((1.0 - prior) / prior).max(1.0));
     known / (1.0 - unknown + unknown * more)
 }
 

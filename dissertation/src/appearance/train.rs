@@ -160,7 +160,7 @@ pub const MAX_APPEARANCE_CLASSES: usize = 1_000;
 
 /// Progress function: receives the number of finished candidates for the number of classes,
 /// often, and may stop the training.
-pub type Hear<'a> = dyn Fn(usize) -> ControlFlow<()> + Sync + 'a;
+pub type Progress<'a> = dyn Fn(usize) -> ControlFlow<()> + Sync + 'a;
 
 /// Learns the classes from the readings of all objects together.
 ///
@@ -172,18 +172,18 @@ pub fn learn_appearance_vocabulary(
     config: &AppearanceConfig,
     seed: u64,
 ) -> Result<AppearanceVocabulary, AppearanceTrainError> {
-    learn_appearance_vocabulary_heard(sets, config, seed, &|_| ControlFlow::Continue(()))
+    learn_appearance_vocabulary_with_progress(sets, config, seed, &|_| ControlFlow::Continue(()))
 }
 
 /// Like [`learn_appearance_vocabulary`], with a progress function.
 ///
 /// # Errors
 /// The same, and [`AppearanceTrainError::Stopped`].
-pub fn learn_appearance_vocabulary_heard(
+pub fn learn_appearance_vocabulary_with_progress(
     sets: &[AppearanceSet<'_>],
     config: &AppearanceConfig,
     seed: u64,
-    hear: &Hear<'_>,
+    progress: &Progress<'_>,
 ) -> Result<AppearanceVocabulary, AppearanceTrainError> {
     check(config)?;
     let source = source_of(sets, config.descriptor)?;
@@ -209,7 +209,7 @@ pub fn learn_appearance_vocabulary_heard(
     let mut choices: Vec<ClassCount> = Vec::new();
     for n_classes in &config.n_classes {
         let n_done = choices.len();
-        let go_on = || hear(n_done).is_continue();
+        let go_on = || progress(n_done).is_continue();
         let vocabulary = AppearanceVocabulary {
             source,
             pca: pca.clone(),

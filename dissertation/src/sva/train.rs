@@ -49,7 +49,7 @@ pub enum DistanceRange {
         /// Number of bins.
         n: u16,
     },
-    /// The same fixed bins for every object.
+    /// Equal fixed bins for every object.
     Fixed(DistanceBins),
 }
 

@@ -16,7 +16,7 @@ use super::{Approached, Contact, ContactConfig, Outcome, advanced, approach, set
 use crate::noise::NoiseLevel;
 use crate::press::PressSimulator;
 
-/// Which first contacts are centred.
+/// Rule for centring first contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recenter {
     /// Only contacts from which Press and Orient do not come to rest, or rest at low pressure.
@@ -35,7 +35,7 @@ pub enum Recenter {
 pub struct RecenterConfig {
     /// The controllers' limits, also for every approach.
     pub contact: ContactConfig,
-    /// Which first contacts are centred.
+    /// Rule for centring first contacts.
     pub rule: Recenter,
     /// Maximum number of shifts; 0 presses wherever the sensor lands.
     pub shifts_max: usize,

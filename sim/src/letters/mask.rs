@@ -49,7 +49,7 @@ impl Letter {
         mask
     }
 
-    /// Where a horizontal line at `y` crosses the contours, from left to right, metres.
+    /// Crossings of a horizontal line at `y` with the contours, from left to right, metres.
     fn crossings(&self, y: f64, found: &mut Vec<f64>) {
         found.clear();
         found.extend(self.contours().flat_map(edges).filter_map(|(from, to)| {

@@ -11,7 +11,7 @@ use palpate_dissertation::appearance::model::{
 };
 use palpate_dissertation::appearance::train::{
     AppearanceConfig, AppearanceSet, AppearanceTrainError, appearance_model,
-    learn_appearance_vocabulary_heard, object_histogram,
+    learn_appearance_vocabulary_with_progress, object_histogram,
 };
 use palpate_schemas::{FeatureSource, JobStage};
 
@@ -63,9 +63,11 @@ fn vocabulary(
     sets: &[AppearanceSet<'_>],
     tell: &(dyn Fn(usize) -> ControlFlow<()> + Sync),
 ) -> Result<AppearanceVocabulary, TrainingFailure> {
-    learn_appearance_vocabulary_heard(sets, config, plan.seed, tell).map_err(|error| match error {
-        AppearanceTrainError::Stopped => TrainingFailure::Stopped,
-        other => other.into(),
+    learn_appearance_vocabulary_with_progress(sets, config, plan.seed, tell).map_err(|error| {
+        match error {
+            AppearanceTrainError::Stopped => TrainingFailure::Stopped,
+            other => other.into(),
+        }
     })
 }
 
