@@ -65,7 +65,7 @@ pub(crate) async fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Compact(args) => compact::run(args, output, context).await,
         Command::Fsck(args) => fsck::run(args, output).await,
         Command::Migrate(args) => migrate::run(args, output).await,
-        Command::Experiment(args) => experiment::run(args, output).await,
+        Command::Experiment(args) => experiment::run(args, output),
         Command::Openapi => openapi::run(),
     }
 }

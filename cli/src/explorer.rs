@@ -9,7 +9,7 @@ use palpate_client::schemas::{Reading, SensorPreset};
 use palpate_core::pose::Pose;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::MM;
-use palpate_experiments::wire::on_the_wire;
+use palpate_load::wire::on_the_wire;
 use palpate_sim::arm::Arm;
 use palpate_sim::explore::{Exploration, ExploreConfig, Perturbation, Statistics, Touch, explore};
 use palpate_sim::mesh::Mesh;

@@ -9,6 +9,7 @@ mod calibrated;
 mod json_file;
 mod output;
 mod exit;
+mod method;
 mod progress;
 mod readings_file;
 mod robot;
@@ -32,7 +33,7 @@ use clap::{CommandFactory, FromArgMatches};
 use crate::args::{Cli, Command};
 
 /// Allocator: each touch allocates many small lists, for which mimalloc is faster than the system's
-/// allocator (`docs/results.md`, a thousand objects).
+/// allocator (`docs/results/surface-scale.md`).
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

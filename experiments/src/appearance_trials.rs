@@ -18,9 +18,10 @@ use palpate_dissertation::appearance::train::{
     AppearanceConfig, AppearanceSet, appearance_model, learn_appearance_vocabulary,
     object_histogram,
 };
+use palpate_sim::plot;
 use rayon::prelude::*;
+use serde::Serialize;
 
-use crate::plot;
 use crate::statistics::standard_error_over_groups;
 
 /// Learns vocabulary, histograms and exponent from `readings`, one list an object.
@@ -36,7 +37,7 @@ pub fn train(
     train_with_vocabulary_of(usize::MAX, readings, sensor, config, seed)
 }
 
-/// The same with a vocabulary of only the first `n` readings of each object: classes need
+/// Trains with a vocabulary from only the first `n` readings of each object: classes need
 /// fewer readings than histograms, and their time grows with them.
 ///
 /// # Errors
@@ -59,7 +60,7 @@ pub fn train_with_vocabulary_of(
     Ok(appearance_model(vocabulary, objects, config, seed))
 }
 
-/// What every test reading says of every object.
+/// Evidence of every test reading for every object.
 pub struct Evidence {
     /// By true object, then by reading: ln likelihood of each object.
     by_object: Vec<Vec<Vec<f64>>>,
@@ -67,19 +68,31 @@ pub struct Evidence {
     exponent: f64,
 }
 
-/// What trials amount to after so many readings.
-#[derive(Clone, Debug, PartialEq)]
+/// Figures of trials after some number of readings.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
     /// How many readings.
     pub readings: usize,
     /// Share of the trials in which the true object was the most likely one.
     pub accuracy: f64,
     /// Its standard error over the objects; NaN for one object.
+    #[serde(rename = "standard_error_over_objects")]
     pub standard_error: f64,
     /// Mean probability of the most likely object.
+    #[serde(rename = "stated_probability_mean")]
     pub stated: f64,
     /// Trials that named another object: true, named, how many; most frequent first.
+    #[serde(skip)]
     pub confusions: Vec<(usize, usize, usize)>,
+}
+
+/// Confusions of two objects.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Confused {
+    /// After this many readings.
+    pub readings: usize,
+    /// In this many trials.
+    pub trials: usize,
 }
 
 /// One trial after one count of readings.

@@ -6,20 +6,20 @@
 //! the descriptors, and, since all touches have much in common, of what is left of them
 //! without their mean, which is what vocabularies compare (`docs/equations.md`, 5.3.2).
 
-use std::path::PathBuf;
+use clap::Args;
 
 use anyhow::Context as _;
 use palpate_core::descriptor::exhaustive::Exhaustive;
 use palpate_core::descriptor::{DescriptorKind, affinity, normalize};
 use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::MM;
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
-use crate::objects::{load, touch};
-use crate::plot::{Line, Panel, svg};
+use crate::arguments::{ObjectSet, count};
+use crate::objects::touch;
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::{Line, Panel, svg};
 
 /// The vectors that are compared.
 const DESCRIPTORS: [DescriptorKind; 4] = [
@@ -35,32 +35,22 @@ const FAR: usize = 15;
 /// Up to this distance two readings may have seen the same place: the array's width.
 const OVERLAP: usize = 6;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `consistency`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct Consistency {
-    /// A folder of meshes; the built-in objects when not given.
-    pub meshes: Option<PathBuf>,
-    /// The object's name.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// The object that is touched.
+    #[arg(long, default_value = "dragon", value_name = "NAME")]
     pub object: String,
-    /// Its largest dimension, metres.
-    pub size: f64,
-    /// The seed of its touches.
+    /// Seed of its touches.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// How many touches.
+    /// Number of touches.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub readings: usize,
-}
-
-impl Default for Consistency {
-    /// 1,000 touches of the dragon.
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            object: "dragon".to_owned(),
-            size: 80.0 * MM,
-            seed: 1,
-            readings: 1_000,
-        }
-    }
 }
 
 /// How alike pairs of a distance are, and how many there are.
@@ -74,12 +64,8 @@ struct Bin {
 ///
 /// # Errors
 /// When there is no such object, or it cannot be touched often enough.
-pub fn run(
-    config: &Consistency,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let objects = load(config.meshes.as_deref(), config.size)?;
+pub fn run(config: &Consistency, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let objects = config.objects.load()?;
     let object = objects
         .iter()
         .find(|object| object.name == config.object)
@@ -105,7 +91,7 @@ pub fn run(
     let exhaustive = Exhaustive::new(rows, cols);
     let alike = |a: usize, b: usize| exhaustive.similarity(images[a], images[b]);
     let bound = profile(&readings, &sensor, alike);
-    let mut report = Report::new("consistency", command, config.seed);
+    let mut report = Report::default();
     profiles.push(("exhaustive".to_owned(), bound.clone()));
     state(&mut report, &profiles, &bound);
     state(&mut report, &relative, &bound);
@@ -122,7 +108,7 @@ pub fn run(
 /// A comparator's name and how alike pairs are at each distance.
 type Profile = (String, Vec<Bin>);
 
-/// What is left of a descriptor without the mean, of norm 1.
+/// A descriptor without the mean, scaled to norm 1.
 fn without(descriptor: &[f64], mean: &[f64]) -> Vec<f64> {
     let mut left: Vec<f64> =
         descriptor.iter().zip(mean).map(|(value, mean)| value - mean).collect();
@@ -170,18 +156,24 @@ impl Bin {
     }
 }
 
+/// How alike pairs of touches at a distance are.
+#[derive(Serialize)]
+struct Level {
+    distance_elements_from: usize,
+    correlation: f64,
+    pairs: usize,
+}
+
 /// Rows of every point, and the summary: levels near, at the end of the overlap and far, how
 /// much of the drop happens while readings may overlap, and how alike the profile is to
 /// Exhaustive's (Pearson, which no scaling changes).
 fn state(report: &mut Report, profiles: &[Profile], bound: &[Bin]) {
     for (name, bins) in profiles {
         for (distance, bin) in bins.iter().enumerate() {
-            report.row(vec![
-                ("comparator", json!(name)),
-                ("distance_elements_from", json!(distance)),
-                ("correlation", json!(bin.mean())),
-                ("pairs", json!(bin.n)),
-            ]);
+            report.labelled(
+                &[("comparator", name)],
+                Level { distance_elements_from: distance, correlation: bin.mean(), pairs: bin.n },
+            );
         }
     }
     for (name, bins) in profiles {
@@ -227,11 +219,12 @@ fn panel(title: &str, profiles: &[(String, Vec<f64>)]) -> Panel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn near_touches_are_more_alike_than_far_ones() {
-        let config = Consistency { seed: 101, readings: 200, ..Consistency::default() };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let config = Consistency { seed: 101, readings: 200, ..defaults() };
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for name in ["vectorize", "moment_normalized", "polar_fourier", "mnti", "exhaustive"] {
             let at = |distance: usize| summary[&format!("{name}_at_{distance}")];
@@ -242,6 +235,6 @@ mod tests {
         assert!((summary["exhaustive_pearson_with_exhaustive"] - 1.0).abs() < 1e-9);
         assert!(summary["mnti_relative_at_0"] > summary["mnti_relative_at_15"] + 0.1);
         let missing = Consistency { object: "unicorn".to_owned(), ..config };
-        assert!(run(&missing, "test".to_owned(), &|_, _, _| ()).is_err());
+        assert!(run(&missing, &|_, _, _| ()).is_err());
     }
 }

@@ -3,62 +3,58 @@
 //! One press is one image at one pose; one converged reading is a whole touch of the training
 //! sampler, from approach to both controllers idle, with the attempts that failed.
 
+use clap::Args;
 use std::hint::black_box;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 use std::time::Instant;
 
 use palpate_core::pose::Pose;
 use palpate_core::reading::SensorId;
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::MM;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SamplerConfig, sample};
-use serde_json::json;
+use serde::Serialize;
 
-use crate::objects;
-use crate::plot::{Line, Panel, svg};
+use crate::arguments::{ObjectSet, count};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
+use palpate_sim::plot::{Line, Panel, svg};
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `contact-rates`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct ContactRates {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// The seed of the touches.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Touches an object.
+    /// Touches per object.
+    #[arg(long, default_value_t = 300, value_parser = count)]
     pub touches: usize,
-}
-
-impl Default for ContactRates {
-    fn default() -> Self {
-        Self { meshes: None, seed: 1, touches: 300 }
-    }
 }
 
 /// Runs the experiment on a single thread.
 ///
 /// # Errors
 /// When objects cannot be loaded or touched.
-pub fn run(
-    config: &ContactRates,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &ContactRates, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(|| run_on_one_core(config, command, progress))
+    pool.install(|| run_on_one_core(config, progress))
 }
 
-fn run_on_one_core(
-    config: &ContactRates,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("contact-rates", command, config.seed);
+#[derive(Serialize)]
+struct Rates {
+    triangles: usize,
+    presses_per_second: f64,
+    converged_readings_per_second: f64,
+}
+
+fn run_on_one_core(config: &ContactRates, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
     let mut points: [Vec<(f64, f64)>; 2] = [Vec::new(), Vec::new()];
-    let objects = objects::load(config.meshes.as_deref(), 80.0 * MM)?;
+    let objects = config.objects.load()?;
     let n_objects = objects.len();
     for (done, object) in objects.into_iter().enumerate() {
         progress("touching objects", done, n_objects);
@@ -69,7 +65,7 @@ fn run_on_one_core(
         let mut go_on = |_, _| ControlFlow::Continue(());
         let id = SensorId(0);
         let readings = sample(&simulator, id, config.touches, config.seed, &sampler, &mut go_on)?;
-        let readings_per_second = readings.len() as f64 / started.elapsed().as_secs_f64();
+        let converged_readings_per_second = readings.len() as f64 / started.elapsed().as_secs_f64();
 
         let poses: Vec<Pose> = readings.iter().map(|r| r.session_from_sensor()).collect();
         let started = Instant::now();
@@ -77,14 +73,12 @@ fn run_on_one_core(
             black_box(simulator.press(*pose));
         }
         let presses_per_second = poses.len() as f64 / started.elapsed().as_secs_f64();
-        report.row(vec![
-            ("object", json!(object.name)),
-            ("triangles", json!(triangles)),
-            ("presses_per_second", json!(presses_per_second)),
-            ("converged_readings_per_second", json!(readings_per_second)),
-        ]);
+        report.labelled(
+            &[("object", &object.name)],
+            Rates { triangles, presses_per_second, converged_readings_per_second },
+        );
         points[0].push((triangles as f64, presses_per_second));
-        points[1].push((triangles as f64, readings_per_second));
+        points[1].push((triangles as f64, converged_readings_per_second));
     }
     for (key, points) in ["presses_per_second_median", "converged_readings_per_second_median"]
         .into_iter()

@@ -5,7 +5,7 @@
 //! distribution as a part of the largest pressure observed without noise. Added: whether what
 //! converged touches the object, and how far from its place without noise it came to rest.
 
-use std::path::PathBuf;
+use clap::Args;
 
 use anyhow::Context as _;
 use palpate_core::sensor::SensorDescription;
@@ -15,12 +15,12 @@ use palpate_sim::convergence::{
     ContactRule, Convergence, ConvergenceConfig, convergence, observed_range,
 };
 use palpate_sim::press::PressSimulator;
-use serde_json::json;
+use serde::Serialize;
 
-use crate::objects;
-use crate::plot::{Line, Panel, svg};
+use crate::arguments::{ObjectSet, count};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
+use palpate_sim::plot::{Line, Panel, svg};
 
 /// The noise as a part of the observed range of forces.
 const LEVELS: [f64; 12] = [0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0];
@@ -33,38 +33,34 @@ const RULES: [(&str, ContactRule, Idle); 3] = [
     ("default", ContactRule::AboveNoise, Idle::OneReading),
 ];
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `controllers`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct Controllers {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// Which of them is touched.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// The object that is touched.
+    #[arg(long, default_value = "dragon", value_name = "NAME")]
     pub object: String,
-    /// The first seed.
+    /// First seed.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// How many seeds from the first on.
+    /// Number of seeds.
+    #[arg(long, default_value_t = 3, value_parser = count)]
     pub seeds: usize,
-    /// Touches that must converge at each level and seed.
+    /// Touches that must converge at each level of noise and seed.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub successes: usize,
-}
-
-impl Default for Controllers {
-    fn default() -> Self {
-        Self { meshes: None, object: "dragon".to_owned(), seed: 1, seeds: 3, successes: 100 }
-    }
 }
 
 /// Runs the experiment.
 ///
 /// # Errors
 /// When the object is not there or cannot be touched without noise.
-pub fn run(
-    config: &Controllers,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("controllers", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), 80.0 * MM)?;
+pub fn run(config: &Controllers, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
     let names: Vec<&str> = objects.iter().map(|object| object.name.as_str()).collect();
     let found = objects.iter().find(|object| object.name == config.object);
     let object = found.with_context(|| {
@@ -101,53 +97,43 @@ pub fn run(
 }
 
 /// One level of noise, all seeds together.
+#[derive(Serialize)]
 struct Point {
-    level: f64,
-    attempts: usize,
+    noise_percent: f64,
+    touches: usize,
     converged: usize,
-    share: f64,
-    touching_share: f64,
-    rounds: f64,
-    commands: f64,
-    angle_deg: f64,
-    distance_mm: f64,
+    converged_share: f64,
+    converged_on_object_share: f64,
+    rounds_mean: f64,
+    commands_mean: f64,
+    angle_off_deg_median: f64,
+    distance_off_mm_median: f64,
 }
 
 impl Point {
     fn of(level: f64, runs: &[Convergence]) -> Self {
         let all = |value: fn(&Convergence) -> f64| -> Vec<f64> { runs.iter().map(value).collect() };
         Self {
-            level,
-            attempts: runs.iter().map(|run| run.attempts).sum(),
+            noise_percent: 100.0 * level,
+            touches: runs.iter().map(|run| run.attempts).sum(),
             converged: runs.iter().map(|run| run.converged).sum(),
-            share: mean(&all(Convergence::share)),
-            touching_share: mean(&all(Convergence::touching_share)),
-            rounds: mean(&all(|run| run.rounds_mean)),
-            commands: mean(&all(|run| run.commands_mean)),
-            angle_deg: median(&all(|run| run.angle_median / DEG)),
-            distance_mm: median(&all(|run| run.distance_median / MM)),
+            converged_share: mean(&all(Convergence::share)),
+            converged_on_object_share: mean(&all(Convergence::touching_share)),
+            rounds_mean: mean(&all(|run| run.rounds_mean)),
+            commands_mean: mean(&all(|run| run.commands_mean)),
+            angle_off_deg_median: median(&all(|run| run.angle_median / DEG)),
+            distance_off_mm_median: median(&all(|run| run.distance_median / MM)),
         }
     }
 
     fn report(&self, rule: &str, report: &mut Report) {
-        report.row(vec![
-            ("rules", json!(rule)),
-            ("noise_percent", json!(100.0 * self.level)),
-            ("touches", json!(self.attempts)),
-            ("converged", json!(self.converged)),
-            ("converged_share", json!(self.share)),
-            ("converged_on_object_share", json!(self.touching_share)),
-            ("rounds_mean", json!(self.rounds)),
-            ("commands_mean", json!(self.commands)),
-            ("angle_off_deg_median", json!(self.angle_deg)),
-            ("distance_off_mm_median", json!(self.distance_mm)),
-        ]);
-        let percent = (100.0 * self.level).round();
+        report.labelled(&[("rules", rule)], self);
+        let percent = self.noise_percent.round();
         for (figure, value) in [
-            ("converged", self.share),
-            ("converged_on_object", self.touching_share),
-            ("rounds", self.rounds),
-            ("commands", self.commands),
+            ("converged", self.converged_share),
+            ("converged_on_object", self.converged_on_object_share),
+            ("rounds", self.rounds_mean),
+            ("commands", self.commands_mean),
         ] {
             report.summarise(&format!("{rule}_{figure}_at_{percent}"), value);
         }
@@ -157,7 +143,7 @@ impl Point {
 fn plot(curves: &[(&str, Vec<Point>)]) -> String {
     let line = |name: &str, points: &[Point], value: fn(&Point) -> f64| Line {
         name: name.to_owned(),
-        points: points.iter().map(|point| (100.0 * point.level, value(point))).collect(),
+        points: points.iter().map(|point| (point.noise_percent, value(point))).collect(),
     };
     let panel = |title: &str, y: &str, lines: Vec<Line>| Panel {
         title: title.to_owned(),
@@ -170,27 +156,34 @@ fn plot(curves: &[(&str, Vec<Point>)]) -> String {
     };
     let shares = curves.iter().flat_map(|(name, points)| {
         [
-            line(name, points, |point| 100.0 * point.share),
-            line(&format!("{name}, on the object"), points, |p| 100.0 * p.touching_share),
+            line(name, points, |point| 100.0 * point.converged_share),
+            line(&format!("{name}, on the object"), points, |p| {
+                100.0 * p.converged_on_object_share
+            }),
         ]
     });
     svg(&[
         panel("touches that converge", "%", shares.collect()),
-        panel("turns of Press and Orient", "mean of those that converge", of(|p| p.rounds)),
-        panel("commands of Press and Orient", "mean of those that converge", of(|p| p.commands)),
-        panel("off the place without noise", "median, mm", of(|p| p.distance_mm)),
-        panel("off the direction without noise", "median, degrees", of(|p| p.angle_deg)),
+        panel("turns of Press and Orient", "mean of those that converge", of(|p| p.rounds_mean)),
+        panel(
+            "commands of Press and Orient",
+            "mean of those that converge",
+            of(|p| p.commands_mean),
+        ),
+        panel("off the place without noise", "median, mm", of(|p| p.distance_off_mm_median)),
+        panel("off the direction without noise", "median, degrees", of(|p| p.angle_off_deg_median)),
     ])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_run_has_every_level_and_names_what_is_missing() {
-        let config = Controllers { seed: 101, seeds: 1, successes: 12, ..Controllers::default() };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let config = Controllers { seed: 101, seeds: 1, successes: 12, ..defaults() };
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         assert_eq!(outcome.report.rows.len(), RULES.len() * LEVELS.len());
         let summary = &outcome.report.summary;
         assert!(summary["printed_converged_at_0"] > 0.5, "{summary:?}");
@@ -200,7 +193,7 @@ mod tests {
         assert!((summary["above_noise_converged_at_0"] - converged).abs() < 1e-12);
         assert_eq!(outcome.plot.matches("<polyline").count(), 3 * 6);
         let nobody = Controllers { object: "unicorn".to_owned(), ..config };
-        let error = run(&nobody, "test".to_owned(), &|_, _, _| ()).err().unwrap().to_string();
+        let error = run(&nobody, &|_, _, _| ()).err().unwrap().to_string();
         assert!(error.contains("unicorn") && error.contains("dragon"), "{error}");
     }
 }

@@ -9,7 +9,7 @@ use glam::DVec3;
 use palpate_core::reading::Reading;
 use palpate_core::units::DEG;
 use palpate_sim::render::{View, mesh_png};
-use serde_json::json;
+use serde::Serialize;
 
 use crate::objects::TestObject;
 use crate::report::Report;
@@ -19,6 +19,14 @@ const N_SLICES: usize = 10;
 
 /// An axis counts when the object's extent along it is at least this share of its largest.
 const LONG_SHARE: f64 = 0.5;
+
+#[derive(Serialize)]
+struct Fewest {
+    touches: usize,
+    fewest_touches_in_a_tenth_along_x: Option<usize>,
+    fewest_touches_in_a_tenth_along_y: Option<usize>,
+    fewest_touches_in_a_tenth_along_z: Option<usize>,
+}
 
 /// Two pictures of each object with its touches, and a row of the fewest touches in any tenth
 /// along its long axes; the summary gets the fewest of all.
@@ -38,13 +46,15 @@ pub fn pictures(
             is_long.then(|| fewest_in_a_slice(object, &touches, axis))
         });
         fewest = per_axis.into_iter().flatten().fold(fewest, usize::min);
-        report.row(vec![
-            ("object", json!(object.name)),
-            ("touches", json!(touches.len())),
-            ("fewest_touches_in_a_tenth_along_x", json!(per_axis[0])),
-            ("fewest_touches_in_a_tenth_along_y", json!(per_axis[1])),
-            ("fewest_touches_in_a_tenth_along_z", json!(per_axis[2])),
-        ]);
+        report.labelled(
+            &[("object", &object.name)],
+            Fewest {
+                touches: touches.len(),
+                fewest_touches_in_a_tenth_along_x: per_axis[0],
+                fewest_touches_in_a_tenth_along_y: per_axis[1],
+                fewest_touches_in_a_tenth_along_z: per_axis[2],
+            },
+        );
         for (side, azimuth) in [("front", -35.0), ("back", 145.0)] {
             let view = View::from_angles(azimuth * DEG, 25.0 * DEG);
             let picture = mesh_png(&object.mesh, view, 400, &touches);

@@ -10,35 +10,35 @@ mod elastic;
 mod h_indenter;
 mod point_spread;
 
+use clap::Args;
 use palpate_core::units::INCH;
 
-use crate::plot::svg;
+use serde::Serialize;
+
+use crate::arguments::count;
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::svg;
 
 /// The coverings of sections 2.3 and 2.5, metres.
 const COVERINGS: [f64; 4] = [0.04 * INCH, 0.10 * INCH, 0.14 * INCH, 0.20 * INCH];
 
-/// What to run.
-#[derive(Clone, Copy, Debug)]
+/// Arguments of `covering`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct Covering {
-    /// The seed of gains and noise.
+    /// Seed of gains and noise.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Elements from the centre to each side of the finite-element slabs.
+    #[arg(long, default_value_t = 50, value_parser = count)]
     pub half_width: usize,
-}
-
-impl Default for Covering {
-    fn default() -> Self {
-        Self { seed: 1, half_width: 50 }
-    }
 }
 
 /// Runs all four parts.
 ///
 /// # Errors
 /// When a finite-element slab or a fit does not do.
-pub fn run(config: &Covering, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("covering", command, config.seed);
+pub fn run(config: &Covering, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
     let (slabs, mut panels) = elastic::figure_2_3(config.half_width, &mut report, progress)?;
     progress("indenting coverings", 6, 9);
     panels.push(point_spread::figure_2_5(config.seed, &slabs, &mut report)?);
@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn a_small_run_has_every_figure() {
         let config = Covering { seed: 1, half_width: 24 };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| {}).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         // Equation 2.5 is found again in images that were made with it.
         assert!((summary["simulator_spread_slope"] - 0.497).abs() < 0.03, "{summary:?}");

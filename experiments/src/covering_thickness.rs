@@ -17,17 +17,13 @@ const COVERINGS: [f64; 4] = [0.04, 0.10, 0.14, 0.20];
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(
-    config: &ObjectTrials,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let settings =
         COVERINGS.iter().map(|inches| setting(*inches)).collect::<anyhow::Result<Vec<_>>>()?;
-    config.sweep("covering-thickness", command, &settings, progress)
+    config.sweep(&settings, progress)
 }
 
-/// The 6 × 6 sensor under a covering of so many inches; full scale is a full indentation.
+/// The 6 × 6 sensor under a covering of this many inches; full scale is a full indentation.
 fn setting(inches: f64) -> anyhow::Result<Setting> {
     let thickness = inches * INCH;
     let parameters = SensorDescription::digitacts_6x6().parameters().clone();
@@ -59,7 +55,7 @@ mod tests {
 
     #[test]
     fn a_small_run_states_every_covering() {
-        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&small(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for key in ["0_04in", "0_10in", "0_14in", "0_20in"] {
             assert!(summary[&format!("mnti_{key}_accuracy_at_20")] > 0.3, "{summary:?}");

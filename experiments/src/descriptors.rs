@@ -9,13 +9,13 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::sensor::SensorDescription;
 use palpate_dissertation::appearance::train::{AppearanceConfig, DiscriminantConfig};
 use palpate_sim::noise::NoiseLevel;
-use serde_json::json;
+use serde::Serialize;
 
 use crate::appearance_trials::{Point, accuracy_at, line};
 use crate::object_trials::{ObjectTrials, Setting, Tested, panel, rows};
 use crate::objects::TestObject;
-use crate::plot::svg;
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::svg;
 
 /// The count at which descriptors are compared.
 const COMPARED_AT: usize = 20;
@@ -44,11 +44,7 @@ const LOWER: [DescriptorKind; 6] = [
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(
-    config: &ObjectTrials,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects()?;
     let setting = Setting {
         name: "6×6, 0.10 inch".to_owned(),
@@ -58,7 +54,7 @@ pub fn run(
     };
     progress("touching objects", 0, 1);
     let touched = config.touch(&objects, &setting)?;
-    let mut report = Report::new("descriptors", command, config.seed);
+    let mut report = Report::default();
     let mut curves: Vec<(String, Vec<Point>)> = Vec::new();
     let methods = methods(config);
     for (done, (name, appearance)) in methods.iter().enumerate() {
@@ -83,7 +79,7 @@ pub fn run(
     Ok(Outcome { report, plot, pictures: Vec::new() })
 }
 
-/// What options are compared on MNTI and Polar-Fourier.
+/// Options compared on MNTI and Polar-Fourier.
 const OPTIONS: [&str; 6] = [
     "mnti",
     "mnti_90_percent",
@@ -125,19 +121,26 @@ fn best(report: &mut Report, curves: &[(String, Vec<Point>)]) {
     report.summarise("best_printed_accuracy_at_20", best_of(&|n| printed(n) && !ours(n)));
 }
 
+#[derive(Serialize)]
+struct Pair {
+    readings: usize,
+    probability: f64,
+    affinity: f64,
+}
+
 /// Confusion (mean probability after the report's readings) and affinity, a row a pair.
 fn matrices(report: &mut Report, name: &str, objects: &[TestObject], tested: &Tested) {
     let model = &tested.model.report;
     for (truth, (confusion, affinity)) in model.confusion.iter().zip(&model.affinity).enumerate() {
-        for (named, (probability, alike)) in confusion.iter().zip(affinity).enumerate() {
-            report.row(vec![
-                ("method", json!(name)),
-                ("readings", json!(model.n_readings)),
-                ("object", json!(objects[truth].name)),
-                ("confused_with", json!(objects[named].name)),
-                ("probability", json!(probability)),
-                ("affinity", json!(alike)),
-            ]);
+        for (named, (probability, affinity)) in confusion.iter().zip(affinity).enumerate() {
+            report.labelled(
+                &[
+                    ("method", name),
+                    ("object", &objects[truth].name),
+                    ("confused_with", &objects[named].name),
+                ],
+                Pair { readings: model.n_readings, probability: *probability, affinity: *affinity },
+            );
         }
     }
 }
@@ -149,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_small_run_compares_every_descriptor() {
-        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&small(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for kind in DescriptorKind::ALL {
             assert!(summary.contains_key(&format!("{}_accuracy_at_20", kind.name())), "{kind:?}");

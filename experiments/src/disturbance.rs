@@ -1,4 +1,4 @@
-//! What comes between a touch and what a session hears of it: an arm that is not where it
+//! Disturbances between a touch and the session: an arm that is not where it
 //! says, robots whose bases are not, or an object that moves.
 
 use glam::{DQuat, DVec3};
@@ -36,7 +36,7 @@ pub enum Disturbance {
     Jolt {
         /// By how much.
         by: Perturbation,
-        /// After so many readings.
+        /// Readings before it moves.
         after: usize,
         /// Whether the session hears that it may have moved, and how far.
         is_told: bool,
@@ -48,9 +48,9 @@ pub enum Disturbance {
 pub struct Presented {
     /// The reading.
     pub reading: Reading,
-    /// Where the object was: session frame.
+    /// Pose of the object in the session frame.
     pub session_from_object: Pose,
-    /// Before it the session hears that the object may have moved so far.
+    /// Announced motion of the object before this reading.
     pub moved: Option<Looseness>,
 }
 
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_moves_from_the_second_touch_on_and_readings_with_it() {
+    fn readings_move_with_the_object_from_the_second_touch() {
         let perturbation = Perturbation { angle_max: 10.0 * DEG, shift_max: 8.0 * MM };
         let mut stream = Stream::new(2, Purpose::Perturbation, 0);
         let own = readings(1)[0].session_from_sensor();

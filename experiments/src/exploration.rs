@@ -21,8 +21,8 @@ use crate::explorations::{
 };
 use crate::object_trials::{Setting, Touched, panel};
 use crate::objects::{TestObject, touch_tilted};
-use crate::plot::{Panel, svg};
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::{Panel, svg};
 
 /// Those of figure 4.12, and the one that figure 4.9 is of.
 const DESCRIPTORS: [DescriptorKind; 3] =
@@ -40,13 +40,9 @@ const WIDE_TILT: f64 = 60.0 * DEG;
 ///
 /// # Errors
 /// When objects cannot be read, touched, explored or learnt.
-pub fn run(
-    config: &ExplorationTrials,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects.objects()?;
-    let mut report = Report::new("exploration", command, config.objects.seed);
+    let mut report = Report::default();
     let mut panels = Vec::new();
     let settings = settings();
     let n_steps = settings.len() * (1 + strategies().len() + DESCRIPTORS.len()) + DESCRIPTORS.len();
@@ -87,7 +83,7 @@ pub fn run(
     Ok(Outcome { report, plot: svg(&panels), pictures: Vec::new() })
 }
 
-/// What models learn from, and the prefix of the methods that learnt it.
+/// Training readings, and the prefix of the methods that learn from them.
 struct Training {
     prefix: &'static str,
     touched: Touched,
@@ -170,7 +166,7 @@ mod tests {
     #[test]
     fn a_small_run_has_every_strategy_at_both_resolutions() {
         let config = ExplorationTrials { objects: small(), runs: 1 };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         let mean_of =
             |keys: &[String]| keys.iter().map(|key| summary[key]).sum::<f64>() / keys.len() as f64;

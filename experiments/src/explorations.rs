@@ -4,6 +4,7 @@
 //! what the planner of section 4.2 brings home. Every run of the planner has a place of the
 //! object, a course and noise of its own, the same for all strategies and sensors.
 
+use clap::Args;
 use std::ops::ControlFlow;
 
 use glam::DVec3;
@@ -17,9 +18,10 @@ use palpate_sim::explore::{
 };
 use palpate_sim::press::{PressConfig, PressSimulator};
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
 use crate::appearance_trials::{Evidence, Point, accuracy_at, mean_of};
+use crate::arguments::count;
 use crate::object_trials::{ObjectTrials, Setting};
 use crate::objects::TestObject;
 use crate::report::Report;
@@ -40,20 +42,16 @@ const COVERED_WITHIN: f64 = 10.0 * MM;
 /// The arm of these experiments has this many links.
 const N_LINKS: usize = 8;
 
-/// What is trained, and how it is explored.
-#[derive(Clone, Debug)]
+/// Arguments of `exploration` and `perturbation`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct ExplorationTrials {
-    /// Objects and training; its test readings are those of the sampler.
+    /// Objects and training. The test readings are those of the sampler.
+    #[command(flatten)]
+    #[serde(flatten)]
     pub objects: ObjectTrials,
-    /// Explorations of every object.
+    /// Explorations per object, of 100 readings each.
+    #[arg(long, default_value_t = 3, value_parser = count)]
     pub runs: usize,
-}
-
-impl Default for ExplorationTrials {
-    /// The dissertation's readings, and its three explorations an object.
-    fn default() -> Self {
-        Self { objects: ObjectTrials::default(), runs: 3 }
-    }
 }
 
 /// How objects are explored.
@@ -234,15 +232,15 @@ pub fn report_curve(
 ) {
     let (name, key) = source;
     for point in curve {
-        report.row(vec![
-            ("setting", json!(setting.name)),
-            ("readings_from", json!(name)),
-            ("order", json!(order)),
-            ("method", json!(method)),
-            ("readings", json!(point.readings)),
-            ("accuracy", json!(point.accuracy)),
-            ("stated_probability_mean", json!(point.stated)),
-        ]);
+        report.labelled(
+            &[
+                ("setting", &setting.name),
+                ("readings_from", name),
+                ("order", order),
+                ("method", method),
+            ],
+            point,
+        );
     }
     let order_key = if order == "drawn" { "" } else { "in_order_" };
     for readings in STATED_AT {
@@ -253,25 +251,35 @@ pub fn report_curve(
     }
 }
 
+#[derive(Serialize)]
+struct Explored {
+    readings: usize,
+    covered_share: f64,
+    one_sidedness: f64,
+    steps_per_reading: f64,
+    given_up_share: f64,
+}
+
 /// Rows and summary of what explorations touched.
 pub fn report_runs(report: &mut Report, setting: &Setting, strategy: &Strategy, runs: &[Run]) {
     let of = |value: &dyn Fn(&Run) -> f64| mean(&runs.iter().map(value).collect::<Vec<_>>());
-    let (one_sided, steps, given_up) =
+    let (one_sidedness, steps_per_reading, given_up_share) =
         (of(&Run::one_sidedness), of(&Run::steps_per_reading), of(&Run::given_up_share));
     for n in [20, 50, 100] {
-        let covered = of(&|run| run.covered_share(n));
-        report.row(vec![
-            ("setting", json!(setting.name)),
-            ("readings_from", json!(strategy.name)),
-            ("readings", json!(n)),
-            ("covered_share", json!(covered)),
-            ("one_sidedness", json!(one_sided)),
-            ("steps_per_reading", json!(steps)),
-            ("given_up_share", json!(given_up)),
-        ]);
-        report.summarise(&format!("{}{}_covered_at_{n}", setting.key, strategy.key), covered);
+        let covered_share = of(&|run| run.covered_share(n));
+        report.labelled(
+            &[("setting", &setting.name), ("readings_from", &strategy.name)],
+            Explored {
+                readings: n,
+                covered_share,
+                one_sidedness,
+                steps_per_reading,
+                given_up_share,
+            },
+        );
+        report.summarise(&format!("{}{}_covered_at_{n}", setting.key, strategy.key), covered_share);
     }
     let key = |figure: &str| format!("{}{}_{figure}", setting.key, strategy.key);
-    report.summarise(&key("one_sidedness"), one_sided);
-    report.summarise(&key("steps_per_reading"), steps);
+    report.summarise(&key("one_sidedness"), one_sidedness);
+    report.summarise(&key("steps_per_reading"), steps_per_reading);
 }

@@ -151,7 +151,7 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
     (squares.sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// The same surface in smaller triangles, so that it can be warped.
+/// The surface in smaller triangles, so that it can be warped.
 fn subdivided(mesh: &Mesh) -> anyhow::Result<Mesh> {
     let longest_wanted = EDGE_MAX * mesh.largest_dimension();
     let mut mesh = mesh.clone();
@@ -183,6 +183,11 @@ fn subdivided(mesh: &Mesh) -> anyhow::Result<Mesh> {
 mod tests {
     use super::*;
     use crate::objects;
+    use palpate_sim::shapes;
+
+    fn built_in() -> Vec<TestObject> {
+        objects::generated(&shapes::NAMES, shapes::LARGEST_DIMENSION).unwrap()
+    }
 
     fn families(parents: Vec<TestObject>, n: usize, seed: u64) -> anyhow::Result<Vec<TestObject>> {
         Families::new(parents, seed)?.take(n).collect()
@@ -190,8 +195,7 @@ mod tests {
 
     #[test]
     fn members_are_closed_new_and_as_large_as_their_parents() {
-        let parents: Vec<TestObject> =
-            objects::load(None, 80.0 * MM).unwrap().into_iter().take(2).collect();
+        let parents: Vec<TestObject> = built_in().into_iter().take(2).collect();
         let volumes: Vec<f64> = parents.iter().map(|p| p.mesh.signed_volume()).collect();
         let found = families(parents, 8, 101).unwrap();
         assert_eq!(found.len(), 8);
@@ -218,13 +222,13 @@ mod tests {
     #[test]
     fn a_thin_parent_has_a_large_family_too() {
         let is_thin = |object: &TestObject| object.name == "screwdriver";
-        let parent = objects::load(None, 80.0 * MM).unwrap().into_iter().find(is_thin).unwrap();
+        let parent = built_in().into_iter().find(is_thin).unwrap();
         assert_eq!(families(vec![parent], 16, 101).unwrap().len(), 16);
     }
 
     #[test]
     fn fewer_objects_are_the_first_of_more() {
-        let parents = || objects::load(None, 80.0 * MM).unwrap().into_iter().take(1).collect();
+        let parents = || built_in().into_iter().take(1).collect();
         let (few, more) = (families(parents(), 2, 7).unwrap(), families(parents(), 3, 7).unwrap());
         assert_eq!(few[1].mesh, more[1].mesh);
         assert!(few[1].mesh != families(parents(), 2, 8).unwrap()[1].mesh, "another seed");
@@ -232,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_subdivided_mesh_is_the_same_surface() {
-        let mesh = objects::load(None, 80.0 * MM).unwrap().remove(3).mesh;
+        let mesh = built_in().remove(3).mesh;
         let corner = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|at| at * 0.08).to_vec();
         let triangle = Mesh::new(corner, vec![[0, 1, 2]]).unwrap();
         // The longest edge, 113 mm, is halved five times, to below 8 % of 80 mm: 6.4 mm.

@@ -8,23 +8,25 @@
 //! tests, the mean of seven divisions. The symbols b, d, p, q and their like are told apart
 //! by mirror images alone, to which Polar-Fourier is blind.
 
+use clap::Args;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_dissertation::appearance::train::AppearanceConfig;
-use palpate_sim::letters::SYMBOLS;
 use palpate_sim::rig::{RigNoise, rig_sensor};
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
 use crate::appearance_trials::{
-    Evidence, Point, accuracy_at, line, mean_of, train, train_with_vocabulary_of,
+    Confused, Evidence, Point, accuracy_at, line, mean_of, train, train_with_vocabulary_of,
 };
+use crate::arguments::count;
 use crate::letter_presses::{RaisedLetters, rig};
+use crate::letters_geometric::letters_named;
 use crate::object_trials::panel;
-use crate::plot::svg;
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::svg;
 
 /// Counts of readings of (a).
 const COUNTS_52: [usize; 14] = [1, 2, 3, 5, 8, 10, 15, 20, 30, 40, 50, 60, 80, 100];
@@ -32,41 +34,33 @@ const COUNTS_52: [usize; 14] = [1, 2, 3, 5, 8, 10, 15, 20, 30, 40, 50, 60, 80, 1
 /// Counts of readings of (b).
 const COUNTS_5: [usize; 13] = [1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50, 100];
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `letters-appearance`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct LettersAppearance {
-    /// The letters of (a); (b) always has the five vowels.
+    /// The letters of (a). (b) always has the five vowels.
+    #[arg(long, default_value = "all", value_parser = letters_named)]
     pub letters: String,
-    /// The seed of everything random.
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Training and validation presses a letter of (a).
+    /// Training and validation presses per letter of (a).
+    #[arg(long, default_value_t = 1_100, value_parser = count)]
     pub training_presses: usize,
-    /// How many of them, first in order, the classes are learnt from.
+    /// Training presses per letter, first in order, that the classes are learnt from.
+    #[arg(long, default_value_t = 220, value_parser = count)]
     pub vocabulary_presses: usize,
-    /// Test presses a letter of (a).
+    /// Test presses per letter of (a).
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_presses: usize,
     /// Classes of (a).
+    #[arg(long, default_value_t = 96, value_parser = count)]
     pub n_classes: usize,
     /// Divisions of (b).
+    #[arg(long, default_value_t = 7, value_parser = count)]
     pub divisions: usize,
-    /// Trials a letter (and division).
+    /// Trials per letter (and division).
+    #[arg(long, default_value_t = 50, value_parser = count)]
     pub trials: usize,
-}
-
-impl Default for LettersAppearance {
-    /// As in the dissertation.
-    fn default() -> Self {
-        Self {
-            letters: SYMBOLS.to_owned(),
-            seed: 1,
-            training_presses: 1_100,
-            vocabulary_presses: 220,
-            test_presses: 100,
-            n_classes: 96,
-            divisions: 7,
-            trials: 50,
-        }
-    }
 }
 
 /// A way to learn, by its name.
@@ -79,12 +73,8 @@ struct Method {
 ///
 /// # Errors
 /// When a letter does not exist or presses cannot be learnt from.
-pub fn run(
-    config: &LettersAppearance,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("letters-appearance", command, config.seed);
+pub fn run(config: &LettersAppearance, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
     let many = many_letters(config, &mut report, progress)?;
     let few = few_letters(config, &mut report, progress)?;
     let lines = |curves: &[(String, Vec<Point>)]| {
@@ -223,7 +213,7 @@ fn divided(presses: &[Vec<Reading>], seed: u64) -> (Vec<Vec<Reading>>, Vec<Vec<R
     presses.iter().enumerate().map(divide).unzip()
 }
 
-/// Rows of a curve, its confusions after so many readings, and its summary.
+/// Rows of a curve, its confusions after `stated_at` readings, and its summary.
 fn rows(
     report: &mut Report,
     part: &str,
@@ -232,27 +222,22 @@ fn rows(
     curve: &[Point],
     stated_at: usize,
 ) {
-    let symbol = |letter: usize| symbols.chars().nth(letter).map(String::from);
+    let symbol = |letter: usize| symbols.chars().nth(letter).map_or(String::new(), String::from);
     for point in curve {
-        report.row(vec![
-            ("letters", json!(part)),
-            ("method", json!(method)),
-            ("readings", json!(point.readings)),
-            ("accuracy", json!(point.accuracy)),
-            ("stated_probability_mean", json!(point.stated)),
-        ]);
+        report.labelled(&[("letters", part), ("method", method)], point);
     }
     let Some(point) = curve.iter().find(|point| point.readings == stated_at) else { return };
     report.summarise(&format!("{method}_{part}_at_{stated_at}"), point.accuracy);
     for (truth, named, trials) in &point.confusions {
-        report.row(vec![
-            ("letters", json!(part)),
-            ("method", json!(method)),
-            ("readings", json!(stated_at)),
-            ("letter", json!(symbol(*truth))),
-            ("confused_with", json!(symbol(*named))),
-            ("trials", json!(trials)),
-        ]);
+        report.labelled(
+            &[
+                ("letters", part),
+                ("method", method),
+                ("letter", &symbol(*truth)),
+                ("confused_with", &symbol(*named)),
+            ],
+            Confused { readings: stated_at, trials: *trials },
+        );
     }
 }
 
@@ -272,7 +257,7 @@ mod tests {
             divisions: 2,
             trials: 5,
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["accuracy_52_at_60"] > 0.7, "{summary:?}");
         assert!(summary["accuracy_5_at_10"] > 0.7, "{summary:?}");

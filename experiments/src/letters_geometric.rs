@@ -11,6 +11,7 @@ mod methods;
 mod timing;
 mod trials;
 
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
@@ -25,38 +26,76 @@ use palpate_dissertation::occupancy::{ClassifiedPress, InverseModel, SpreadForm}
 use palpate_sim::letters::{Font, Letter, RotationOrder, SYMBOLS};
 use palpate_sim::rig::{LetterField, Rig, RigNoise, rig_sensor};
 
+use serde::Serialize;
+
+use crate::arguments::count;
 use crate::report::{Outcome, Progress, Report};
 use methods::{METHODS, Prepared};
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `letters-geometric`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct LettersGeometric {
-    /// The letters, each once.
+    /// AEIOU, capitals, all, or any letters.
+    #[arg(long, default_value = "AEIOU", value_parser = letters_named)]
     pub letters: String,
-    /// The first seed.
+    /// First seed.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// How many seeds from the first on.
+    /// Number of seeds. Each is a sensor, its noise and its trials.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub seeds: usize,
-    /// Trials a letter and seed.
+    /// Trials per letter and seed.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub trials: usize,
-    /// Readings a trial, at most 192.
+    /// Readings per trial, at most 192.
+    #[arg(long, default_value_t = 46)]
     pub readings: usize,
-    /// How far presses are from ideal.
-    pub noise: RigNoise,
-    /// A font file; the built-in font when not given.
+    /// Noise of the presses.
+    #[arg(long, default_value_t = LetterNoise::Physical, value_enum)]
+    pub noise: LetterNoise,
+    /// Form of equations 3.3 to 3.5 that makes the maps.
+    #[arg(long, default_value_t = LetterMaps::Corrected, value_enum)]
+    pub maps: LetterMaps,
+    /// A TrueType or OpenType font [default: Quicksand Bold].
+    #[arg(long, value_name = "PATH")]
     pub font: Option<PathBuf>,
-    /// How maps are made.
-    pub geometry: GeometricConfig,
-    /// Methods of these names, or whose names begin with one that is none; all when empty.
-    pub methods: Vec<String>,
+    /// Only the method of this name, or those whose names begin with it. May be repeated.
+    #[arg(long, value_delimiter = ',', value_name = "NAME")]
+    pub method: Vec<String>,
 }
 
-/// Which form of equations 3.3 to 3.5 makes the maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The noise of the letter rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum LetterNoise {
+    /// That of a real rig and array.
+    Physical,
+    /// More of everything, with values that are stuck.
+    Harsh,
+    /// Other families than the default method assumes: places that wander, slips, bent
+    /// responses, rows that leak into each other.
+    Unmatched,
+}
+
+impl LetterNoise {
+    /// Its parameters.
+    #[must_use]
+    pub fn of_rig(self) -> RigNoise {
+        match self {
+            Self::Physical => RigNoise::physical(),
+            Self::Harsh => RigNoise::harsh(),
+            Self::Unmatched => RigNoise::unmatched(),
+        }
+    }
+}
+
+/// Form of equations 3.3 to 3.5 that makes the maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum LetterMaps {
     /// As the service makes them (`docs/equations.md`).
     Corrected,
-    /// The same with the printed exponent of equation 3.4, which is twice the spread.
+    /// Corrected but for the printed exponent of equation 3.4, which is twice the spread.
     PrintedSpread,
     /// Equations 3.3 to 3.5 as printed, with a prior of 0.2 and log-odds without a limit.
     AsPrinted,
@@ -74,23 +113,6 @@ impl LetterMaps {
             Self::AsPrinted => InverseModel::literal(0.2),
         };
         GeometricConfig { inverse, ..GeometricConfig::planar() }
-    }
-}
-
-impl Default for LettersGeometric {
-    /// The dissertation's five letters, ten trials each, on ten seeds.
-    fn default() -> Self {
-        Self {
-            letters: "AEIOU".to_owned(),
-            seed: 1,
-            seeds: 10,
-            trials: 10,
-            readings: 46,
-            noise: RigNoise::physical(),
-            font: None,
-            geometry: GeometricConfig::planar(),
-            methods: Vec::new(),
-        }
     }
 }
 
@@ -134,7 +156,7 @@ impl TestLetter {
     }
 }
 
-/// What one seed trains and tests with.
+/// Sensor, model and test readings of one seed.
 struct Lab {
     seed: u64,
     sensor: SensorDescription,
@@ -146,20 +168,21 @@ struct Lab {
 
 impl Lab {
     fn new(config: &LettersGeometric, letters: &[TestLetter], seed: u64) -> anyhow::Result<Self> {
-        let rig = Rig::new(SensorId(1), &rig_sensor(), config.noise, seed);
+        let geometry = config.maps.geometry();
+        let rig = Rig::new(SensorId(1), &rig_sensor(), config.noise.of_rig(), seed);
         let train: Vec<Vec<Reading>> =
             letters.iter().map(|letter| rig.session(&letter.field, 0)).collect();
         let test = letters.iter().map(|letter| rig.session(&letter.field, 1)).collect();
         let sensor = rig.sensor().clone();
         let sets: Vec<TrainingSet<'_>> =
             train.iter().map(|readings| TrainingSet { readings, sensor: &sensor }).collect();
-        let model = map_geometry(&sets, &vec![DVec3::ZERO; sets.len()], &config.geometry)?;
+        let model = map_geometry(&sets, &vec![DVec3::ZERO; sets.len()], &geometry)?;
         let inertias = model.maps.iter().zip(letters).map(|(map, letter)| {
             palpate_dissertation::occupancy::grid::inertia(&map.occupancy)
                 .with_context(|| format!("the map of {} has no occupied cell", letter.symbol))
         });
         let inertias = inertias.collect::<anyhow::Result<_>>()?;
-        let inverse = config.geometry.inverse;
+        let inverse = geometry.inverse;
         Ok(Self { seed, sensor, inverse, model, test, inertias })
     }
 
@@ -173,23 +196,19 @@ impl Lab {
 ///
 /// # Errors
 /// When the font or a letter cannot be used, or training fails.
-pub fn run(
-    config: &LettersGeometric,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("letters-geometric", command, config.seed);
+pub fn run(config: &LettersGeometric, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
     let letters = load(config)?;
     let chosen = |name: &str| {
         let is_name = |wanted: &str| METHODS.iter().any(|method| method.name == wanted);
         let wants = |wanted: &String| {
             name == wanted || (name.starts_with(wanted.as_str()) && !is_name(wanted))
         };
-        config.methods.is_empty() || config.methods.iter().any(wants)
+        config.method.is_empty() || config.method.iter().any(wants)
     };
     let methods: Vec<_> = METHODS.iter().filter(|method| chosen(method.name)).collect();
     if methods.is_empty() {
-        bail!("no method begins with {:?}", config.methods);
+        bail!("no method begins with {:?}", config.method);
     }
     let mut steps = Vec::new();
     let mut pictures = Vec::new();
@@ -231,6 +250,7 @@ fn load(config: &LettersGeometric) -> anyhow::Result<Vec<TestLetter>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn letters_are_named_or_listed() {
@@ -249,12 +269,12 @@ mod tests {
             seeds: 2,
             trials: 2,
             readings: 25,
-            methods: ["histogram-10000", "histogram-10000-sp", "particles-1000-options"]
+            method: ["histogram-10000", "histogram-10000-sp", "particles-1000-options"]
                 .map(str::to_owned)
                 .to_vec(),
-            ..LettersGeometric::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         // All are right from the fourth reading on; 12 is what the page's goal allows.
         let (median, worst) =

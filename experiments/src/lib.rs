@@ -1,18 +1,23 @@
 //! The dissertation's tables and figures, and our own: one file an experiment.
 //!
-//! Every experiment is a function of its arguments and a seed; it writes a [`report::Report`]
-//! as JSON, CSV and SVG and one line of `docs/results.md`. Poses, noise and readings of a
-//! trial come from streams that training never uses.
+//! Every experiment is a function of its arguments, which hold a seed, and gives a
+//! [`report::Outcome`]; the program `palpate-experiments` writes it to files and [`record`]s its
+//! figures. Poses, noise and readings of a trial come from streams that training never uses.
 
 pub mod disturbance;
 pub mod letter_presses;
 pub mod objects;
+pub mod arguments;
 pub mod families;
-pub mod plot;
+mod own_server;
+pub mod played;
 pub mod report;
 pub mod consistency;
 pub mod coverage;
+pub mod record;
 pub mod sensing;
+pub mod server_throughput;
+pub mod restart;
 pub mod stated;
 pub mod statistics;
 pub mod appearance_trials;
@@ -43,7 +48,4 @@ pub mod sva_objects;
 pub mod symmetry;
 pub mod thinning;
 pub mod unknown;
-pub mod wire;
-pub mod load;
-pub mod server_throughput;
-pub mod restart;
+pub mod experiment;

@@ -9,7 +9,7 @@
 
 pub mod robot;
 
-use std::path::PathBuf;
+use clap::Args;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -25,13 +25,14 @@ use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::press::PressSimulator;
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::object_sessions::train_surface;
 use crate::objects::{self, TestObject};
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{bootstrap_95, mean, quantile};
+use palpate_sim::plot::{Line, Panel, svg};
 use robot::{Policy, Robot};
 
 /// The probability at which an object is recognised.
@@ -40,34 +41,25 @@ const SURE: f64 = 0.95;
 /// How far from the session's origin objects are placed along each axis, metres.
 const PLACE: f64 = 200.0 * MM;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `next-touch`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct NextTouch {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Trials of all objects together, one object after the other.
+    /// Trials of all objects together.
+    #[arg(long, default_value_t = 300, value_parser = count)]
     pub trials: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Presses of a trial at most.
+    /// Most presses per trial.
+    #[arg(long, default_value_t = 20, value_parser = count)]
     pub readings: usize,
-}
-
-impl Default for NextTouch {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            size: 80.0 * MM,
-            seed: 1,
-            trials: 300,
-            train_readings: 1_000,
-            readings: 20,
-        }
-    }
 }
 
 /// One press of a trial.
@@ -79,9 +71,9 @@ struct Step {
     sure: bool,
     touched: bool,
     approaches: usize,
-    /// How long it took to be told where to press, milliseconds.
+    /// Time of the choice of this press, milliseconds.
     choice_ms: f64,
-    /// What was expected: probability of a contact and bits on the identity.
+    /// Expected probability of a contact and bits on the identity.
     expected: Option<[f64; 2]>,
 }
 
@@ -95,9 +87,9 @@ struct Played {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(config: &NextTouch, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("next-touch", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+pub fn run(config: &NextTouch, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
     let model = train(&objects, config, progress)?;
     let sensor = SensorDescription::digitacts_6x6();
     let simulators: Vec<PressSimulator> = objects
@@ -192,7 +184,7 @@ fn touches_for_good(steps: &[Step]) -> usize {
     steps.iter().rposition(|step| !step.sure).map_or(1, |last| last + 2)
 }
 
-/// How often the sensor went out until then.
+/// Number of approaches of the sensor until then.
 fn approaches_for_good(steps: &[Step]) -> usize {
     let touches = touches_for_good(steps);
     steps.iter().take(touches).map(|step| step.approaches).sum()
@@ -200,6 +192,27 @@ fn approaches_for_good(steps: &[Step]) -> usize {
 
 fn counts(played: &Played, of: fn(&[Step]) -> usize) -> Vec<f64> {
     played.trials.iter().map(|steps| of(steps) as f64).collect()
+}
+
+#[derive(Serialize)]
+struct Touches {
+    trials: usize,
+    touches_mean: f64,
+    touches_low: f64,
+    touches_high: f64,
+    touches_median: f64,
+    touches_p90: f64,
+    touches_max: f64,
+    never_share: f64,
+    approaches_mean: f64,
+    touching_share: f64,
+}
+
+#[derive(Serialize)]
+struct AfterPresses {
+    presses: usize,
+    accuracy: f64,
+    sure_for_good: f64,
 }
 
 fn report_policy(report: &mut Report, config: &NextTouch, played: &Played) {
@@ -215,30 +228,34 @@ fn report_policy(report: &mut Report, config: &NextTouch, played: &Played) {
     let never = touches.iter().map(|n| *n > config.readings as f64).collect();
     // The first press is blind for all: what was chosen are the others.
     let chosen = played.trials.iter().flat_map(|steps| &steps[1..]).map(|step| step.touched);
-    report.row(vec![
-        ("policy", json!(name)),
-        ("trials", json!(touches.len())),
-        ("touches_mean", json!(mean(&touches))),
-        ("touches_low", json!(low)),
-        ("touches_high", json!(high)),
-        ("touches_median", json!(quantile(&touches, 0.5))),
-        ("touches_p90", json!(quantile(&touches, 0.9))),
-        ("touches_max", json!(quantile(&touches, 1.0))),
-        ("never_share", json!(share(never))),
-        ("approaches_mean", json!(mean(&approaches))),
-        ("touching_share", json!(share(chosen.collect()))),
-    ]);
+    report.labelled(
+        &[("policy", name)],
+        Touches {
+            trials: touches.len(),
+            touches_mean: mean(&touches),
+            touches_low: low,
+            touches_high: high,
+            touches_median: quantile(&touches, 0.5),
+            touches_p90: quantile(&touches, 0.9),
+            touches_max: quantile(&touches, 1.0),
+            never_share: share(never),
+            approaches_mean: mean(&approaches),
+            touching_share: share(chosen.collect()),
+        },
+    );
     report.summarise(&format!("{name}_touches_mean"), mean(&touches));
     report.summarise(&format!("{name}_approaches_mean"), mean(&approaches));
     for n in 1..=config.readings {
         let after = || played.trials.iter().map(|steps| steps[n - 1]);
         let for_good = touches.iter().map(|touches| *touches <= n as f64).collect();
-        report.row(vec![
-            ("policy", json!(name)),
-            ("presses", json!(n)),
-            ("accuracy", json!(share(after().map(|step| step.right).collect()))),
-            ("sure_for_good", json!(share(for_good))),
-        ]);
+        report.labelled(
+            &[("policy", name)],
+            AfterPresses {
+                presses: n,
+                accuracy: share(after().map(|step| step.right).collect()),
+                sure_for_good: share(for_good),
+            },
+        );
     }
     if played.policy == Policy::Information {
         let times: Vec<f64> =
@@ -247,6 +264,13 @@ fn report_policy(report: &mut Report, config: &NextTouch, played: &Played) {
         report.summarise("median_ms", quantile(&times, 0.5));
     }
     report_expected(report, played);
+}
+
+#[derive(Serialize)]
+struct Expected {
+    trials: usize,
+    contact_expected: f64,
+    touching_share: f64,
 }
 
 /// Rows of presses by what contact was expected, beside how many of them touched.
@@ -263,13 +287,22 @@ fn report_expected(report: &mut Report, played: &Played) {
             continue;
         }
         let (expected, touched): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
-        report.row(vec![
-            ("policy", json!(played.policy.name())),
-            ("trials", json!(expected.len())),
-            ("contact_expected", json!(mean(&expected))),
-            ("touching_share", json!(mean(&touched))),
-        ]);
+        report.labelled(
+            &[("policy", played.policy.name())],
+            Expected {
+                trials: expected.len(),
+                contact_expected: mean(&expected),
+                touching_share: mean(&touched),
+            },
+        );
     }
+}
+
+#[derive(Serialize)]
+struct OfObject {
+    trials: usize,
+    touches_mean: f64,
+    never_share: f64,
 }
 
 fn report_objects(
@@ -285,13 +318,14 @@ fn report_objects(
             continue;
         }
         let never = own.iter().filter(|n| **n > config.readings as f64).count();
-        report.row(vec![
-            ("policy", json!(played.policy.name())),
-            ("object", json!(object.name)),
-            ("trials", json!(own.len())),
-            ("touches_mean", json!(mean(&own))),
-            ("never_share", json!(never as f64 / own.len() as f64)),
-        ]);
+        report.labelled(
+            &[("policy", played.policy.name()), ("object", &object.name)],
+            OfObject {
+                trials: own.len(),
+                touches_mean: mean(&own),
+                never_share: never as f64 / own.len() as f64,
+            },
+        );
     }
 }
 
@@ -349,6 +383,7 @@ fn plot(config: &NextTouch, all: &[Played]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     fn step(sure: bool) -> Step {
         Step { right: sure, sure, touched: true, approaches: 2, choice_ms: 0.0, expected: None }
@@ -364,15 +399,10 @@ mod tests {
     }
 
     #[test]
-    fn a_small_run_reports_every_key_and_needs_fewer_touches_than_chance() {
-        let config = NextTouch {
-            seed: 101,
-            trials: 10,
-            train_readings: 250,
-            readings: 8,
-            ..NextTouch::default()
-        };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+    fn information_needs_fewer_touches_than_chance() {
+        let config =
+            NextTouch { seed: 101, trials: 10, train_readings: 250, readings: 8, ..defaults() };
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["touches_ratio_to_random"] < 0.9, "{summary:?}");
         for key in ["touches_ratio_to_directed", "p99_ms", "sampler_touches_mean"] {

@@ -17,14 +17,10 @@ const LEVELS: [f64; 4] = [0.0, 0.1, 0.2, 0.4];
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(
-    config: &ObjectTrials,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let settings =
         LEVELS.iter().map(|level| setting(*level)).collect::<anyhow::Result<Vec<_>>>()?;
-    config.sweep("noise", command, &settings, progress)
+    config.sweep(&settings, progress)
 }
 
 fn setting(level: f64) -> anyhow::Result<Setting> {
@@ -44,7 +40,7 @@ mod tests {
 
     #[test]
     fn a_small_run_states_every_level() {
-        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&small(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for percent in [0, 10, 20, 40] {
             assert!(summary.contains_key(&format!("mnti_{percent}percent_accuracy_at_20")));

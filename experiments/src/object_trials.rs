@@ -4,21 +4,23 @@
 //! and once, from another seed, for testing. The classes are learnt from a part of the
 //! training readings, histograms from all of them.
 
-use std::path::PathBuf;
+use clap::Args;
 
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::MM;
 use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
 use palpate_dissertation::appearance::train::AppearanceConfig;
 use palpate_sim::noise::NoiseLevel;
-use serde_json::json;
+use serde::Serialize;
 
-use crate::appearance_trials::{Evidence, Point, accuracy_at, line, train_with_vocabulary_of};
-use crate::objects::{TestObject, load, touch_in_noise};
-use crate::plot::{Line, Panel, svg};
+use crate::appearance_trials::{
+    Confused, Evidence, Point, accuracy_at, line, train_with_vocabulary_of,
+};
+use crate::arguments::{ObjectSet, count};
+use crate::objects::{TestObject, touch_in_noise};
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::{Line, Panel, svg};
 
 /// The descriptors of figures 4.14 to 4.16: the three best and the control.
 pub const TOP_DESCRIPTORS: [DescriptorKind; 4] = [
@@ -34,42 +36,32 @@ const COUNTS: [usize; 16] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 80
 /// Counts that the summary states.
 const STATED_AT: [usize; 4] = [5, 10, 20, 60];
 
-/// What is touched how often.
-#[derive(Clone, Debug)]
+/// Arguments of the appearance experiments on objects: the dissertation's 1,000 training,
+/// 100 validation and 100 test readings; 48 classes from 400 readings an object.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct ObjectTrials {
-    /// A folder of meshes; the built-in objects when not given.
-    pub meshes: Option<PathBuf>,
-    /// The largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Training and validation readings an object.
+    /// Training and validation readings per object.
+    #[arg(long, default_value_t = 1_100, value_parser = count)]
     pub training_readings: usize,
-    /// How many of them, first in order, the classes are learnt from.
+    /// Training readings per object, first in order, that the classes are learnt from.
+    #[arg(long, default_value_t = 440, value_parser = count)]
     pub vocabulary_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Trials an object.
+    /// Trials per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub trials: usize,
     /// Candidates for the number of classes.
+    #[arg(long, default_values_t = [48], value_delimiter = ',', value_parser = count)]
     pub n_classes: Vec<usize>,
-}
-
-impl Default for ObjectTrials {
-    /// The dissertation's 1,000 training, 100 validation and 100 test readings; 48 classes
-    /// from 400 readings an object.
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            size: 80.0 * MM,
-            seed: 1,
-            training_readings: 1_100,
-            vocabulary_readings: 440,
-            test_readings: 100,
-            trials: 100,
-            n_classes: vec![48],
-        }
-    }
 }
 
 /// The world of one curve: a sensor and its noise.
@@ -86,9 +78,9 @@ pub struct Setting {
 
 /// Readings of every object in one setting.
 pub struct Touched {
-    /// Of every object, for training and validation.
+    /// Readings per object for training and validation.
     pub training: Vec<Vec<Reading>>,
-    /// Of every object, for tests.
+    /// Readings per object for tests.
     pub test: Vec<Vec<Reading>>,
 }
 
@@ -106,7 +98,7 @@ impl ObjectTrials {
     /// # Errors
     /// When the folder cannot be read or holds no mesh.
     pub fn objects(&self) -> anyhow::Result<Vec<TestObject>> {
-        load(self.meshes.as_deref(), self.size)
+        self.objects.load()
     }
 
     /// Touches every object in a setting.
@@ -158,15 +150,9 @@ impl ObjectTrials {
     ///
     /// # Errors
     /// When objects cannot be read, touched or learnt.
-    pub fn sweep(
-        &self,
-        experiment: &str,
-        command: String,
-        settings: &[Setting],
-        progress: Progress<'_>,
-    ) -> anyhow::Result<Outcome> {
+    pub fn sweep(&self, settings: &[Setting], progress: Progress<'_>) -> anyhow::Result<Outcome> {
         let objects = self.objects()?;
-        let mut report = Report::new(experiment, command, self.seed);
+        let mut report = Report::default();
         let mut lines: Vec<Vec<Line>> = TOP_DESCRIPTORS.iter().map(|_| Vec::new()).collect();
         for (done, setting) in settings.iter().enumerate() {
             progress(&format!("touching, {}", setting.name), done, settings.len());
@@ -204,26 +190,20 @@ pub fn rows(
     curve: &[Point],
 ) {
     for point in curve {
-        report.row(vec![
-            ("setting", json!(setting.name)),
-            ("method", json!(method)),
-            ("readings", json!(point.readings)),
-            ("accuracy", json!(point.accuracy)),
-            ("standard_error_over_objects", json!(point.standard_error)),
-            ("stated_probability_mean", json!(point.stated)),
-        ]);
+        report.labelled(&[("setting", &setting.name), ("method", method)], point);
     }
     for (truth, named, trials) in
         curve.iter().filter(|point| point.readings == 20).flat_map(|point| &point.confusions)
     {
-        report.row(vec![
-            ("setting", json!(setting.name)),
-            ("method", json!(method)),
-            ("readings", json!(20)),
-            ("object", json!(objects[*truth].name)),
-            ("confused_with", json!(objects[*named].name)),
-            ("trials", json!(trials)),
-        ]);
+        report.labelled(
+            &[
+                ("setting", &setting.name),
+                ("method", method),
+                ("object", &objects[*truth].name),
+                ("confused_with", &objects[*named].name),
+            ],
+            Confused { readings: 20, trials: *trials },
+        );
     }
     for readings in STATED_AT {
         if let Some(accuracy) = accuracy_at(curve, readings) {
@@ -240,6 +220,7 @@ pub fn rows(
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     /// A run small enough for a test: ten objects, few readings, few classes.
     pub(crate) fn small() -> ObjectTrials {
@@ -250,7 +231,7 @@ pub(crate) mod tests {
             test_readings: 20,
             trials: 3,
             n_classes: vec![12],
-            ..ObjectTrials::default()
+            ..defaults()
         }
     }
 }

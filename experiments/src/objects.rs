@@ -1,4 +1,4 @@
-//! Which objects an experiment touches: the built-in ones or a folder of meshes, and the
+//! Objects that an experiment touches: generated ones or a folder of meshes, and the
 //! readings it takes of them.
 
 use std::ops::ControlFlow;
@@ -24,29 +24,33 @@ pub struct TestObject {
     pub mesh: Mesh,
 }
 
-/// The built-in objects, or every mesh file of a folder in the order of names; all scaled to
-/// `size` metres in their largest dimension.
+/// Objects from our own generator, by name, scaled to `size` metres in their largest dimension.
 ///
 /// # Errors
-/// When the folder or a file of it cannot be read, or it holds no mesh.
-pub fn load(folder: Option<&Path>, size: f64) -> anyhow::Result<Vec<TestObject>> {
-    let named = match folder {
-        None => built_in()?,
-        Some(folder) => from_folder(folder)?,
+/// When the generator does not know a name.
+pub fn generated(names: &[&str], size: f64) -> anyhow::Result<Vec<TestObject>> {
+    let object = |name: &&str| {
+        let mesh = shapes::example(name).with_context(|| format!("there is no object {name}"))?;
+        Ok(TestObject::new((*name).to_owned(), &mesh, size))
     };
-    let sized = named.into_iter().map(|(name, mesh)| {
+    names.iter().map(object).collect()
+}
+
+impl TestObject {
+    /// A mesh scaled to `size` metres in its largest dimension, its centroid at the origin.
+    #[must_use]
+    pub fn new(name: String, mesh: &Mesh, size: f64) -> Self {
         let mesh = mesh.scaled_to_largest_dimension(size);
-        TestObject { name, mesh: mesh.translated(-mesh.centroid()) }
-    });
-    Ok(sized.collect())
+        Self { name, mesh: mesh.translated(-mesh.centroid()) }
+    }
 }
 
-fn built_in() -> anyhow::Result<Vec<(String, Mesh)>> {
-    let mesh = |name: &&str| shapes::example(name).with_context(|| format!("no shape {name}"));
-    shapes::NAMES.iter().map(|name| Ok(((*name).to_owned(), mesh(name)?))).collect()
-}
-
-fn from_folder(folder: &Path) -> anyhow::Result<Vec<(String, Mesh)>> {
+/// Every mesh file of a folder in the order of names, scaled to `size` metres in their largest
+/// dimension.
+///
+/// # Errors
+/// When the folder or a file in it cannot be read, or it holds no mesh.
+pub fn from_folder(folder: &Path, size: f64) -> anyhow::Result<Vec<TestObject>> {
     let entries =
         std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     let mut paths: Vec<PathBuf> = entries.map(|e| Ok(e?.path())).collect::<anyhow::Result<_>>()?;
@@ -63,7 +67,7 @@ fn from_folder(folder: &Path) -> anyhow::Result<Vec<(String, Mesh)>> {
         let mesh = Mesh::from_bytes(format, &bytes, MM)
             .with_context(|| format!("{} is not a usable mesh", path.display()))?;
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        named.push((name.unwrap_or_default(), mesh));
+        named.push(TestObject::new(name.unwrap_or_default(), &mesh, size));
     }
     if named.is_empty() {
         bail!("{} holds no mesh, expected .stl, .obj, .ply or .off files", folder.display());
@@ -97,7 +101,7 @@ pub fn touch(
     touch_in_noise(object, sensor, NoiseLevel::NONE, n, seed)
 }
 
-/// The same under noise beyond the sensor's own, which the controllers feel too.
+/// Readings as by [`touch`] under noise beyond the sensor's own, which the controllers feel too.
 ///
 /// # Errors
 /// When the sampler gives up: the object cannot be touched often enough.
@@ -113,7 +117,7 @@ pub fn touch_in_noise(
     sampled(object, &simulator, n, seed, &SamplerConfig::for_simulator(&simulator))
 }
 
-/// The same without added noise, from starts that are tilted by up to `tilt_max` radians.
+/// Readings as by [`touch`], from starts that are tilted by up to `tilt_max` radians.
 ///
 /// # Errors
 /// When the sampler gives up: the object cannot be touched often enough.

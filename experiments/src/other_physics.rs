@@ -11,7 +11,7 @@
 
 mod differences;
 
-use std::path::PathBuf;
+use clap::Args;
 
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
@@ -23,56 +23,51 @@ use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::press::{CoveringConfig, Physics};
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{
+    Played, Recogniser, Sessions, report_wrong, train_surface, train_sva,
+};
 use crate::objects::{self, TestObject};
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::sensing::Sensing;
-use crate::statistics::{mean, median};
+use crate::statistics::median;
+use palpate_sim::plot::{Line, Panel, svg};
 
-/// The summary states figures after so many readings.
+/// Numbers of readings whose figures the summary states.
 const STATED_AT: [usize; 5] = [2, 3, 4, 6, 10];
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `other-physics`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct OtherPhysics {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Trials an object.
+    /// Trials per object.
+    #[arg(long, default_value_t = 20, value_parser = count)]
     pub trials: usize,
-    /// Sessions of the printed method in each physics; 0 for none.
+    /// Sessions of the printed method in each world, which is slow; 0 for none.
+    #[arg(long, default_value_t = 10)]
     pub literal_sessions: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Readings a trial.
+    /// Readings per trial.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor's preset.
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
     pub sensor: SensorDescription,
-}
-
-impl Default for OtherPhysics {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            size: 80.0 * MM,
-            seed: 1,
-            trials: 30,
-            literal_sessions: 10,
-            train_readings: 1_000,
-            test_readings: 100,
-            readings: 10,
-            sensor: SensorDescription::digitacts_6x6(),
-        }
-    }
 }
 
 /// Readings of every object in one world, and what they are called.
@@ -92,13 +87,9 @@ struct Tried {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(
-    config: &OtherPhysics,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("other-physics", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+pub fn run(config: &OtherPhysics, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
     let preset = Sensing::with(config.sensor.clone());
     progress("touching objects", 0, 2);
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
@@ -181,7 +172,7 @@ fn worlds(
     ])
 }
 
-/// What a sensor reads at the poses of other readings.
+/// Readings of a sensor at the poses of other readings.
 fn pressed_at(
     sensing: &Sensing,
     objects: &[TestObject],
@@ -221,21 +212,7 @@ fn ablations() -> [(&'static str, SurfaceOptions); 3] {
 fn report_one(report: &mut Report, config: &OtherPhysics, one: &Tried, objects: &[TestObject]) {
     let Tried { world, method, played } = one;
     for readings in 1..=config.readings {
-        let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
-        let errors = |of: fn(&crate::object_sessions::PoseError) -> f64| {
-            median(&played.errors(readings, of))
-        };
-        report.row(vec![
-            ("world", json!(world)),
-            ("method", json!(method)),
-            ("readings", json!(readings)),
-            ("trials", json!(stated.len())),
-            ("accuracy", json!(played.accuracy(readings))),
-            ("stated_probability_mean", json!(mean(&stated))),
-            ("unknown_mean", json!(played.unknown(readings))),
-            ("position_error_mm_median", json!(errors(|e| e.translation / MM))),
-            ("angle_error_deg_median", json!(errors(|e| e.angle / DEG))),
-        ]);
+        report.labelled(&[("world", world), ("method", method)], played.figures(readings));
     }
     // The bonded layer by the recogniser as it is: what goals are stated for.
     let prefix = match (*world, *method) {
@@ -254,17 +231,8 @@ fn report_one(report: &mut Report, config: &OtherPhysics, one: &Tried, objects: 
     report.summarise(&format!("{prefix}unknown_at_{last}"), played.unknown(last));
     let angle = median(&played.errors(last, |e| e.angle / DEG));
     report.summarise(&format!("{prefix}angle_error_deg_median_at_{last}"), angle);
-    for step in played.after(last).filter(|step| !step.is_right()) {
-        report.row(vec![
-            ("world", json!(world)),
-            ("method", json!(method)),
-            ("readings", json!(last)),
-            ("object", json!(objects[step.object].name)),
-            ("trial", json!(step.trial)),
-            ("confused_with", json!(objects[step.named].name)),
-            ("stated_probability", json!(step.probability)),
-        ]);
-    }
+    let labels = [("world", *world), ("method", *method)];
+    report_wrong(report, &labels, objects, played.after(last));
 }
 
 fn panels(config: &OtherPhysics, tried: &[Tried]) -> Vec<Panel> {
@@ -302,6 +270,7 @@ fn panels(config: &OtherPhysics, tried: &[Tried]) -> Vec<Panel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_run_names_what_breaks() {
@@ -312,9 +281,9 @@ mod tests {
             train_readings: 200,
             test_readings: 8,
             readings: 4,
-            ..OtherPhysics::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["point_spread_accuracy_at_4"] >= 0.7, "{summary:?}");
         assert!(summary["accuracy_at_4"] >= 0.4, "{summary:?}");

@@ -4,6 +4,7 @@
 //! the same places by the same planner; the models know neither. Poses play no role in them;
 //! for contrast the same readings go to `sva` of section 5, which takes objects to rest.
 
+use serde::Serialize;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -17,14 +18,13 @@ use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_obj
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_sim::noise::NoiseLevel;
 use rayon::prelude::*;
-use serde_json::json;
 
 use crate::appearance_trials::line;
 use crate::explorations::{ExplorationTrials, Run, Strategy, report_curves, report_runs};
 use crate::object_trials::{Setting, TOP_DESCRIPTORS, Touched, panel};
-use crate::plot::{Line, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::mean;
+use palpate_sim::plot::{Line, svg};
 
 /// The probability of the local strategy: the one that perturbation could disturb has half.
 const LOCAL: f64 = 0.5;
@@ -33,13 +33,9 @@ const LOCAL: f64 = 0.5;
 ///
 /// # Errors
 /// When objects cannot be read, touched, explored or learnt.
-pub fn run(
-    config: &ExplorationTrials,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &ExplorationTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let objects = config.objects.objects()?;
-    let mut report = Report::new("perturbation", command, config.objects.seed);
+    let mut report = Report::default();
     let setting = Setting {
         name: "6×6".to_owned(),
         key: String::new(),
@@ -132,15 +128,18 @@ fn sva_accuracies(
     Ok(SVA_COUNTS.iter().enumerate().filter_map(of).collect())
 }
 
+#[derive(Serialize)]
+struct Recognised {
+    readings: usize,
+    accuracy: f64,
+}
+
 fn report_sva(report: &mut Report, name: &str, accuracies: &[(usize, f64)]) {
     for (readings, accuracy) in accuracies {
-        report.row(vec![
-            ("readings_from", json!(name)),
-            ("order", json!("in_order")),
-            ("method", json!("sva")),
-            ("readings", json!(readings)),
-            ("accuracy", json!(accuracy)),
-        ]);
+        report.labelled(
+            &[("readings_from", name), ("order", "in_order"), ("method", "sva")],
+            Recognised { readings: *readings, accuracy: *accuracy },
+        );
         if [5, 10, 20].contains(readings) {
             report.summarise(&format!("sva_{name}_in_order_accuracy_at_{readings}"), *accuracy);
         }
@@ -174,9 +173,9 @@ mod tests {
     use crate::object_trials::tests::small;
 
     #[test]
-    fn a_small_run_compares_objects_that_move_with_objects_that_rest() {
+    fn a_small_run_compares_moving_and_resting_objects() {
         let config = ExplorationTrials { objects: small(), runs: 1 };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for key in ["resting", "moving"] {
             let accuracies = TOP_DESCRIPTORS

@@ -4,9 +4,10 @@
 //! test touches, of which the surface recogniser also has the images; in a further row it goes
 //! without appearance. The peer is a script (`tests/peers/ppf_opencv.py`) that reads the
 //! touches from a folder and writes what it named; without its module it says so and its rows
-//! are left out. Time is wall time of one core for naming an object after so many touches: for
+//! are left out. Time is wall time of one core for naming an object after a number of touches: for
 //! the surface recogniser the sum over the touches.
 
+use clap::Args;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -21,62 +22,57 @@ use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::observe::touch::observe_touch;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, Step, train_surface};
 use crate::objects;
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::sensing::Sensing;
 use crate::statistics::{mean, median};
+use palpate_sim::plot::{Line, Panel, svg};
 
 /// The script's exit code when its module is missing.
 const MODULE_MISSING: i32 = 3;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `ppf-peer`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct PpfPeer {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// The Python that has the peer's module.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// A Python with opencv-contrib-python. It is no part of the figures.
+    #[arg(long, default_value = "python3", value_name = "PATH")]
+    #[serde(skip)]
     pub python: PathBuf,
-    /// The peer's script.
+    /// The script of the peer.
+    #[arg(long, default_value = "tests/peers/ppf_opencv.py", value_name = "PATH")]
+    #[serde(skip)]
     pub script: PathBuf,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Trials an object.
+    /// Trials per object.
+    #[arg(long, default_value_t = 5, value_parser = count)]
     pub trials: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// After so many touches, rising, both are asked.
+    /// Numbers of touches, ascending, after which both are asked.
+    #[arg(long, default_values_t = [5, 10, 20], value_delimiter = ',', value_parser = count)]
     pub counts: Vec<usize>,
-    /// The sensor's preset.
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
     pub sensor: SensorDescription,
 }
 
-impl Default for PpfPeer {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            python: PathBuf::from("python3"),
-            script: PathBuf::from("tests/peers/ppf_opencv.py"),
-            size: 80.0 * MM,
-            seed: 1,
-            trials: 5,
-            train_readings: 1_000,
-            test_readings: 100,
-            counts: vec![5, 10, 20],
-            sensor: SensorDescription::digitacts_6x6(),
-        }
-    }
-}
-
-/// What a method answered after one of the counts.
+/// A method's answer after one of the counts.
 struct Named {
     count: usize,
     object: usize,
@@ -90,9 +86,9 @@ struct Named {
 /// # Errors
 /// When objects cannot be loaded or touched, training fails, or the peer's script breaks off
 /// for another reason than its missing module.
-pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("ppf-peer", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+pub fn run(config: &PpfPeer, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
     progress("touching objects", 0, 1);
     let preset = Sensing::with(config.sensor.clone());
     let train = preset.touch_all(&objects, config.train_readings, 2 * config.seed)?;
@@ -122,13 +118,13 @@ pub fn run(config: &PpfPeer, command: String, progress: Progress<'_>) -> anyhow:
     progress("the peer", 0, 1);
     match ask_peer(config, &model, &sessions, n)? {
         Some(named) => found.push(("ppf_match_3d", named)),
-        None => report.row(vec![
-            ("method", json!("ppf_match_3d")),
-            (
-                "left_out",
-                json!("its module is missing: pip install opencv-contrib-python-headless"),
-            ),
-        ]),
+        None => report.labelled(
+            &[
+                ("method", "ppf_match_3d"),
+                ("left_out", "its module is missing: pip install opencv-contrib-python-headless"),
+            ],
+            (),
+        ),
     }
     let mut lines: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
     for (method, named) in &found {
@@ -261,6 +257,16 @@ fn named_in(sessions: &Sessions<'_>, line: &str) -> anyhow::Result<Named> {
     Ok(Named { count, object, named, error, ms })
 }
 
+#[derive(Serialize)]
+struct Answers {
+    touches: usize,
+    trials: usize,
+    accuracy: f64,
+    position_error_mm_median: f64,
+    angle_error_deg_median: f64,
+    ms_to_name_mean: f64,
+}
+
 /// Rows and figures of a method; gives its points of accuracy and of time.
 fn report_method(
     report: &mut Report,
@@ -277,16 +283,18 @@ fn report_method(
         let error = |of: fn(&PoseError) -> f64| {
             median(&own().filter_map(|one| one.error.as_ref().map(of)).collect::<Vec<_>>())
         };
-        let (moved, angle) = (error(|e| e.translation / MM), error(|e| e.angle / DEG));
-        report.row(vec![
-            ("method", json!(method)),
-            ("touches", json!(count)),
-            ("trials", json!(own().count())),
-            ("accuracy", json!(accuracy)),
-            ("position_error_mm_median", json!(moved)),
-            ("angle_error_deg_median", json!(angle)),
-            ("ms_to_name_mean", json!(ms)),
-        ]);
+        let moved = error(|e| e.translation / MM);
+        report.labelled(
+            &[("method", method)],
+            Answers {
+                touches: *count,
+                trials: own().count(),
+                accuracy,
+                position_error_mm_median: moved,
+                angle_error_deg_median: error(|e| e.angle / DEG),
+                ms_to_name_mean: ms,
+            },
+        );
         report.summarise(&format!("{method}_accuracy_at_{count}"), accuracy);
         report.summarise(&format!("{method}_ms_at_{count}"), ms);
         report.summarise(&format!("{method}_position_error_mm_median_at_{count}"), moved);
@@ -299,6 +307,7 @@ fn report_method(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     /// A small run against a "peer" that is a shell script of this text.
     fn small(name: &str, script: &str) -> anyhow::Result<Outcome> {
@@ -312,15 +321,15 @@ mod tests {
             train_readings: 150,
             test_readings: 10,
             counts: vec![3, 6],
-            ..PpfPeer::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ());
+        let outcome = run(&config, &|_, _, _| ());
         std::fs::remove_file(path).unwrap();
         outcome
     }
 
     #[test]
-    fn a_peer_is_asked_about_the_same_touches_and_reported_beside_us() {
+    fn a_peer_answers_the_same_touches_and_is_reported() {
         // It gets 10 × 150 training and 10 × 6 test touches of 7 and 8 values; and names the
         // first object, 20 ms later, wherever.
         let script = "test $(wc -l < $1/models.csv) = 1500 && test $(wc -l < $1/scenes.csv) = 60 \
@@ -338,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn without_its_module_the_peer_is_left_out_and_a_failure_is_an_error() {
+    fn a_peer_without_its_module_is_left_out() {
         let outcome = small("ppf-missing", "exit 3").unwrap();
         let rows = &outcome.report.rows;
         assert!(rows.iter().any(|row| row.get("left_out").is_some()), "{rows:?}");

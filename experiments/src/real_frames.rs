@@ -1,10 +1,11 @@
-//! Real frames of a 28 × 50 array without poses: who is it, from one frame and from ten.
+//! Real frames of a 28 × 50 array without poses: recognition from one frame and from ten.
 //!
 //! Data: `frames.csv` of Gandarias et al. (2019), 18 objects of 30 frames each, not part of
 //! this project. Frames carry the number of their picture, which follows the order in which
 //! they were taken. Neighbours resemble each other, so that a split is by time: an object's
 //! frames in three runs of ten, each of which is tested once by models of the other two.
 
+use clap::Args;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
@@ -19,31 +20,28 @@ use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_dissertation::appearance::train::{
     AppearanceConfig, ClusteringMethod, DiscriminantConfig,
 };
-use serde_json::json;
+use serde::Serialize;
 
-use crate::appearance_trials::{Evidence, Point, accuracy_at, line, mean_of, train};
-use crate::plot::{Panel, svg};
+use crate::appearance_trials::{Confused, Evidence, Point, accuracy_at, line, mean_of, train};
+use crate::arguments::count;
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::{Panel, svg};
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `real-frames`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct RealFrames {
-    /// The folder that holds `frames.csv`.
+    /// The folder that holds frames.csv.
+    #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
-    /// The seed of clusterings and draws.
+    /// Seed of clusterings and draws.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Runs that an object's frames are cut into; each is tested once.
+    /// Runs that an object's frames are cut into. Each is tested once.
+    #[arg(long, default_value_t = 3, value_parser = count)]
     pub folds: usize,
-    /// Trials of each object and fold.
+    /// Trials per object and fold.
+    #[arg(long, default_value_t = 50, value_parser = count)]
     pub trials: usize,
-}
-
-impl RealFrames {
-    /// Three runs, fifty trials an object and run.
-    #[must_use]
-    pub fn new(data: PathBuf, seed: u64) -> Self {
-        Self { data, seed, folds: 3, trials: 50 }
-    }
 }
 
 /// A way to learn: its name in the rows, its prefix in the summary, and its configuration.
@@ -53,7 +51,7 @@ struct Method {
     config: AppearanceConfig,
 }
 
-/// What each method stands for is said in `docs/results.md`.
+/// `docs/results/real-frames.md` explains the methods.
 fn methods() -> Vec<Method> {
     let spectrum = AppearanceConfig {
         descriptor: DescriptorKind::PolarSpectrum,
@@ -142,15 +140,11 @@ fn frame(line: &str, sensor: &SensorDescription) -> anyhow::Result<(String, u32,
 ///
 /// # Errors
 /// When the frames cannot be read, or an object has too few of them.
-pub fn run(
-    config: &RealFrames,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &RealFrames, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let sensor = array()?;
     let objects = load(&config.data.join("frames.csv"), &sensor)?;
     let run_of = |n: usize, fold: usize| n * fold / config.folds..n * (fold + 1) / config.folds;
-    let mut report = Report::new("real-frames", command, config.seed);
+    let mut report = Report::default();
     let mut lines = Vec::new();
     let methods = methods();
     for (done, method) in methods.iter().enumerate() {
@@ -185,12 +179,7 @@ pub fn run(
 
 fn rows(report: &mut Report, method: &Method, objects: &[Recorded], curve: &[Point]) {
     for point in curve {
-        report.row(vec![
-            ("method", json!(method.name)),
-            ("readings", json!(point.readings)),
-            ("accuracy", json!(point.accuracy)),
-            ("stated_probability_mean", json!(point.stated)),
-        ]);
+        report.labelled(&[("method", method.name)], point);
     }
     for readings in [1, 10] {
         if let Some(accuracy) = accuracy_at(curve, readings) {
@@ -198,12 +187,13 @@ fn rows(report: &mut Report, method: &Method, objects: &[Recorded], curve: &[Poi
         }
     }
     for (truth, named, trials) in curve.iter().take(1).flat_map(|point| &point.confusions) {
-        report.row(vec![
-            ("method", json!(method.name)),
-            ("readings", json!(1)),
-            ("object", json!(objects[*truth].name)),
-            ("confused_with", json!(objects[*named].name)),
-            ("trials", json!(trials)),
-        ]);
+        report.labelled(
+            &[
+                ("method", method.name),
+                ("object", &objects[*truth].name),
+                ("confused_with", &objects[*named].name),
+            ],
+            Confused { readings: 1, trials: *trials },
+        );
     }
 }

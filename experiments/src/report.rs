@@ -1,10 +1,7 @@
-//! What every experiment leaves behind: JSON, CSV, SVG and a line of `docs/results.md`.
+//! What an experiment finds: rows of figures, and a summary by key.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -20,82 +17,45 @@ pub struct Outcome {
     pub report: Report,
     /// The plot, SVG.
     pub plot: String,
-    /// Further pictures: file name and PNG.
+    /// Further pictures: file name and bytes.
     pub pictures: Vec<(String, Vec<u8>)>,
 }
 
-impl Outcome {
-    /// Writes `<out>/<experiment>.json`, `.csv`, `.svg` and the pictures; returns the JSON's
-    /// path.
-    ///
-    /// # Errors
-    /// When a file cannot be written.
-    pub fn write(&self, out: &Path) -> anyhow::Result<PathBuf> {
-        let path = self.report.write(out, &self.plot)?;
-        for (name, png) in &self.pictures {
-            let picture = out.join(name);
-            std::fs::write(&picture, png)
-                .with_context(|| format!("cannot write {}", picture.display()))?;
-        }
-        Ok(path)
-    }
-}
-
 /// The figures of an experiment.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
-    /// Its name, also of the files.
-    pub experiment: String,
-    /// The command line that gives it again.
-    pub command: String,
-    /// The seed of every random choice.
-    pub seed: u64,
-    /// The commit of the working copy, or "unknown" outside one.
-    pub commit: String,
-    /// Processor and number of cores.
-    pub machine: String,
-    /// The figures, a row a measurement.
+    /// All figures, a row a measurement.
     pub rows: Vec<Row>,
-    /// The figures that goals are stated in.
+    /// The figures that goals are stated in, by key.
+    #[serde(rename = "figures")]
     pub summary: BTreeMap<String, f64>,
 }
 
 impl Report {
-    /// An empty report of this machine and working copy.
-    #[must_use]
-    pub fn new(experiment: &str, command: String, seed: u64) -> Self {
-        Self {
-            experiment: experiment.to_owned(),
-            command,
-            seed,
-            commit: commit(),
-            machine: machine(),
-            rows: Vec::new(),
-            summary: BTreeMap::new(),
-        }
+    /// Adds a row. Its columns are the fields of a struct.
+    pub fn row(&mut self, row: impl Serialize) {
+        self.labelled(&[], row);
     }
 
-    /// Adds a row of columns.
-    pub fn row(&mut self, columns: Vec<(&str, Value)>) {
-        self.rows.push(columns.into_iter().map(|(name, value)| (name.to_owned(), value)).collect());
+    /// Adds a row of texts, which say what is measured, and of the figures: the fields of a
+    /// struct, or none.
+    ///
+    /// # Panics
+    /// When the figures are neither.
+    pub fn labelled(&mut self, labels: &[(&str, &str)], figures: impl Serialize) {
+        let label = |(name, text): &(&str, &str)| ((*name).to_owned(), Value::from(*text));
+        let mut row: Row = labels.iter().map(label).collect();
+        match serde_json::to_value(figures) {
+            Ok(Value::Object(figures)) => row.extend(figures),
+            Ok(Value::Null) => {}
+            other => panic!("figures are a struct, not {other:?}"),
+        }
+        self.rows.push(row);
     }
 
     /// Adds a figure to the summary.
     pub fn summarise(&mut self, key: &str, value: f64) {
         self.summary.insert(key.to_owned(), value);
-    }
-
-    fn write(&self, out: &Path, svg: &str) -> anyhow::Result<PathBuf> {
-        std::fs::create_dir_all(out)
-            .with_context(|| format!("cannot create folder {}", out.display()))?;
-        let path = |extension| out.join(format!("{}.{extension}", self.experiment));
-        let write = |path: &Path, text: &str| {
-            std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
-        };
-        write(&path("json"), &serde_json::to_string_pretty(self)?)?;
-        write(&path("csv"), &self.csv())?;
-        write(&path("svg"), svg)?;
-        Ok(path("json"))
     }
 
     /// The rows as comma-separated values; columns in the order of their first appearance.
@@ -124,106 +84,27 @@ impl Report {
         }
         csv
     }
-
-    /// The line for `docs/results.md`: command, summary, seed, commit and machine.
-    #[must_use]
-    pub fn results_line(&self) -> String {
-        let mut figures = String::new();
-        for (key, value) in &self.summary {
-            let separator = if figures.is_empty() { "" } else { ", " };
-            let _ = write!(figures, "{separator}{key} {}", figure(*value));
-        }
-        format!(
-            "| `{}` | {figures} | {} | {} | {} |",
-            self.command, self.seed, self.commit, self.machine
-        )
-    }
-
-    /// Puts the line into a results file, in place of an earlier line of the same command or
-    /// at the end.
-    ///
-    /// # Errors
-    /// When the file cannot be read or written.
-    pub fn record(&self, results: &Path) -> anyhow::Result<()> {
-        let text = std::fs::read_to_string(results)
-            .with_context(|| format!("cannot read {}", results.display()))?;
-        let begins = format!("| `{}` |", self.command);
-        let line = self.results_line();
-        let mut found = false;
-        let mut lines: Vec<String> = Vec::new();
-        for old in text.lines() {
-            let same = old.starts_with(&begins);
-            found |= same;
-            lines.push(if same { line.clone() } else { old.to_owned() });
-        }
-        if !found {
-            lines.push(line);
-        }
-        std::fs::write(results, lines.join("\n") + "\n")
-            .with_context(|| format!("cannot write {}", results.display()))
-    }
-}
-
-/// Four significant digits, whole numbers whole.
-fn figure(value: f64) -> String {
-    if value.fract() == 0.0 || value.abs() >= 1e4 {
-        return format!("{value:.0}");
-    }
-    let digits = (3 - value.abs().log10().floor() as i32).clamp(0, 8) as usize;
-    format!("{value:.digits$}")
-}
-
-fn commit() -> String {
-    let output = std::process::Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
-    match output {
-        Ok(output) if output.status.success() => {
-            String::from_utf8_lossy(&output.stdout).trim().to_owned()
-        }
-        _ => "unknown".to_owned(),
-    }
-}
-
-fn machine() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info
-        .lines()
-        .find_map(|line| line.strip_prefix("model name"))
-        .and_then(|rest| rest.split_once(':'))
-        .map_or("unknown processor", |(_, model)| model.trim());
-    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    format!("{model}, {cores} cores")
 }
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
-
-    fn report() -> Report {
-        let mut report = Report::new("demo", "palpate experiment demo".to_owned(), 7);
-        report.row(vec![("mode", json!("a,b")), ("accuracy", json!(0.5))]);
-        report.row(vec![("mode", json!("c")), ("readings", json!(3))]);
-        report.summarise("accuracy_at_10", 0.98765);
-        report
-    }
 
     #[test]
     fn columns_of_all_rows_are_in_the_csv() {
-        assert_eq!(report().csv(), "accuracy,mode,readings\n0.5,\"a,b\",\n,c,3\n");
-    }
-
-    #[test]
-    fn a_second_run_replaces_its_line() {
-        let folder = std::env::temp_dir().join(format!("palpate-report-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let results = folder.join("results.md");
-        std::fs::write(&results, "# Results\n").unwrap();
-        report().record(&results).unwrap();
-        report().record(&results).unwrap();
-        let text = std::fs::read_to_string(&results).unwrap();
-        assert_eq!(text.lines().count(), 2, "{text}");
-        assert!(text.contains("accuracy_at_10 0.9876") || text.contains("accuracy_at_10 0.9877"));
-        std::fs::remove_dir_all(&folder).unwrap();
+        #[derive(Serialize)]
+        struct Accuracy {
+            mode: &'static str,
+            accuracy: f64,
+        }
+        #[derive(Serialize)]
+        struct Count {
+            readings: usize,
+        }
+        let mut report = Report::default();
+        report.row(Accuracy { mode: "a,b", accuracy: 0.5 });
+        report.row(Accuracy { mode: "b", accuracy: f64::NAN });
+        report.labelled(&[("mode", "c")], Count { readings: 3 });
+        assert_eq!(report.csv(), "accuracy,mode,readings\n0.5,\"a,b\",\n,b,\n,c,3\n");
     }
 }

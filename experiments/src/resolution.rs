@@ -10,12 +10,8 @@ use crate::report::{Outcome, Progress};
 ///
 /// # Errors
 /// When objects cannot be read, touched or learnt.
-pub fn run(
-    config: &ObjectTrials,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    config.sweep("resolution", command, &settings(), progress)
+pub fn run(config: &ObjectTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    config.sweep(&settings(), progress)
 }
 
 fn settings() -> Vec<Setting> {
@@ -43,7 +39,7 @@ mod tests {
 
     #[test]
     fn a_small_run_states_every_resolution() {
-        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&small(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for key in ["6x6", "14x14", "26x26"] {
             assert!(summary[&format!("mnti_{key}_accuracy_at_20")] > 0.3, "{summary:?}");

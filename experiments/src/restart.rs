@@ -1,10 +1,12 @@
 //! How long a restart takes until every open session's belief is answered again.
 //!
 //! Sessions of the default method are filled over REST with touches of the built-in objects, and
-//! their beliefs are noted. Then the server is started anew on the same folder by the caller,
+//! their beliefs are noted. Then the server is started again on the same folder,
 //! and several clients ask for all beliefs: each must be the same, to the last bit. Client and
 //! server share the machine.
 
+use clap::Args;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -16,45 +18,57 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_schemas::{
     AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, ReadingsQuery,
 };
-use serde_json::json;
+use serde::Serialize;
 
-use crate::plot::{Line, Panel, svg};
+use crate::arguments::{count, defaults};
+use crate::own_server::{OwnServer, block_on};
 use crate::report::{Outcome, Progress, Report};
 use crate::server_throughput::{CATALOGUE, ServerThroughput, numbered, prepare};
+use palpate_sim::plot::{Line, Panel, svg};
 
 /// How many clients ask at the same time.
 const CLIENTS: usize = 8;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `restart`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct Restart {
-    /// The seed of everything random.
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Open sessions.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub sessions: usize,
-    /// Readings of each.
+    /// Readings of each, at most 1000.
+    #[arg(long, default_value_t = 50, value_parser = count)]
     pub readings: usize,
 }
 
 /// Sessions that were filled before the restart.
-#[derive(Debug)]
-pub struct Filled {
+struct Filled {
     /// What each believed.
     beliefs: Arc<Vec<Belief>>,
     /// How long the filling took, seconds.
     seconds: f64,
 }
 
-/// Trains the built-in objects and fills the sessions.
+/// Fills a server of its own, starts it again and asks for what it knew.
 ///
 /// # Errors
-/// When the server refuses something, or training fails.
-pub async fn fill(
-    config: &Restart,
-    client: &Client,
-    progress: Progress<'_>,
-) -> anyhow::Result<Filled> {
-    let training = ServerThroughput { seed: config.seed, ..ServerThroughput::default() };
+/// When the server cannot be started or refuses something, or training fails.
+pub fn run(config: &Restart, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    block_on(async {
+        let server = OwnServer::start().await?;
+        let filled = fill(config, &server.client, progress).await?;
+        let (server, start_seconds) = server.restart().await?;
+        let outcome = ask(config, filled, start_seconds, &server.client).await;
+        server.stop().await;
+        outcome
+    })
+}
+
+/// Trains the built-in objects and fills the sessions.
+async fn fill(config: &Restart, client: &Client, progress: Progress<'_>) -> anyhow::Result<Filled> {
+    let training = ServerThroughput { seed: config.seed, ..defaults() };
     let readings = prepare(&training, client, progress).await?;
     let begun = Instant::now();
     let mut beliefs = Vec::with_capacity(config.sessions);
@@ -80,17 +94,13 @@ pub async fn fill(
     Ok(Filled { beliefs: Arc::new(beliefs), seconds: begun.elapsed().as_secs_f64() })
 }
 
-/// Asks the server that was started anew for all beliefs. `start_seconds` is how long the
-/// start took until it listened.
-///
-/// # Errors
-/// When the server refuses something.
-pub async fn ask(
+/// Asks the server that was started again for all beliefs. `start_seconds` is the time until it
+/// listened.
+async fn ask(
     config: &Restart,
     filled: Filled,
     start_seconds: f64,
     client: &Client,
-    command: String,
 ) -> anyhow::Result<Outcome> {
     let begun = Instant::now();
     let next = Arc::new(AtomicUsize::new(0));
@@ -117,7 +127,7 @@ pub async fn ask(
         differ += differing;
     }
     let seconds = begun.elapsed().as_secs_f64();
-    let mut report = Report::new("restart", command, config.seed);
+    let mut report = Report::default();
     let quantile = |quantile: f64| latency.value_at_quantile(quantile) as f64 / 1e3;
     let figures = [
         ("sessions", filled.beliefs.len() as f64),
@@ -129,7 +139,7 @@ pub async fn ask(
         ("p99_ms", quantile(0.99)),
         ("beliefs_differ", differ as f64),
     ];
-    report.row(figures.iter().map(|(name, value)| (*name, json!(value))).collect());
+    report.row(BTreeMap::from(figures));
     for (name, value) in figures {
         report.summarise(name, value);
     }

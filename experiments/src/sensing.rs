@@ -21,7 +21,7 @@ pub struct Sensing {
     pub sensor: SensorDescription,
     /// Noise beyond its own, which the controllers feel too.
     pub noise_level: NoiseLevel,
-    /// What happens in its covering.
+    /// Physics of its covering.
     pub physics: Physics,
     /// Standard deviation of the taxels' gains about 1; the controllers do not feel it.
     pub gain_spread: f64,
@@ -102,14 +102,14 @@ impl Sensing {
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::units::MM;
+    use palpate_sim::shapes;
 
     use super::*;
-    use crate::objects::load;
+    use crate::objects::generated;
 
     #[test]
-    fn dead_taxels_read_nothing_missing_ones_their_neighbours_and_gains_what_they_are() {
-        let objects = &load(None, 80.0 * MM).unwrap()[..1];
+    fn dead_missing_and_scaled_taxels_read_as_told() {
+        let objects = &generated(&["hammer"], shapes::LARGEST_DIMENSION).unwrap();
         let plain = Sensing::with(SensorDescription::digitacts_6x6());
         let odd = Sensing { dead: vec![14], missing: vec![21], gain_spread: 0.2, ..plain.clone() };
         let [felt, altered] = [&plain, &odd].map(|s| s.touch_all(objects, 20, 7).unwrap());

@@ -6,50 +6,46 @@
 //! readings. A session ends after ten readings (single) or one batch, and the next begins.
 //! Client and server share the machine, as in the figure of a fleet's smallest deployment.
 
+use clap::Args;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context as _, bail};
 use hdrhistogram::Histogram;
 use palpate_client::Client;
 use palpate_core::pose::Pose;
 use palpate_core::reading as core_reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::MM;
-use palpate_schemas::{
-    AddReadings, BeliefDetail, CreateObject, CreateSensor, CreateSession, JobState, MeshFormat,
-    MeshUnit, Reading, ReadingsQuery, SensorPreset, StartTraining,
-};
-use serde_json::json;
+use palpate_load::SENSOR;
+use palpate_load::wire::on_the_wire;
+use palpate_schemas::{AddReadings, BeliefDetail, CreateSession, Reading, ReadingsQuery};
+use palpate_sim::shapes;
+use serde::Serialize;
 
+use crate::arguments::count;
 use crate::objects;
-use crate::plot::{Line, Panel, svg};
+use crate::own_server::{OwnServer, block_on};
 use crate::report::{Outcome, Progress, Report};
-use crate::wire::on_the_wire;
+use palpate_sim::plot::{Line, Panel, svg};
 
-const SENSOR: &str = "throughput-6x6";
 /// The catalogue that is trained.
 pub(crate) const CATALOGUE: &str = "throughput";
 /// Readings of a session before the robot turns to the next object.
 const READINGS_PER_SESSION: usize = 10;
 const BATCH: usize = 32;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `server-throughput`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct ServerThroughput {
-    /// The seed of everything random.
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000)]
     pub train_readings: u32,
-    /// Readings that are posted in each setting.
+    /// Readings posted in each setting.
+    #[arg(long, default_value_t = 1_280, value_parser = count)]
     pub readings: usize,
-}
-
-impl Default for ServerThroughput {
-    fn default() -> Self {
-        Self { seed: 1, train_readings: 1_000, readings: 1_280 }
-    }
 }
 
 /// One way of posting.
@@ -59,17 +55,35 @@ struct Setting {
     batch: usize,
 }
 
-/// Runs the experiment against a server that nobody else uses meanwhile.
+/// Runs the experiment against a server of its own.
 ///
 /// # Errors
-/// When the server refuses something, or training fails.
-pub async fn run(
+/// When the server cannot be started or refuses something, or training fails.
+pub fn run(config: &ServerThroughput, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    block_on(async {
+        let server = OwnServer::start().await?;
+        let outcome = run_against(config, &server.client, progress).await;
+        server.stop().await;
+        outcome
+    })
+}
+
+#[derive(Serialize)]
+struct Throughput {
+    sessions: usize,
+    batch: usize,
+    readings_per_second: f64,
+    requests: u64,
+    p50_ms: f64,
+    p99_ms: f64,
+}
+
+async fn run_against(
     config: &ServerThroughput,
     client: &Client,
-    command: String,
     progress: Progress<'_>,
 ) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("server-throughput", command, config.seed);
+    let mut report = Report::default();
     let readings = Arc::new(prepare(config, client, progress).await?);
     let mut lines = Vec::new();
     for (name, batch) in [("single readings", 1), ("batches of 32", BATCH)] {
@@ -80,14 +94,14 @@ pub async fn run(
             let n = if robots == 1 { config.readings / 4 } else { config.readings };
             let (rate, latency) = measure(client, &readings, setting, n).await?;
             let ms = |quantile: f64| latency.value_at_quantile(quantile) as f64 / 1e3;
-            report.row(vec![
-                ("sessions", json!(robots)),
-                ("batch", json!(batch)),
-                ("readings_per_second", json!(rate)),
-                ("requests", json!(latency.len())),
-                ("p50_ms", json!(ms(0.5))),
-                ("p99_ms", json!(ms(0.99))),
-            ]);
+            report.row(Throughput {
+                sessions: robots,
+                batch,
+                readings_per_second: rate,
+                requests: latency.len(),
+                p50_ms: ms(0.5),
+                p99_ms: ms(0.99),
+            });
             let suffix = if batch == 1 { String::new() } else { format!("_batch_{batch}") };
             report.summarise(&format!("readings_per_second_{robots}{suffix}"), rate);
             report.summarise(&format!("p50_ms_{robots}{suffix}"), ms(0.5));
@@ -111,40 +125,12 @@ pub(crate) async fn prepare(
     client: &Client,
     progress: Progress<'_>,
 ) -> anyhow::Result<Vec<Vec<core_reading::Reading>>> {
-    let sensor = CreateSensor {
-        name: SENSOR.to_owned(),
-        preset: Some(SensorPreset::Digitacts6x6),
-        description: None,
-        image_order: None,
-    };
-    client.create_sensor(&sensor).await.context("this server has been measured before")?;
-    let mut names = Vec::new();
-    let mut readings = Vec::new();
-    for object in objects::load(None, 80.0 * MM)? {
-        let name = format!("throughput-{}", object.name);
-        let create = CreateObject { name: name.clone(), description: String::new() };
-        client.create_object(&create).await?;
-        let file = object.mesh.to_stl_bytes().into();
-        client.put_mesh(&name, MeshFormat::Stl, MeshUnit::M, file).await?;
-        names.push(name);
-        let description = SensorDescription::digitacts_6x6();
-        readings.push(objects::touch(&object, &description, 100, config.seed + 1_000)?);
-    }
-    let training = StartTraining {
-        objects: Some(names),
-        sensor: Some(SENSOR.to_owned()),
-        readings_per_object: Some(config.train_readings),
-        seed: Some(config.seed),
-        ..StartTraining::default()
-    };
-    let job = client.start_training(CATALOGUE, &training).await?;
-    let job = client
-        .follow_job(job.id, |job| progress("training", job.done as usize, job.total as usize))
-        .await?;
-    if job.state != JobState::Succeeded {
-        bail!("training did not succeed: {}", job.reason.unwrap_or_default());
-    }
-    Ok(readings)
+    palpate_load::prepare(client, CATALOGUE, config.train_readings, config.seed, progress).await?;
+    let description = SensorDescription::digitacts_6x6();
+    let objects = objects::generated(&shapes::NAMES, shapes::LARGEST_DIMENSION)?;
+    let touched =
+        objects.iter().map(|object| objects::touch(object, &description, 100, config.seed + 1_000));
+    touched.collect()
 }
 
 /// Posts about `n` readings; gives readings per second and the latencies in microseconds.
@@ -219,6 +205,6 @@ pub(crate) fn numbered(reading: &core_reading::Reading, robot: usize, seq: usize
     Reading {
         robot: Some(format!("robot-{robot}")),
         seq: Some(seq as u64),
-        ..on_the_wire(reading, SENSOR)
+        ..on_the_wire(reading, SENSOR.name())
     }
 }

@@ -7,6 +7,7 @@
 //! that is the square of the indentation. The remedies of section 4.4.4.3.2 come one by one:
 //! noise in training, the square root of every value in tests, a small blur in tests.
 
+use clap::Args;
 use std::f64::consts::TAU;
 
 use anyhow::Context as _;
@@ -21,13 +22,15 @@ use palpate_sim::letters::Letter;
 use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{INDENTATION, PlanarPose, Rig, RigNoise, rig_sensor};
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
-use crate::appearance_trials::{Evidence, Point, accuracy_at, line, mean_of, train};
+use crate::appearance_trials::{Confused, Evidence, Point, accuracy_at, line, mean_of, train};
+use crate::arguments::count;
 use crate::letter_presses::{CONTACT, RaisedLetters};
+use crate::letters_geometric::letters_named;
 use crate::object_trials::panel;
-use crate::plot::{Line, svg};
 use crate::report::{Outcome, Progress, Report};
+use palpate_sim::plot::{Line, svg};
 
 /// Counts of readings.
 const COUNTS: [usize; 11] = [1, 2, 3, 5, 8, 10, 15, 20, 30, 40, 60];
@@ -48,38 +51,30 @@ const REACH: f64 = 10.2 * MM;
 /// Streams of simulated training, apart from the rig's.
 const STREAM_BASE: u64 = 1 << 61;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `sim-to-real`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct SimToReal {
     /// The letters.
+    #[arg(long, default_value = "AEIOU", value_parser = letters_named)]
     pub letters: String,
-    /// The first seed: a seed is a sensor, its noise and its trials.
+    /// First seed. Each seed is a sensor, its noise and its trials.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// How many seeds from the first on.
+    /// Number of seeds.
+    #[arg(long, default_value_t = 3, value_parser = count)]
     pub seeds: usize,
-    /// Simulated presses a letter.
+    /// Simulated presses per letter.
+    #[arg(long, default_value_t = 600, value_parser = count)]
     pub training_presses: usize,
-    /// Trials a letter and seed.
+    /// Trials per letter and seed.
+    #[arg(long, default_value_t = 50, value_parser = count)]
     pub trials: usize,
     /// Candidates for the number of classes.
+    #[arg(long, default_values_t = [24], value_delimiter = ',', value_parser = count)]
     pub n_classes: Vec<usize>,
 }
 
-impl Default for SimToReal {
-    /// The five vowels on five sensors.
-    fn default() -> Self {
-        Self {
-            letters: "AEIOU".to_owned(),
-            seed: 1,
-            seeds: 3,
-            training_presses: 600,
-            trials: 50,
-            n_classes: vec![24],
-        }
-    }
-}
-
-/// Where tests come from, and what is done about it.
+/// Source of the test readings, and the remedies.
 #[derive(Clone, Copy, Debug)]
 struct Bridge {
     name: &'static str,
@@ -90,7 +85,7 @@ struct Bridge {
     blur: bool,
 }
 
-/// Who takes the test readings.
+/// Sensor of the test readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Tested {
     /// The simulator of training.
@@ -99,7 +94,7 @@ enum Tested {
     IdealRig,
     /// The rig with what a mechanism and a calibrated array add.
     Rig,
-    /// The same with a squared response.
+    /// The noisy rig with a squared response.
     SquaredRig,
 }
 
@@ -138,7 +133,7 @@ fn calibrated() -> RigNoise {
 ///
 /// # Errors
 /// When a letter does not exist or presses cannot be learnt from.
-pub fn run(config: &SimToReal, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+pub fn run(config: &SimToReal, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let letters = RaisedLetters::new(&config.letters)?;
     let simulated = rig_sensor();
     progress("pressing simulated letters", 0, config.seeds + 1);
@@ -172,7 +167,7 @@ pub fn run(config: &SimToReal, command: String, progress: Progress<'_>) -> anyho
             }
         }
     }
-    let mut report = Report::new("sim-to-real", command, config.seed);
+    let mut report = Report::default();
     let mut lines: Vec<Vec<Line>> = kinds.iter().map(|_| Vec::new()).collect();
     for (cell, curves) in curves.iter().enumerate() {
         let (bridge, kind) = (BRIDGES[cell / kinds.len()], kinds[cell % kinds.len()]);
@@ -313,15 +308,9 @@ fn rows(
     symbols: &str,
     curve: &[Point],
 ) {
-    let symbol = |letter: usize| symbols.chars().nth(letter).map(String::from);
+    let symbol = |letter: usize| symbols.chars().nth(letter).map_or(String::new(), String::from);
     for point in curve {
-        report.row(vec![
-            ("bridge", json!(bridge.name)),
-            ("method", json!(kind.name())),
-            ("readings", json!(point.readings)),
-            ("accuracy", json!(point.accuracy)),
-            ("stated_probability_mean", json!(point.stated)),
-        ]);
+        report.labelled(&[("bridge", bridge.name), ("method", kind.name())], point);
     }
     for readings in [10, 40] {
         if let Some(accuracy) = accuracy_at(curve, readings) {
@@ -332,14 +321,15 @@ fn rows(
     for (truth, named, trials) in
         curve.iter().filter(|point| point.readings == 40).flat_map(|point| &point.confusions)
     {
-        report.row(vec![
-            ("bridge", json!(bridge.name)),
-            ("method", json!(kind.name())),
-            ("readings", json!(40)),
-            ("letter", json!(symbol(*truth))),
-            ("confused_with", json!(symbol(*named))),
-            ("trials", json!(trials)),
-        ]);
+        report.labelled(
+            &[
+                ("bridge", bridge.name),
+                ("method", kind.name()),
+                ("letter", &symbol(*truth)),
+                ("confused_with", &symbol(*named)),
+            ],
+            Confused { readings: 40, trials: *trials },
+        );
     }
 }
 
@@ -357,7 +347,7 @@ mod tests {
             trials: 4,
             n_classes: vec![8],
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for key in ["", "ideal_", "rig_", "squared_", "noise_", "root_"] {
             assert!(summary.contains_key(&format!("mnti_{key}accuracy_at_40")), "{summary:?}");

@@ -4,7 +4,7 @@
 //! box has its own trials: the object's pose is drawn uniformly from the box, and touches are
 //! those of the training sampler with a seed that training never saw.
 
-use std::path::PathBuf;
+use clap::Args;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -20,42 +20,40 @@ use palpate_dissertation::geometric::{
     PreparedGeometry,
 };
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::objects;
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
+use palpate_sim::plot::{Line, Panel, svg};
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Half extents in millimetres and half angles in degrees of the boxes.
+const BOXES: [[f64; 2]; 3] = [[5.0, 10.0], [10.0, 17.0], [14.0, 26.0]];
+
+/// Arguments of `solid-geometry`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct SolidGeometry {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Trials an object and box.
+    /// Trials per object and box.
+    #[arg(long, default_value_t = 5, value_parser = count)]
     pub trials: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 400, value_parser = count)]
     pub train_readings: usize,
-    /// Readings a trial.
+    /// Readings per trial.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
     /// Boxes: half extent along each axis, metres, and half angle about each, radians.
+    #[arg(skip = BOXES.map(|[place, turn]| [place * MM, turn * DEG]).to_vec())]
+    #[serde(skip)]
     pub boxes: Vec<[f64; 2]>,
-}
-
-impl Default for SolidGeometry {
-    fn default() -> Self {
-        let boxes = [[5.0, 10.0], [10.0, 17.0], [14.0, 26.0]];
-        Self {
-            meshes: None,
-            seed: 1,
-            trials: 5,
-            train_readings: 400,
-            readings: 10,
-            boxes: boxes.map(|[place, turn]| [place * MM, turn * DEG]).to_vec(),
-        }
-    }
 }
 
 /// One trial at one number of readings.
@@ -63,7 +61,7 @@ struct Step {
     is_right: bool,
     /// Probability of the object that was named.
     stated: f64,
-    /// Of the best pose when the object is right: position (m) and angle (rad).
+    /// Error of the best pose when the object is right: position (m) and angle (rad).
     error: Option<[f64; 2]>,
 }
 
@@ -71,14 +69,10 @@ struct Step {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(
-    config: &SolidGeometry,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("solid-geometry", command, config.seed);
+pub fn run(config: &SolidGeometry, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
     let sensor = SensorDescription::digitacts_6x6();
-    let objects = objects::load(config.meshes.as_deref(), 80.0 * MM)?;
+    let objects = config.objects.load()?;
     let touch_all = |n: usize, seed: u64| -> anyhow::Result<Vec<Vec<Reading>>> {
         let touch = |object| objects::touch(object, &sensor, n, seed);
         objects.iter().map(touch).collect()
@@ -159,6 +153,17 @@ fn play(
 /// A plotted line's name with its points: share right, and error of position.
 type Plotted = (String, [Vec<(f64, f64)>; 2]);
 
+#[derive(Serialize)]
+struct AfterReadings {
+    half_extent_mm: f64,
+    half_angle_deg: f64,
+    readings: usize,
+    accuracy: f64,
+    stated: f64,
+    position_error_mm_median: f64,
+    angle_error_deg_median: f64,
+}
+
 fn summarise(
     report: &mut Report,
     config: &SolidGeometry,
@@ -176,15 +181,15 @@ fn summarise(
             steps().filter_map(|step| step.error.map(|error| error[axis] / unit)).collect()
         };
         let (moved, turned) = (median(&errors(0, MM)), median(&errors(1, DEG)));
-        report.row(vec![
-            ("half_extent_mm", json!(half / MM)),
-            ("half_angle_deg", json!(turn / DEG)),
-            ("readings", json!(n)),
-            ("accuracy", json!(accuracy)),
-            ("stated", json!(stated)),
-            ("position_error_mm_median", json!(moved)),
-            ("angle_error_deg_median", json!(turned)),
-        ]);
+        report.row(AfterReadings {
+            half_extent_mm: half / MM,
+            half_angle_deg: turn / DEG,
+            readings: n,
+            accuracy,
+            stated,
+            position_error_mm_median: moved,
+            angle_error_deg_median: turned,
+        });
         points[0].push((n as f64, accuracy));
         points[1].push((n as f64, moved));
         if n == config.readings {
@@ -202,6 +207,7 @@ fn summarise(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_box_is_resolved() {
@@ -211,9 +217,9 @@ mod tests {
             train_readings: 200,
             readings: 6,
             boxes: vec![[5.0 * MM, 10.0 * DEG]],
-            ..SolidGeometry::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["5_mm_10_deg_accuracy_at_6"] >= 0.7, "{summary:?}");
         assert!(summary["5_mm_10_deg_position_error_mm_median_at_6"] < 5.0, "{summary:?}");

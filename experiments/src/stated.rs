@@ -4,14 +4,14 @@
 
 use palpate_core::belief::answer::{assured, stopping_risk};
 
-/// What was stated after one touch of one session.
+/// Statement after one touch of one session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stated {
     /// The probability of the answer, which may be "none of these".
     pub best: f64,
     /// The probability of "none of these".
     pub unknown: f64,
-    /// What the stop rule takes the probability of the answer for.
+    /// Probability of the answer that the stop rule uses.
     pub assured: f64,
     /// Whether the answer is right.
     pub is_right: bool,
@@ -114,7 +114,7 @@ pub fn crossings(sessions: &[Vec<Stated>], doubt: f64) -> (usize, usize) {
 pub struct Stops {
     /// Sessions that stopped.
     pub stopped: usize,
-    /// Of them, how many with a wrong answer.
+    /// Sessions that stopped with a wrong answer.
     pub wrong: usize,
     /// Sessions in all.
     pub sessions: usize,
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stated_is_the_likeliest_answer_and_the_first_of_equals() {
+    fn the_likeliest_answer_is_stated_first_of_equals() {
         let stated = Stated::new(&[0.1, 0.4, 0.5], 2, Some(0.05));
         assert!((stated.unknown - 0.5).abs() < 1e-12 && stated.is_right, "{stated:?}");
         assert!((stated.assured - 0.5).abs() < 1e-12, "{stated:?}");

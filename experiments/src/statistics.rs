@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use palpate_core::rng::{Purpose, Stream};
 
-/// How often a bootstrap draws.
+/// Draws of a bootstrap.
 const DRAWS: u64 = 2_000;
 
 /// The mean; NaN for nothing.
@@ -33,7 +33,7 @@ pub fn median(values: &[f64]) -> f64 {
 }
 
 /// The standard error of the mean over groups: how far it would be off if the groups, such as
-/// objects or simulated sensors, were drawn anew. `values` are of a group each; NaN for fewer
+/// objects or simulated sensors, were drawn again. Each value names its group; NaN for fewer
 /// than two groups.
 ///
 /// Trials of one group share its object, its readings or its sensor, so that their number

@@ -10,68 +10,62 @@
 
 mod conditions;
 
-use std::path::PathBuf;
+use clap::Args;
 use std::sync::Arc;
 
 use palpate_core::reading::Reading;
 use palpate_core::symmetry::Symmetry;
-use palpate_core::units::{DEG, MM};
+use palpate_core::units::MM;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::train::SurfaceConfig;
-use serde_json::json;
+use serde::Serialize;
 
-use crate::object_sessions::{Played, Recogniser, Sessions, train_surface, train_sva};
+use crate::arguments::{ObjectSet, count};
+use crate::object_sessions::{
+    Played, Recogniser, Sessions, report_wrong, train_surface, train_sva,
+};
 use crate::objects::{self, TestObject};
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
-use crate::statistics::{mean, median};
+use crate::statistics::median;
 pub use conditions::{Condition, Trained, conditions};
+use palpate_sim::plot::{Line, Panel, svg};
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `surface-noise`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct SurfaceNoise {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Only conditions whose keys begin so; empty for all.
+    /// Only conditions whose keys begin with this; all when empty.
+    #[arg(long, default_value = "", value_name = "KEY")]
     pub only: String,
-    /// Trials an object and condition.
+    /// Trials per object and condition.
+    #[arg(long, default_value_t = 20, value_parser = count)]
     pub trials: usize,
-    /// Sessions of the printed method in each condition; 0 for none.
+    /// Sessions of the printed method in each condition, which is slow; 0 for none.
+    #[arg(long, default_value_t = 10)]
     pub literal_sessions: usize,
     /// Readings of these sessions.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub literal_readings: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Readings a trial.
+    /// Readings per trial.
+    #[arg(long, default_value_t = 20, value_parser = count)]
     pub readings: usize,
 }
 
-impl Default for SurfaceNoise {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            size: 80.0 * MM,
-            seed: 1,
-            only: String::new(),
-            trials: 20,
-            literal_sessions: 5,
-            literal_readings: 10,
-            train_readings: 1_000,
-            test_readings: 100,
-            readings: 20,
-        }
-    }
-}
-
-/// What was learnt in one way of training.
+/// Models of one way of training.
 struct Learnt {
     model: Arc<SurfaceModel>,
     literal: Option<Recogniser>,
@@ -82,15 +76,13 @@ struct Learnt {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, training fails, or no condition has the key.
-pub fn run(
-    config: &SurfaceNoise,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("surface-noise", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), config.size)?;
-    let chosen: Vec<Condition> =
-        conditions(config.size)?.into_iter().filter(|c| c.key.starts_with(&config.only)).collect();
+pub fn run(config: &SurfaceNoise, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
+    let chosen: Vec<Condition> = conditions(config.objects.size())?
+        .into_iter()
+        .filter(|c| c.key.starts_with(&config.only))
+        .collect();
     anyhow::ensure!(!chosen.is_empty(), "no condition has a key that begins {}", config.only);
     let mut groups: Vec<(Trained, Vec<&Condition>)> = Vec::new();
     for condition in &chosen {
@@ -181,22 +173,10 @@ fn report_condition(
     for (method, played) in methods.into_iter().filter_map(|(name, p)| Some((name, p?))) {
         let last = played.steps.iter().map(|step| step.readings).max().unwrap_or(0);
         for readings in 1..=last {
-            let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
-            let moved = played.errors(readings, |e| e.translation / MM);
-            report.row(vec![
-                ("condition", json!(condition.key)),
-                ("method", json!(method)),
-                ("readings", json!(readings)),
-                ("trials", json!(stated.len())),
-                ("accuracy", json!(played.accuracy(readings))),
-                ("stated_probability_mean", json!(mean(&stated))),
-                ("unknown_mean", json!(played.unknown(readings))),
-                ("position_error_mm_median", json!(median(&moved))),
-                (
-                    "angle_error_deg_median",
-                    json!(median(&played.errors(readings, |e| e.angle / DEG))),
-                ),
-            ]);
+            report.labelled(
+                &[("condition", condition.key), ("method", method)],
+                played.figures(readings),
+            );
         }
         let prefix = if method == "surface" { "" } else { "literal_" };
         let key = format!("{prefix}accuracy_at_{last}_{}", condition.key);
@@ -209,16 +189,8 @@ fn report_condition(
     report.summarise(&key, moved);
     let key = format!("unknown_at_{}_{}", config.readings, condition.key);
     report.summarise(&key, surface.unknown(config.readings));
-    for step in surface.after(config.readings).filter(|step| !step.is_right()) {
-        report.row(vec![
-            ("condition", json!(condition.key)),
-            ("readings", json!(step.readings)),
-            ("object", json!(objects[step.object].name)),
-            ("trial", json!(step.trial)),
-            ("confused_with", json!(objects[step.named].name)),
-            ("stated_probability", json!(step.probability)),
-        ]);
-    }
+    let wrong = surface.after(config.readings);
+    report_wrong(report, &[("condition", condition.key)], objects, wrong);
 }
 
 /// Conditions are many: six lines a panel.
@@ -238,6 +210,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_run_bears_dead_taxels_and_a_finer_sensor() {
@@ -251,9 +224,9 @@ mod tests {
                 train_readings: 200,
                 test_readings: 20,
                 readings: 8,
-                ..SurfaceNoise::default()
+                ..defaults()
             };
-            let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+            let outcome = run(&config, &|_, _, _| ()).unwrap();
             let summary = &outcome.report.summary;
             assert!(summary["accuracy_at_8_min"] >= 0.8, "{summary:?}");
             let has_literal = summary.keys().any(|key| key.starts_with("literal_accuracy_at_3"));
@@ -262,7 +235,7 @@ mod tests {
         }
     }
 
-    /// What fifteen touches of each object give under conditions whose keys begin so.
+    /// Figures of fifteen touches per object under conditions whose keys begin with `only`.
     fn figures(only: &str) -> BTreeMap<String, f64> {
         let config = SurfaceNoise {
             seed: 101,
@@ -272,13 +245,13 @@ mod tests {
             train_readings: 200,
             test_readings: 20,
             readings: 15,
-            ..SurfaceNoise::default()
+            ..defaults()
         };
-        run(&config, "test".to_owned(), &|_, _, _| ()).unwrap().report.summary
+        run(&config, &|_, _, _| ()).unwrap().report.summary
     }
 
     #[test]
-    fn who_is_told_of_a_motion_finds_the_object_again() {
+    fn an_announced_jolt_is_recovered_from() {
         let summary = figures("jolt");
         let off = |key: &str| summary[&format!("position_error_mm_median_at_15_{key}")];
         let (told, untold) = (off("jolt_told"), off("jolt"));
@@ -286,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_told_that_the_object_moves_does_not_take_it_for_an_unknown_one() {
+    fn an_announced_motion_is_not_an_unknown_object() {
         let summary = figures("moving");
         assert!(summary["accuracy_at_15_moving"] >= 0.8, "{summary:?}");
         let (told, untold) =
@@ -296,8 +269,8 @@ mod tests {
 
     #[test]
     fn a_condition_that_does_not_exist_is_an_error() {
-        let config = SurfaceNoise { only: "none".to_owned(), ..SurfaceNoise::default() };
-        let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();
+        let config = SurfaceNoise { only: "none".to_owned(), ..defaults() };
+        let error = run(&config, &|_, _, _| ()).err().unwrap();
         assert_eq!(error.to_string(), "no condition has a key that begins none");
     }
 }

@@ -5,7 +5,7 @@
 //! time of one thread a reading, answer included, mean over all readings of the trials: what
 //! else the machine does hardly counts. Angles are taken modulo the symmetry of the mesh.
 
-use std::path::PathBuf;
+use clap::Args;
 use std::time::Instant;
 
 use palpate_core::reading::Reading;
@@ -16,55 +16,50 @@ use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{
+    Played, PoseError, Recogniser, Sessions, report_wrong, train_surface, train_sva,
+};
 use crate::objects::{self, TestObject};
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
-use crate::statistics::{mean, median, quantile};
+use crate::statistics::{mean, median};
+use palpate_sim::plot::{Line, Panel, svg};
 
-/// The summary states the accuracy after so many readings.
+/// Numbers of readings whose accuracy the summary states.
 const STATED_AT: [usize; 6] = [1, 2, 3, 4, 6, 10];
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `surface-objects`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct SurfaceObjects {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Trials an object.
+    /// Trials per object.
+    #[arg(long, default_value_t = 50, value_parser = count)]
     pub trials: usize,
-    /// Trials an object of the literal method.
+    /// Trials per object of the printed method, which is slow.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub literal_trials: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Readings a trial.
+    /// Readings per trial.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor's preset.
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
     pub sensor: SensorDescription,
-}
-
-impl Default for SurfaceObjects {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            size: 80.0 * MM,
-            seed: 1,
-            trials: 50,
-            literal_trials: 10,
-            train_readings: 1_000,
-            test_readings: 100,
-            readings: 10,
-            sensor: SensorDescription::digitacts_6x6(),
-        }
-    }
 }
 
 /// A trained method and how its trials went.
@@ -82,13 +77,9 @@ struct Tested {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(
-    config: &SurfaceObjects,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("surface-objects", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
     let train = touch_all(&objects, config, config.train_readings, 2 * config.seed, progress)?;
     let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
     progress("training", 0, 1);
@@ -123,7 +114,9 @@ pub fn run(
     }
     for method in &tested {
         report_method(&mut report, config, method);
-        report_wrong(&mut report, config, &objects, method);
+        let late = STATED_AT.into_iter().filter(|n| (2..=config.readings).contains(n));
+        let steps = late.flat_map(|readings| method.played.after(readings));
+        report_wrong(&mut report, &[("method", method.name)], &objects, steps);
     }
     report_objects(&mut report, config, &objects, &symmetries, &tested[0]);
     Ok(Outcome { report, plot: plot(config, &tested), pictures: Vec::new() })
@@ -146,25 +139,7 @@ fn touch_all(
 fn report_method(report: &mut Report, config: &SurfaceObjects, method: &Tested) {
     let Tested { name, prefix, played, .. } = method;
     for readings in 1..=config.readings {
-        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
-        let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
-        let of = |value: fn(&PoseError) -> f64| played.errors(readings, value);
-        let (moved, angle) = (of(|e| e.translation / MM), of(|e| e.angle / DEG));
-        report.row(vec![
-            ("method", json!(name)),
-            ("readings", json!(readings)),
-            ("trials", json!(stated.len())),
-            ("accuracy", json!(played.accuracy(readings))),
-            ("stated_probability_mean", json!(mean(&stated))),
-            ("position_error_mm_mean", json!(mean(&moved))),
-            ("position_error_mm_median", json!(median(&moved))),
-            ("position_error_mm_p90", json!(quantile(&moved, 0.9))),
-            ("angle_error_deg_mean", json!(mean(&angle))),
-            ("angle_error_deg_median", json!(median(&angle))),
-            ("plain_angle_error_deg_median", json!(median(&of(|e| e.plain_angle / DEG)))),
-            ("wall_ms_median", json!(median(&times))),
-            ("wall_ms_p90", json!(quantile(&times, 0.9))),
-        ]);
+        report.labelled(&[("method", name)], played.figures(readings));
     }
     let mut state = |key: &str, value: f64| report.summarise(&format!("{prefix}{key}"), value);
     for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
@@ -183,25 +158,12 @@ fn report_method(report: &mut Report, config: &SurfaceObjects, method: &Tested) 
     state("train_seconds", method.train_seconds);
 }
 
-/// A row for each trial that names the wrong object after at least two readings.
-fn report_wrong(
-    report: &mut Report,
-    config: &SurfaceObjects,
-    objects: &[TestObject],
-    method: &Tested,
-) {
-    for readings in STATED_AT.into_iter().filter(|n| (2..=config.readings).contains(n)) {
-        for step in method.played.after(readings).filter(|step| !step.is_right()) {
-            report.row(vec![
-                ("method", json!(method.name)),
-                ("readings", json!(readings)),
-                ("object", json!(objects[step.object].name)),
-                ("trial", json!(step.trial)),
-                ("confused_with", json!(objects[step.named].name)),
-                ("stated_probability", json!(step.probability)),
-            ]);
-        }
-    }
+#[derive(Serialize)]
+struct OfObject {
+    readings: usize,
+    position_error_mm_median: f64,
+    angle_error_deg_median: f64,
+    plain_angle_error_deg_median: f64,
 }
 
 /// A row an object: its symmetry and how well it is placed at the end.
@@ -222,15 +184,15 @@ fn report_objects(
             AxisOrder::Continuous => "continuous".to_owned(),
         };
         let axes: Vec<String> = symmetries[index].axes.iter().map(order).collect();
-        report.row(vec![
-            ("method", json!(method.name)),
-            ("readings", json!(config.readings)),
-            ("object", json!(object.name)),
-            ("symmetry", json!(axes.join(" "))),
-            ("position_error_mm_median", json!(of(|e| e.translation / MM))),
-            ("angle_error_deg_median", json!(of(|e| e.angle / DEG))),
-            ("plain_angle_error_deg_median", json!(of(|e| e.plain_angle / DEG))),
-        ]);
+        report.labelled(
+            &[("method", method.name), ("object", &object.name), ("symmetry", &axes.join(" "))],
+            OfObject {
+                readings: config.readings,
+                position_error_mm_median: of(|e| e.translation / MM),
+                angle_error_deg_median: of(|e| e.angle / DEG),
+                plain_angle_error_deg_median: of(|e| e.plain_angle / DEG),
+            },
+        );
     }
 }
 
@@ -268,6 +230,7 @@ mod tests {
     use palpate_sim::shapes;
 
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
@@ -278,15 +241,15 @@ mod tests {
             std::fs::write(folder.join(format!("{name}.stl")), mesh.to_stl_bytes()).unwrap();
         }
         let config = SurfaceObjects {
-            meshes: Some(folder.clone()),
+            objects: ObjectSet { meshes: Some(folder.clone()), ..defaults() },
             seed: 101,
             trials: 4,
             literal_trials: 2,
             train_readings: 300,
             test_readings: 30,
-            ..SurfaceObjects::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["accuracy_at_4"] > 0.9, "{summary:?}");

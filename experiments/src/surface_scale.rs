@@ -1,100 +1,101 @@
 //! Fifty and a hundred objects, and on demand a thousand, by the surface recogniser.
 //!
-//! Objects are the given meshes, then those of the pool, the built-in objects and capital
-//! letters as solids, the latter three in an order drawn once for all seeds; all are scaled to
-//! one size. Objects that the sampler cannot touch often enough are left out and named in a row.
-//! Of the letters only [`LETTERS`] are taken: solids can be turned over, so that lower-case
+//! Without given meshes the objects are ours (`own`): the public benchmark, then capital letters
+//! as solids and procedural objects. Otherwise they are the given meshes, then those of the
+//! pool, the built-in objects and the given letters. All but the first come in an order drawn
+//! once for all seeds, and all are scaled to one size. Objects that the sampler cannot touch
+//! often enough are left out and named in a row.
+//! Only the letters [`LETTERS`] are taken: solids can be turned over, so that lower-case
 //! b, d, p and q, n and u are (nearly) one, as are M and W, N and Z, and in round fonts C and U,
 //! A and V. In the same run the printed method (`literal`) plays a few sessions.
 //! In a few more sessions of the largest the planner chooses the touches (`chosen`).
 //! Time is processor time of one thread a reading, answer included.
 
 mod chosen;
+mod own;
 mod thousand;
 
-use std::path::{Path, PathBuf};
+use clap::Args;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::MM;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
-use serde_json::json;
+use palpate_sim::shapes;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, Recogniser, Sessions, Step, train_surface, train_sva};
+use crate::object_sessions::{
+    Played, Recogniser, Sessions, Step, report_wrong, train_surface, train_sva,
+};
 use crate::objects::{self, TestObject};
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
-use crate::statistics::{mean, quantile};
+use crate::statistics::mean;
+use palpate_sim::plot::{Line, Panel, svg};
 use thousand::Growth;
 
 /// The letters that differ as solids: capitals without U, V, W and Z.
 pub const LETTERS: &str = "ABCDEFGHIJKLMNOPQRSTXY";
 
-/// What the names of letters begin with.
+/// Prefix of the names of letters.
 const LETTER: &str = "upper_";
 
 /// The seed of the order of objects: which ones a catalogue of fifty has is no matter of trials.
 const ORDER_SEED: u64 = 0;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `surface-scale`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct SurfaceScale {
-    /// A folder of meshes that every catalogue begins with.
-    pub meshes: Option<PathBuf>,
+    /// The objects that every catalogue begins with.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub first: ObjectSet,
     /// A folder of further meshes.
+    #[arg(long, value_name = "DIR")]
     pub pool: Option<PathBuf>,
-    /// A folder of letters as solids, `upper_A` to `upper_Z`.
+    /// A folder of letters as solids, upper_A to upper_Z.
+    #[arg(long, value_name = "DIR")]
     pub letters: Option<PathBuf>,
     /// Sizes of catalogues.
+    #[arg(default_values_t = [50, 100], value_delimiter = ',', value_parser = count, long = "objects")]
+    #[serde(rename = "objects")]
     pub counts: Vec<usize>,
     /// Also a thousand: these objects but the letters, procedural ones, and families of both.
+    /// Takes long.
+    #[arg(long)]
     pub thousand: bool,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of touches, poses and trials.
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Trials an object.
+    /// Trials per object.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub trials: usize,
-    /// Sessions of the literal method, each with another object; 0 for none.
+    /// Sessions of the printed method with each catalogue, which is slow; 0 for none.
+    #[arg(long, default_value_t = 20)]
     pub literal_sessions: usize,
-    /// Trials an object of the largest of `counts` whose touches are chosen from the third on;
-    /// 0 for none.
+    /// Trials per object of the largest catalogue whose touches the recogniser chooses from
+    /// the third on; 0 for none.
+    #[arg(long, default_value_t = 2)]
     pub chosen_trials: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Readings a trial.
+    /// Readings per trial.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor's preset.
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
     pub sensor: SensorDescription,
-}
-
-impl Default for SurfaceScale {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            pool: None,
-            letters: None,
-            counts: vec![50, 100],
-            thousand: false,
-            size: 80.0 * MM,
-            seed: 1,
-            trials: 10,
-            literal_sessions: 20,
-            chosen_trials: 2,
-            train_readings: 1_000,
-            test_readings: 100,
-            readings: 10,
-            sensor: SensorDescription::digitacts_6x6(),
-        }
-    }
 }
 
 /// Objects with the readings that were taken of them.
@@ -108,14 +109,10 @@ struct Touched {
 ///
 /// # Errors
 /// When there are too few objects, they cannot be loaded, or training fails.
-pub fn run(
-    config: &SurfaceScale,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("surface-scale", command, config.seed);
+pub fn run(config: &SurfaceScale, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
     let wanted = config.counts.iter().copied().max().unwrap_or(0);
-    let touched = touch(config, candidates(config)?, wanted, &mut report, progress)?;
+    let touched = touch(config, candidates(config, wanted)?, wanted, &mut report, progress)?;
     let mut panels = Vec::new();
     for count in &config.counts {
         panels.push(one_catalogue(config, *count, &touched, &mut report, progress)?);
@@ -131,16 +128,22 @@ pub fn run(
 }
 
 /// All objects there are, in the order in which catalogues take them.
-fn candidates(config: &SurfaceScale) -> anyhow::Result<Vec<TestObject>> {
-    let load = |folder: &Option<PathBuf>| -> anyhow::Result<Vec<TestObject>> {
-        folder
-            .as_deref()
-            .map_or(Ok(Vec::new()), |folder: &Path| objects::load(Some(folder), config.size))
+fn candidates(config: &SurfaceScale, wanted: usize) -> anyhow::Result<Vec<TestObject>> {
+    let size = config.first.size();
+    let is_given =
+        config.first.meshes.is_some() || config.pool.is_some() || config.letters.is_some();
+    if !is_given {
+        let first = objects::generated(&shapes::PUBLIC_NAMES, size)?;
+        let n_procedural = wanted.saturating_sub(first.len());
+        return Ok(in_order(first, own::letters(size)?, own::procedural(n_procedural, size)?));
+    }
+    let load = |folder: &Option<PathBuf>| {
+        folder.as_ref().map_or(Ok(Vec::new()), |folder| config.first.load_folder(folder))
     };
-    let mut first = load(&config.meshes)?;
-    let mut rest = load(&config.pool)?;
-    rest.extend(
-        objects::load(None, config.size)?.into_iter().map(|object| TestObject {
+    let first = if config.first.is_named() { config.first.load()? } else { Vec::new() };
+    let mut pool = load(&config.pool)?;
+    pool.extend(
+        objects::generated(&shapes::NAMES, size)?.into_iter().map(|object| TestObject {
             name: format!("built-in {}", object.name),
             mesh: object.mesh,
         }),
@@ -149,12 +152,22 @@ fn candidates(config: &SurfaceScale) -> anyhow::Result<Vec<TestObject>> {
         let symbol = object.name.strip_prefix(LETTER);
         symbol.is_some_and(|symbol| symbol.len() == 1 && LETTERS.contains(symbol))
     };
-    rest.extend(load(&config.letters)?.into_iter().filter(is_taken));
+    let letters = load(&config.letters)?.into_iter().filter(is_taken).collect();
+    Ok(in_order(first, pool, letters))
+}
+
+/// The first objects, then the others in an order drawn once for all seeds.
+fn in_order(
+    mut first: Vec<TestObject>,
+    mut rest: Vec<TestObject>,
+    more: Vec<TestObject>,
+) -> Vec<TestObject> {
+    rest.extend(more);
     let mut stream = Stream::new(ORDER_SEED, Purpose::Shape, 0);
     while !rest.is_empty() {
         first.push(rest.swap_remove(stream.index(rest.len())));
     }
-    Ok(first)
+    first
 }
 
 /// Touches candidates until `wanted` are touched often enough.
@@ -192,8 +205,7 @@ fn touch(
 
 /// A row for an object that cannot be touched often enough.
 fn report_left_out(report: &mut Report, object: &TestObject, error: &anyhow::Error) {
-    let because = json!(format!("{error:#}"));
-    report.row(vec![("left_out", json!(object.name)), ("because", because)]);
+    report.labelled(&[("left_out", &object.name), ("because", &format!("{error:#}"))], ());
 }
 
 /// Trains and tests with the first `count` objects; gives a panel of accuracy.
@@ -229,7 +241,7 @@ fn one_catalogue(
     let played = sessions.play(&surface, count, config.trials * count, progress)?;
     report_catalogue(report, "", count, &surface, &played);
     report_letters(report, count, &touched.objects, &played);
-    report_wrong(report, "surface", count, &touched.objects, &played);
+    report_late_wrong(report, "surface", count, &touched.objects, &played);
     let mut lines = vec![line("surface", config.readings, &played)];
     if config.literal_sessions > 0 {
         progress("training the printed method", 0, 1);
@@ -237,7 +249,7 @@ fn one_catalogue(
         let literal = train_sva(train, &config.sensor, &training, options, config.seed)?;
         let played = sessions.play(&literal, count, config.literal_sessions, progress)?;
         report_catalogue(report, "literal_", count, &literal, &played);
-        report_wrong(report, "literal", count, &touched.objects, &played);
+        report_late_wrong(report, "literal", count, &touched.objects, &played);
         lines.push(line("literal", config.readings, &played));
     }
     let (x, y) = ("readings".to_owned(), "share right".to_owned());
@@ -249,6 +261,14 @@ fn line(name: &str, readings: usize, played: &Played) -> Line {
     Line { name: name.to_owned(), points }
 }
 
+/// Figures of a catalogue.
+#[derive(Serialize)]
+struct InCatalogue<T> {
+    objects: usize,
+    #[serde(flatten)]
+    figures: T,
+}
+
 fn report_catalogue(
     report: &mut Report,
     prefix: &str,
@@ -258,18 +278,10 @@ fn report_catalogue(
 ) {
     let readings = played.steps.iter().map(|step| step.readings).max().unwrap_or(0);
     for readings in 1..=readings {
-        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
-        let stated: Vec<f64> = played.after(readings).map(|step| step.probability).collect();
-        report.row(vec![
-            ("method", json!(if prefix.is_empty() { "surface" } else { "literal" })),
-            ("objects", json!(count)),
-            ("readings", json!(readings)),
-            ("trials", json!(stated.len())),
-            ("accuracy", json!(played.accuracy(readings))),
-            ("stated_probability_mean", json!(mean(&stated))),
-            ("wall_ms_mean", json!(mean(&times))),
-            ("wall_ms_p99", json!(quantile(&times, 0.99))),
-        ]);
+        report.labelled(
+            &[("method", if prefix.is_empty() { "surface" } else { "literal" })],
+            InCatalogue { objects: count, figures: played.figures(readings) },
+        );
     }
     let mut state = |key: &str, value: f64| report.summarise(&format!("{prefix}{key}"), value);
     for readings in [1, 2, 3, 4, 6, 10].into_iter().filter(|n| *n <= readings) {
@@ -299,29 +311,21 @@ fn report_letters(report: &mut Report, count: usize, objects: &[TestObject], pla
 }
 
 /// A row for each trial that names the wrong object after four or more readings.
-fn report_wrong(
+fn report_late_wrong(
     report: &mut Report,
     method: &str,
     count: usize,
     objects: &[TestObject],
     played: &Played,
 ) {
-    for step in played.steps.iter().filter(|step| !step.is_right() && step.readings >= 4) {
-        report.row(vec![
-            ("method", json!(method)),
-            ("objects", json!(count)),
-            ("readings", json!(step.readings)),
-            ("object", json!(objects[step.object].name)),
-            ("trial", json!(step.trial)),
-            ("confused_with", json!(objects[step.named].name)),
-            ("stated_probability", json!(step.probability)),
-        ]);
-    }
+    let late = played.steps.iter().filter(|step| step.readings >= 4);
+    report_wrong(report, &[("method", method), ("objects", &count.to_string())], objects, late);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     /// The built-in objects alone, touched rarely.
     fn small() -> SurfaceScale {
@@ -334,13 +338,13 @@ mod tests {
             train_readings: 250,
             test_readings: 20,
             readings: 6,
-            ..SurfaceScale::default()
+            ..defaults()
         }
     }
 
     #[test]
     fn a_small_run_reports_every_key_of_both_catalogues() {
-        let outcome = run(&small(), "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&small(), &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         for count in [4, 6] {
             assert!(summary[&format!("accuracy_{count}_at_6")] > 0.8, "{summary:?}");
@@ -365,7 +369,7 @@ mod tests {
     #[test]
     fn more_objects_than_there_are_is_an_error() {
         let config = SurfaceScale { counts: vec![11], ..small() };
-        let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();
+        let error = run(&config, &|_, _, _| ()).err().unwrap();
         assert_eq!(error.to_string(), "10 objects, expected at least 11");
     }
 

@@ -14,7 +14,7 @@
 mod figures;
 mod printed;
 
-use std::path::PathBuf;
+use clap::Args;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -31,53 +31,47 @@ use palpate_dissertation::sva::model::SvaModel;
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::coverage;
 use crate::objects::{self, TestObject};
-use crate::plot::svg;
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median, quantile, standard_error_over_groups};
 use figures::{panel, report_confusions};
+use palpate_sim::plot::svg;
 use printed::Printed;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `sva-objects`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct SvaObjects {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Trials an object.
+    /// Trials per object.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub trials: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Readings a trial.
+    /// Readings per trial.
+    #[arg(long, default_value_t = 20, value_parser = count)]
     pub readings: usize,
-    /// Add the printed filter on features and patches as printed.
+    /// Add the printed filter on features and patches as printed: plain inner products,
+    /// the mask before the turn, all classes, patches at the sensor's centroid.
+    #[arg(long)]
     pub as_printed: bool,
-    /// The sensor's preset.
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
     pub sensor: SensorDescription,
-}
-
-impl Default for SvaObjects {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            size: 80.0 * MM,
-            seed: 1,
-            trials: 10,
-            train_readings: 1_000,
-            test_readings: 100,
-            readings: 20,
-            as_printed: false,
-            sensor: SensorDescription::digitacts_6x6(),
-        }
-    }
 }
 
 /// A trained method.
@@ -90,7 +84,7 @@ struct Method {
     printed: Option<Printed>,
 }
 
-/// What one method answered after one reading of one trial.
+/// A method's answer after one reading of one trial.
 struct Step {
     method: usize,
     object: usize,
@@ -113,13 +107,9 @@ struct PoseError {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(
-    config: &SvaObjects,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("sva-objects", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+pub fn run(config: &SvaObjects, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
     let started = Instant::now();
     let train = touch_all(&objects, config, config.train_readings, 2 * config.seed, progress)?;
     let touch_seconds = started.elapsed().as_secs_f64();
@@ -298,6 +288,20 @@ fn at(steps: &[Step], method: usize, readings: usize) -> (Vec<f64>, Vec<PoseErro
     (right, chosen().filter_map(|s| s.error).collect())
 }
 
+#[derive(Serialize)]
+struct AfterReadings {
+    readings: usize,
+    accuracy: f64,
+    stated_probability_mean: f64,
+    position_error_mm_mean: f64,
+    position_error_mm_median: f64,
+    angle_error_deg_mean: f64,
+    angle_error_deg_median: f64,
+    inertial_error_mm_mean: f64,
+    ms_median: f64,
+    ms_p90: f64,
+}
+
 fn report_method(
     report: &mut Report,
     config: &SvaObjects,
@@ -320,19 +324,21 @@ fn report_method(
             .filter(|s| s.method == index && s.readings == readings)
             .map(|s| s.probability)
             .collect();
-        report.row(vec![
-            ("method", json!(method.name)),
-            ("readings", json!(readings)),
-            ("accuracy", json!(mean(&right))),
-            ("stated_probability_mean", json!(mean(&stated))),
-            ("position_error_mm_mean", json!(mean(&moved))),
-            ("position_error_mm_median", json!(median(&moved))),
-            ("angle_error_deg_mean", json!(mean(&turned))),
-            ("angle_error_deg_median", json!(median(&turned))),
-            ("inertial_error_mm_mean", json!(mean(&inertial))),
-            ("ms_median", json!(median(&times))),
-            ("ms_p90", json!(quantile(&times, 0.9))),
-        ]);
+        report.labelled(
+            &[("method", method.name)],
+            AfterReadings {
+                readings,
+                accuracy: mean(&right),
+                stated_probability_mean: mean(&stated),
+                position_error_mm_mean: mean(&moved),
+                position_error_mm_median: median(&moved),
+                angle_error_deg_mean: mean(&turned),
+                angle_error_deg_median: median(&turned),
+                inertial_error_mm_mean: mean(&inertial),
+                ms_median: median(&times),
+                ms_p90: quantile(&times, 0.9),
+            },
+        );
     }
     let prefix = if method.name == "default" { String::new() } else { format!("{}_", method.name) };
     for readings in [2, 3, 4, 6, 8, 10, 12, 20] {

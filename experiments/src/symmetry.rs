@@ -8,7 +8,7 @@
 
 mod bodies;
 
-use std::path::PathBuf;
+use clap::Args;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -16,16 +16,17 @@ use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::{AxisOrder, Finding, Symmetry, SymmetryAxis};
 use palpate_core::training::TrainingSet;
-use palpate_core::units::{DEG, MM};
+use palpate_core::units::DEG;
 use palpate_recogniser::train::find_symmetry;
 use palpate_sim::symmetry::of_mesh;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::objects::{self, TestObject};
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
 use bodies::{Body, bodies};
+use palpate_sim::plot::{Line, Panel, svg};
 
 /// Axes are the same within this angle, rad: touches fix them to about a degree.
 const SAME_AXIS: f64 = 5.0 * DEG;
@@ -33,29 +34,25 @@ const SAME_AXIS: f64 = 5.0 * DEG;
 /// From this many touches on, true symmetries are expected to be found.
 const EXPECTED_FROM: usize = 300;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `symmetry`. Without a set of objects it takes twenty solids of known symmetry.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct SymmetryTrials {
-    /// A folder of meshes, whose truth is then what the mesh says; `None` for the twenty solids.
-    pub meshes: Option<PathBuf>,
-    /// Largest dimension of meshes of a folder, metres.
-    pub size: f64,
-    /// The seed of the solids and of the first touches; the others follow.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of the solids and of the first touches; the others follow.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// How many seeds of touches.
-    pub n_seeds: u64,
+    /// Number of seeds of touches.
+    #[arg(long, default_value_t = 6)]
+    pub seeds: u64,
     /// Touches of each map, ascending.
+    #[arg(long, default_values_t = [100, 150, 300, 1_000], value_delimiter = ',', value_parser = count)]
     pub touches: Vec<usize>,
 }
 
-impl Default for SymmetryTrials {
-    fn default() -> Self {
-        let touches = vec![100, 150, 300, 1_000];
-        Self { meshes: None, size: 80.0 * MM, seed: 1, n_seeds: 6, touches }
-    }
-}
-
-/// What was found on one map.
+/// Finding on one map.
 struct Trial {
     object: usize,
     touches: usize,
@@ -70,15 +67,11 @@ struct Trial {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched.
-pub fn run(
-    config: &SymmetryTrials,
-    command: String,
-    progress: Progress<'_>,
-) -> anyhow::Result<Outcome> {
+pub fn run(config: &SymmetryTrials, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let one_core = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let sensor = SensorDescription::digitacts_6x6();
     let bodies = load(config)?;
-    let mut report = Report::new("symmetry", command, config.seed);
+    let mut report = Report::default();
     let (mut trials, mut n_exact) = (Vec::new(), 0);
     let most = config.touches.iter().copied().max().unwrap_or(0);
     for (object, body) in bodies.iter().enumerate() {
@@ -86,16 +79,16 @@ pub fn run(
         let truth = of_mesh(&body.object.mesh);
         let by_mesh = Trial::new(object, 0, &Finding::Settled(truth.clone()), &truth, begun);
         n_exact += usize::from(by_mesh.orders.as_ref() == Some(&body.orders));
-        report.row(row(&body.object, "mesh", None, &by_mesh));
-        for index in 0..config.n_seeds {
-            progress("objects", trials.len(), bodies.len() * config.n_seeds as usize * 4);
+        report_trial(&mut report, &body.object, "mesh", None, &by_mesh);
+        for index in 0..config.seeds {
+            progress("objects", trials.len(), bodies.len() * config.seeds as usize * 4);
             let seed = config.seed.wrapping_mul(1_000).wrapping_add(index);
             let readings = objects::touch(&body.object, &sensor, most, seed)?;
             for n in &config.touches {
                 let begun = Instant::now();
                 let found = one_core.install(|| find(&readings[..*n], &sensor));
                 let trial = Trial::new(object, *n, &found, &truth, begun);
-                report.row(row(&body.object, "touches", Some(seed), &trial));
+                report_trial(&mut report, &body.object, "touches", Some(seed), &trial);
                 trials.push(trial);
             }
         }
@@ -107,8 +100,10 @@ pub fn run(
 }
 
 fn load(config: &SymmetryTrials) -> anyhow::Result<Vec<Body>> {
-    let Some(folder) = &config.meshes else { return bodies(config.seed) };
-    let objects = objects::load(Some(folder), config.size)?;
+    if !config.objects.is_named() {
+        return bodies(config.seed);
+    }
+    let objects = config.objects.load()?;
     let known = |object: TestObject| {
         let orders = of_mesh(&object.mesh).axes.iter().map(|axis| axis.order).collect();
         Body { object, orders }
@@ -162,26 +157,32 @@ fn is_true(found: &SymmetryAxis, truth: &Symmetry) -> bool {
     }
 }
 
-fn row<'a>(
+#[derive(Serialize)]
+struct Found {
+    seed: Option<u64>,
+    touches: usize,
+    false_axes: usize,
+    whole: bool,
+    ms: f64,
+}
+
+fn report_trial(
+    report: &mut Report,
     object: &TestObject,
     seen: &str,
     seed: Option<u64>,
     trial: &Trial,
-) -> Vec<(&'a str, serde_json::Value)> {
+) {
     let orders = trial.orders.as_ref().map(|orders| {
         let names: Vec<String> = orders.iter().map(|order| order_name(*order)).collect();
         names.join(" ")
     });
-    vec![
-        ("object", json!(object.name)),
-        ("seen", json!(seen)),
-        ("seed", json!(seed)),
-        ("touches", json!(trial.touches)),
-        ("orders", json!(orders.unwrap_or_else(|| "undetermined".to_owned()))),
-        ("false_axes", json!(trial.n_false)),
-        ("whole", json!(trial.is_whole)),
-        ("ms", json!(trial.ms)),
-    ]
+    let orders = orders.unwrap_or_else(|| "undetermined".to_owned());
+    let Trial { touches, n_false: false_axes, is_whole: whole, ms, .. } = *trial;
+    report.labelled(
+        &[("object", &object.name), ("seen", seen), ("orders", &orders)],
+        Found { seed, touches, false_axes, whole, ms },
+    );
 }
 
 fn order_name(order: AxisOrder) -> String {
@@ -253,6 +254,7 @@ mod tests {
     use palpate_sim::shapes;
 
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_run_is_exact_by_the_mesh_and_claims_nothing_false() {
@@ -263,13 +265,13 @@ mod tests {
             std::fs::write(folder.join(format!("{name}.stl")), mesh.to_stl_bytes()).unwrap();
         }
         let config = SymmetryTrials {
-            meshes: Some(folder.clone()),
+            objects: ObjectSet { meshes: Some(folder.clone()), ..defaults() },
             seed: 101,
-            n_seeds: 1,
+            seeds: 1,
             touches: vec![60, 1_000],
-            ..SymmetryTrials::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         let summary = &outcome.report.summary;
         for (key, expected) in [

@@ -1,81 +1,74 @@
 //! Thinning (section 5.6.3): what is lost when an object keeps fewer of its training touches.
 //!
-//! Every object is trained once; of its map so many touches are kept, farthest first or drawn
+//! Every object is trained once; some touches of its map are kept, farthest first or drawn
 //! at random, the appearance space and what was learnt of each touch stay. The printed method
 //! (`literal`) learns from as many readings, drawn in the order in which they were taken.
 //! Time is processor time of one thread a reading, answer included.
 
-use std::path::PathBuf;
+use clap::Args;
 use std::sync::Arc;
 
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
-use palpate_core::units::{DEG, MM};
+use palpate_core::units::MM;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::model::SurfaceMap;
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
-use serde_json::json;
+use serde::Serialize;
 
+use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{Figures, Played, Recogniser, Sessions, train_surface, train_sva};
 use crate::objects;
-use crate::plot::{Line, Panel, svg};
 use crate::report::{Outcome, Progress, Report};
-use crate::statistics::{mean, median};
+use crate::statistics::median;
+use palpate_sim::plot::{Line, Panel, svg};
 
-/// The summary states the accuracy after so many readings.
+/// Numbers of readings whose accuracy the summary states.
 const STATED_AT: [usize; 4] = [2, 3, 4, 10];
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `thinning`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct Thinning {
-    /// A folder of meshes; `None` for the built-in objects.
-    pub meshes: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// The objects that are touched.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Touches that an object keeps.
+    #[arg(long, default_values_t = [1_000, 700, 500, 250, 100, 50], value_delimiter = ',', value_parser = count)]
     pub kept: Vec<usize>,
-    /// Trials an object.
+    /// Trials per object.
+    #[arg(long, default_value_t = 20, value_parser = count)]
     pub trials: usize,
-    /// Sessions of the printed method at each of [`Thinning::literal_kept`]; 0 for none.
+    /// Sessions of the printed method at each of `--literal-kept`; 0 for none. It is slow.
+    #[arg(long, default_value_t = 10)]
     pub literal_sessions: usize,
-    /// Readings that it learns from.
+    /// Readings that the printed method learns from.
+    #[arg(long, default_values_t = [1_000, 250], value_delimiter = ',', value_parser = count)]
     pub literal_kept: Vec<usize>,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 1_000, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Readings a trial.
+    /// Readings per trial.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor's preset.
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
     pub sensor: SensorDescription,
 }
 
-impl Default for Thinning {
-    fn default() -> Self {
-        Self {
-            meshes: None,
-            size: 80.0 * MM,
-            seed: 1,
-            kept: vec![1_000, 700, 500, 250, 100, 50],
-            trials: 30,
-            literal_sessions: 20,
-            literal_kept: vec![1_000, 250],
-            train_readings: 1_000,
-            test_readings: 100,
-            readings: 10,
-            sensor: SensorDescription::digitacts_6x6(),
-        }
-    }
-}
-
-/// Which touches stay.
+/// Order in which touches are kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Order {
     FarthestFirst,
@@ -94,9 +87,9 @@ struct Tested {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, or training fails.
-pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("thinning", command, config.seed);
-    let objects = objects::load(config.meshes.as_deref(), config.size)?;
+pub fn run(config: &Thinning, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
+    let objects = config.objects.load()?;
     let touch_all = |n: usize, seed: u64| -> anyhow::Result<Vec<Vec<Reading>>> {
         let touch = |(done, object)| {
             progress("touching objects", done, objects.len());
@@ -145,7 +138,7 @@ pub fn run(config: &Thinning, command: String, progress: Progress<'_>) -> anyhow
     Ok(Outcome { report, plot: plot(config, &tested), pictures: Vec::new() })
 }
 
-/// The same catalogue with at most `kept` touches an object.
+/// A copy of the catalogue with at most `kept` touches per object.
 fn thinned(whole: &SurfaceModel, kept: usize, order: Order, seed: u64) -> Arc<SurfaceModel> {
     let thin = |(object, map): (usize, &Arc<SurfaceMap>)| {
         let mut patches = map.patches().to_vec();
@@ -162,23 +155,27 @@ fn thinned(whole: &SurfaceModel, kept: usize, order: Order, seed: u64) -> Arc<Su
     Arc::new(whole.with_maps(maps))
 }
 
+#[derive(Serialize)]
+struct OfKept {
+    touches_per_object: usize,
+    cpu_ms_per_touch: Option<f64>,
+    bytes: usize,
+    #[serde(flatten)]
+    figures: Figures,
+}
+
 fn report_one(report: &mut Report, config: &Thinning, one: &Tested) {
     let Tested { name, kept, bytes, played } = one;
     for readings in 1..=config.readings {
-        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
-        let moved = played.errors(readings, |e| e.translation / MM);
-        report.row(vec![
-            ("kept", json!(name)),
-            ("touches_per_object", json!(kept)),
-            ("readings", json!(readings)),
-            ("trials", json!(times.len())),
-            ("accuracy", json!(played.accuracy(readings))),
-            ("position_error_mm_median", json!(median(&moved))),
-            ("angle_error_deg_median", json!(median(&played.errors(readings, |e| e.angle / DEG)))),
-            ("wall_ms_mean", json!(mean(&times))),
-            ("cpu_ms_per_touch", json!(played.cpu_ms)),
-            ("bytes", json!(bytes)),
-        ]);
+        report.labelled(
+            &[("kept", name)],
+            OfKept {
+                touches_per_object: *kept,
+                cpu_ms_per_touch: played.cpu_ms,
+                bytes: *bytes,
+                figures: played.figures(readings),
+            },
+        );
     }
     let mut state =
         |key: &str, value: f64| report.summarise(&format!("{name}_{kept}_{key}"), value);
@@ -193,19 +190,29 @@ fn report_one(report: &mut Report, config: &Thinning, one: &Tested) {
     }
 }
 
-/// What is lost against the most touches, farthest first.
+#[derive(Serialize)]
+struct Loss {
+    touches_per_object: usize,
+    readings: usize,
+    accuracy_lost: f64,
+    bytes_share: f64,
+}
+
+/// Loss against the most touches, farthest first.
 fn report_loss(report: &mut Report, config: &Thinning, tested: &[Tested]) {
     let Some(whole) = tested.first() else { return };
     for one in tested.iter().filter(|one| one.name != "literal") {
         for readings in STATED_AT.into_iter().filter(|n| *n <= config.readings) {
             let lost = whole.played.accuracy(readings) - one.played.accuracy(readings);
-            report.row(vec![
-                ("kept", json!(one.name)),
-                ("touches_per_object", json!(one.kept)),
-                ("readings", json!(readings)),
-                ("accuracy_lost", json!(lost)),
-                ("bytes_share", json!(one.bytes as f64 / whole.bytes as f64)),
-            ]);
+            report.labelled(
+                &[("kept", one.name)],
+                Loss {
+                    touches_per_object: one.kept,
+                    readings,
+                    accuracy_lost: lost,
+                    bytes_share: one.bytes as f64 / whole.bytes as f64,
+                },
+            );
         }
     }
 }
@@ -235,6 +242,7 @@ fn plot(config: &Thinning, tested: &[Tested]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_run_states_what_thinning_saves() {
@@ -247,9 +255,9 @@ mod tests {
             train_readings: 200,
             test_readings: 20,
             readings: 4,
-            ..Thinning::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["farthest_200_accuracy_at_4"] >= 0.75, "{summary:?}");
         // All touches are the same touches in any order.

@@ -9,11 +9,12 @@
 //! of the sessions that it is true of; the same sessions are played with the service's own, of
 //! which nobody said that it does not fit (`default_prior`).
 //! Objects are procedural ones of the seed, so that of every seed they are new; or given ones.
-//! What the stop rule is fitted to are the rows with a `doubt`, of a seed that is not reported.
+//! The stop rule is fitted to the rows with a `doubt`, on a seed that is not reported.
 //! The printed method (`literal`) knows no such answer: its score is 1 − its best probability.
 
 mod tables;
 
+use clap::Args;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -21,7 +22,6 @@ use anyhow::Context as _;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
-use palpate_core::units::MM;
 use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
@@ -29,65 +29,60 @@ use palpate_recogniser::train::SurfaceConfig;
 use palpate_sim::shapes::assembled;
 use rayon::prelude::*;
 
+use serde::Serialize;
+
+use crate::arguments::{ObjectSet, count, share};
 use crate::disturbance::Disturbance;
 use crate::object_sessions::{Recogniser, Sessions, train_calibrated, train_sva};
 use crate::objects::{self, TestObject};
-use crate::plot::svg;
 use crate::report::{Outcome, Progress, Report};
 use crate::stated::Stated;
+use palpate_sim::plot::svg;
 
-/// What to run.
-#[derive(Clone, Debug)]
+/// Arguments of `unknown`.
+#[derive(Args, Clone, Debug, Serialize)]
 pub struct Unknown {
     /// Procedural objects, new ones for every seed.
+    #[arg(long, default_value_t = 48)]
     pub procedural: usize,
-    /// A folder of meshes; `None` for the built-in objects if there are no procedural ones.
-    pub meshes: Option<PathBuf>,
+    /// Objects beside them. The built-in ones count only if there are no procedural ones.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub objects: ObjectSet,
     /// A folder of further meshes.
+    #[arg(long, value_name = "DIR")]
     pub pool: Option<PathBuf>,
-    /// Largest dimension of every object, metres.
-    pub size: f64,
-    /// The seed of everything random.
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Into so many parts the objects are dealt.
+    /// Number of folds. Each is left out once.
+    #[arg(long, default_value_t = 4, value_parser = count)]
     pub folds: usize,
     /// Sessions of all folds together.
+    #[arg(long, default_value_t = 2_400, value_parser = count)]
     pub sessions: usize,
-    /// The share of sessions with unknown objects.
+    /// Share of sessions with unknown objects.
+    #[arg(long, default_value_t = 0.5, value_parser = share)]
     pub unknown_share: f64,
-    /// The probability of "none of these" before any touch.
+    /// Probability of "none of these" before any touch.
+    #[arg(long, default_value_t = 0.5, value_parser = share)]
     pub prior: f64,
-    /// Sessions of the printed method, all in the first fold; 0 for none.
+    /// Sessions of the printed method, all in the first fold; 0 for none. It is slow.
+    #[arg(long, default_value_t = 4)]
     pub literal_sessions: usize,
-    /// Training readings an object.
+    /// Training readings per object.
+    #[arg(long, default_value_t = 600, value_parser = count)]
     pub train_readings: usize,
-    /// Test readings an object.
+    /// Test readings per object.
+    #[arg(long, default_value_t = 100, value_parser = count)]
     pub test_readings: usize,
-    /// Readings a session.
+    /// Readings per session.
+    #[arg(long, default_value_t = 10, value_parser = count)]
     pub readings: usize,
-    /// The sensor's preset.
+    /// The sensor.
+    #[arg(skip = SensorDescription::digitacts_6x6())]
+    #[serde(skip)]
     pub sensor: SensorDescription,
-}
-
-impl Default for Unknown {
-    fn default() -> Self {
-        Self {
-            procedural: 48,
-            meshes: None,
-            pool: None,
-            size: 80.0 * MM,
-            seed: 1,
-            folds: 4,
-            sessions: 2_400,
-            unknown_share: 0.5,
-            prior: 0.5,
-            literal_sessions: 4,
-            train_readings: 600,
-            test_readings: 100,
-            readings: 10,
-            sensor: SensorDescription::digitacts_6x6(),
-        }
-    }
 }
 
 /// One session's answers, touch by touch.
@@ -96,9 +91,9 @@ struct Verdict {
     is_known: bool,
     /// The catalogue's objects, among all.
     known: Arc<[usize]>,
-    /// Of every touch: the probability of each known object, then of none of them.
+    /// Per touch: the probability of each known object, then of none of them.
     probabilities: Vec<Vec<f64>>,
-    /// Where the truth is among them.
+    /// Index of the truth among them.
     truth: usize,
     /// The prior of "none of these" when it is the service's own and does not fit.
     untold_prior: Option<f64>,
@@ -109,7 +104,7 @@ impl Verdict {
         Stated::new(&self.probabilities[readings - 1], self.truth, self.untold_prior)
     }
 
-    /// The object (among all) that is named after so many touches; `None` is none of these.
+    /// The object (among all) named after this many touches; `None` for none of these.
     fn named(&self, readings: usize) -> Option<usize> {
         let probabilities = &self.probabilities[readings - 1];
         let best = (0..probabilities.len())
@@ -139,8 +134,8 @@ struct Touched {
 ///
 /// # Errors
 /// When objects cannot be loaded or touched, training fails, or there are too few objects.
-pub fn run(config: &Unknown, command: String, progress: Progress<'_>) -> anyhow::Result<Outcome> {
-    let mut report = Report::new("unknown", command, config.seed);
+pub fn run(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Outcome> {
+    let mut report = Report::default();
     let touched = touch(config, progress)?;
     let n = touched.objects.len();
     anyhow::ensure!(
@@ -193,7 +188,7 @@ fn procedural(config: &Unknown) -> anyhow::Result<Vec<TestObject>> {
     let of = |index: usize| {
         let mesh = assembled(config.seed, index as u64)
             .with_context(|| format!("procedural object {index} never hangs together"))?;
-        let mesh = mesh.scaled_to_largest_dimension(config.size);
+        let mesh = mesh.scaled_to_largest_dimension(config.objects.size());
         Ok(TestObject { name: format!("assembled {index}"), mesh })
     };
     (0..config.procedural).map(of).collect()
@@ -201,11 +196,11 @@ fn procedural(config: &Unknown) -> anyhow::Result<Vec<TestObject>> {
 
 fn touch(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Touched> {
     let mut objects = procedural(config)?;
-    if config.meshes.is_some() || objects.is_empty() {
-        objects.extend(objects::load(config.meshes.as_deref(), config.size)?);
+    if config.objects.is_named() || objects.is_empty() {
+        objects.extend(config.objects.load()?);
     }
     if let Some(pool) = &config.pool {
-        objects.extend(objects::load(Some(pool), config.size)?);
+        objects.extend(config.objects.load_folder(pool)?);
     }
     let (mut train, mut test) = (Vec::new(), Vec::new());
     for (done, object) in objects.iter().enumerate() {
@@ -258,6 +253,7 @@ fn play(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn a_small_run_states_every_figure() {
@@ -270,9 +266,9 @@ mod tests {
             train_readings: 200,
             test_readings: 30,
             readings: 6,
-            ..Unknown::default()
+            ..defaults()
         };
-        let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+        let outcome = run(&config, &|_, _, _| ()).unwrap();
         let summary = &outcome.report.summary;
         assert!(summary["auroc_at_6"] > 0.8, "{summary:?}");
         assert!(summary["known_accuracy_at_6"] > 0.8, "{summary:?}");
@@ -294,9 +290,9 @@ mod tests {
 
     #[test]
     fn too_few_objects_for_the_folds_are_an_error() {
-        let small = Unknown { train_readings: 20, test_readings: 5, ..Unknown::default() };
+        let small = Unknown { train_readings: 20, test_readings: 5, ..defaults() };
         let config = Unknown { procedural: 10, folds: 6, ..small };
-        let error = run(&config, "test".to_owned(), &|_, _, _| ()).err().unwrap();
+        let error = run(&config, &|_, _, _| ()).err().unwrap();
         let expected = "10 objects in 6 folds, expected at least 2 folds and 2 objects a fold";
         assert_eq!(error.to_string(), expected);
     }

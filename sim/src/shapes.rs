@@ -1,12 +1,14 @@
-//! Ten closed objects to touch, 80 mm in their largest dimension, made from formulas.
+//! The public benchmark: 25 closed objects to touch, 80 mm in their largest dimension.
 //!
-//! As varied as the dissertation's ten (section 5.4): thin and thick, round and edged, smooth
-//! and rough. Each is a signed distance in millimetres, meshed on a grid, without any
-//! randomness. Not here: files; meshes from users are read by `mesh`.
+//! The first ten are as varied as the dissertation's (section 5.4): thin and thick, round and
+//! edged, smooth and rough. The other fifteen are harder to tell apart (`hard`). Each is a
+//! signed distance in millimetres, meshed on a grid, without any randomness.
+//! Not here: files; meshes from users are read by `mesh`.
 
 mod assembled;
 mod creatures;
 mod field;
+mod hard;
 pub(crate) mod surface_nets;
 mod tools;
 mod vessels;
@@ -43,22 +45,38 @@ const BODIES: [Body; 10] = [
     vessels::WINE_GLASS,
 ];
 
-/// The names that [`example`] accepts.
-pub const NAMES: [&str; 10] = {
-    let mut names = [""; 10];
+/// Names of the ten example objects.
+pub const NAMES: [&str; 10] = names(&BODIES);
+
+/// Names of the fifteen harder objects.
+const HARD_NAMES: [&str; 15] = names(&hard::BODIES);
+
+/// Names of the public benchmark: the ten example objects, then fifteen harder ones.
+pub const PUBLIC_NAMES: [&str; 25] = {
+    let mut all = [""; 25];
     let mut idx = 0;
-    while idx < names.len() {
-        names[idx] = BODIES[idx].name;
+    while idx < all.len() {
+        all[idx] = if idx < NAMES.len() { NAMES[idx] } else { HARD_NAMES[idx - NAMES.len()] };
+        idx += 1;
+    }
+    all
+};
+
+const fn names<const N: usize>(bodies: &[Body; N]) -> [&'static str; N] {
+    let mut names = [""; N];
+    let mut idx = 0;
+    while idx < N {
+        names[idx] = bodies[idx].name;
         idx += 1;
     }
     names
-};
+}
 
-/// The example object of the given name: closed, outward, in metres, its surface's centroid
+/// The object of a name in [`PUBLIC_NAMES`]: closed, outward, in metres, its surface's centroid
 /// at the origin. `None` for an unknown name.
 #[must_use]
 pub fn example(name: &str) -> Option<Mesh> {
-    let body = BODIES.iter().find(|body| body.name == name)?;
+    let body = BODIES.iter().chain(&hard::BODIES).find(|body| body.name == name)?;
     let mesh = meshed(body).scaled_to_largest_dimension(LARGEST_DIMENSION);
     let centroid = mesh.centroid();
     Some(mesh.translated(-centroid))
@@ -76,7 +94,7 @@ mod tests {
 
     #[test]
     fn every_example_is_closed_outward_and_eighty_millimetres() {
-        for name in NAMES {
+        for name in PUBLIC_NAMES {
             let mesh = example(name).unwrap();
             assert!(mesh.is_watertight(), "{name}");
             assert!(mesh.signed_volume() > 0.0, "{name}");
@@ -90,10 +108,10 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_others_are_unknown() {
-        let mut names = NAMES.to_vec();
+        let mut names = PUBLIC_NAMES.to_vec();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), NAMES.len());
+        assert_eq!(names.len(), PUBLIC_NAMES.len());
         assert!(example("teapot").is_none());
     }
 

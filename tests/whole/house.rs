@@ -14,7 +14,7 @@ const STOREYS: [&[&str]; 8] = [
     &["palpate-core", "palpate-schemas"],
     &["palpate-dissertation", "palpate-recogniser"],
     &["palpate-sim", "palpate-store", "palpate-client"],
-    &["palpate-migrations"],
+    &["palpate-migrations", "palpate-load"],
     &["palpate-server"],
     &["palpate-experiments"],
     &["palpate"],
@@ -41,6 +41,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "palpate-migrations",
         ],
     ),
+    ("palpate-load", &["palpate-core", "palpate-schemas", "palpate-sim", "palpate-client"]),
     (
         "palpate-experiments",
         &[
@@ -50,6 +51,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "palpate-schemas",
             "palpate-sim",
             "palpate-client",
+            "palpate-load",
+            "palpate-server",
         ],
     ),
 ];
@@ -58,7 +61,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const MATHEMATICS: [&str; 3] = ["core", "dissertation", "recogniser"];
 
 /// The crates whose modules use only those that `lib.rs` (`main.rs`) declares before them.
-const CRATES: [&str; 11] = [
+const CRATES: [&str; 12] = [
     "core",
     "dissertation",
     "recogniser",
@@ -68,6 +71,7 @@ const CRATES: [&str; 11] = [
     "client",
     "migrations",
     "server",
+    "load",
     "experiments",
     "cli",
 ];

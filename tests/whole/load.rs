@@ -16,8 +16,8 @@ use palpate_client::{Client, RetryPolicy};
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::sensor::SensorDescription;
-use palpate_experiments::load::{
-    self, Arrivals, Counts, LoadConfig, LoadReport, MemorySource, Mix, Operation, Touches,
+use palpate_load::{
+    self as load, Arrivals, Counts, LoadConfig, LoadReport, MemorySource, Mix, Operation, Touches,
 };
 use palpate_schemas::{BeliefDetail, SessionsQuery};
 use palpate_server::{Config, Server};

@@ -13,7 +13,7 @@ use palpate_core::pose::Pose;
 use palpate_core::reading::SensorId;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::units::{DEG, MM};
-use palpate_experiments::wire::on_the_wire;
+use palpate_load::wire::on_the_wire;
 use palpate_sim::letters::{Font, LOOK_ALIKE, Letter, RotationOrder, SYMBOLS, look_alikes};
 use palpate_sim::rig::{Rig, RigNoise, plan, rig_sensor};
 use serde::Serialize;

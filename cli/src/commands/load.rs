@@ -10,14 +10,15 @@ use anyhow::Context as _;
 use clap::Args;
 use palpate_client::schemas::{BeliefDetail, Method};
 use palpate_client::{Client, Error as ClientError, RetryPolicy};
-use palpate_experiments::load::{
-    self, Arrivals, Bounds, LoadConfig, LoadReport, MemorySource, Mix, Soak, StepReport, Touches,
+use palpate_load::{
+    self as load, Arrivals, Bounds, LoadConfig, LoadReport, MemorySource, Mix, Soak, StepReport,
+    Touches,
 };
 use serde::Serialize;
 
 use super::Context;
-use crate::args::among;
 use crate::exit::Ended;
+use crate::method::among;
 use crate::output::Output;
 use crate::progress::StepProgress;
 use words::{HEADER, row, verdict_words};

@@ -72,17 +72,22 @@ enum Action {
         #[command(subcommand)]
         action: ReadingsAction,
     },
-    /// Write built-in example meshes as STL files in millimetres.
+    /// Write meshes of the public benchmark as STL files in millimetres.
     #[command(after_help = "Examples:\n  palpate objects example mug --out .\n  \
-        palpate objects example --all --out meshes")]
+        palpate objects example --all --out meshes\n  \
+        palpate objects example --public --out benchmark")]
     Example {
-        /// Name of the example.
-        #[arg(value_parser = clap::builder::PossibleValuesParser::new(shapes::NAMES),
-              required_unless_present = "all", conflicts_with = "all")]
+        /// Name of the object.
+        #[arg(value_parser = clap::builder::PossibleValuesParser::new(shapes::PUBLIC_NAMES),
+              required_unless_present_any = ["all", "public"],
+              conflicts_with_all = ["all", "public"])]
         name: Option<String>,
-        /// Write all examples.
+        /// Write the ten example objects.
         #[arg(long)]
         all: bool,
+        /// Write all 25 objects of the public benchmark, of which the examples are ten.
+        #[arg(long, conflicts_with = "all")]
+        public: bool,
         /// Folder to write to; created if missing.
         #[arg(long, value_name = "DIR", default_value = ".")]
         out: PathBuf,
@@ -157,7 +162,14 @@ pub(crate) async fn run(args: ObjectsArgs, context: &Context) -> anyhow::Result<
             Ok(())
         }
         Action::Readings { action } => readings(action, context).await,
-        Action::Example { name, out, .. } => example(name.as_deref(), &out, output),
+        Action::Example { name, all, out, .. } => {
+            let names: Vec<&str> = match &name {
+                Some(name) => vec![name],
+                None if all => shapes::NAMES.to_vec(),
+                None => shapes::PUBLIC_NAMES.to_vec(),
+            };
+            example(&names, &out, output)
+        }
     }
 }
 
@@ -203,11 +215,7 @@ async fn readings(action: ReadingsAction, context: &Context) -> anyhow::Result<(
     }
 }
 
-fn example(name: Option<&str>, out: &Path, output: Output) -> anyhow::Result<()> {
-    let names = match name {
-        Some(name) => vec![name],
-        None => shapes::NAMES.to_vec(),
-    };
+fn example(names: &[&str], out: &Path, output: Output) -> anyhow::Result<()> {
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     let mut written = Vec::new();
     for name in names {

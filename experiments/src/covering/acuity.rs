@@ -1,14 +1,22 @@
 //! Figure 2.6: what can be told apart, over the point spread and the force resolution.
 
 use palpate_core::sensor::covering::{Acuity, force_resolutions, spreads};
-use serde_json::json;
+use serde::Serialize;
 
-use crate::plot::{Heat, heat_svg};
 use crate::report::Report;
 use crate::statistics::median;
+use palpate_sim::plot::{Heat, heat_svg};
 
 /// All positions of the count (section 2.4.1.1).
 const N_PLACES: usize = 51;
+
+#[derive(Serialize)]
+struct AcuityRow {
+    force_resolution: f64,
+    sigma: f64,
+    representations: usize,
+    two_point_distance: Option<f64>,
+}
 
 /// Counts and distances on the 25 × 25 grid, drawn as two heat maps.
 pub(super) fn figure_2_6(report: &mut Report) -> String {
@@ -19,13 +27,15 @@ pub(super) fn figure_2_6(report: &mut Report) -> String {
     for f in &resolutions {
         for (sigma, acuity) in sigmas.iter().zip(&acuities) {
             let (count, distance) = (acuity.representations(*f), acuity.two_point_distance(*f));
-            report.row(vec![
-                ("figure", json!("2.6")),
-                ("force_resolution", json!(f)),
-                ("sigma", json!(sigma)),
-                ("representations", json!(count)),
-                ("two_point_distance", json!(distance)),
-            ]);
+            report.labelled(
+                &[("figure", "2.6")],
+                AcuityRow {
+                    force_resolution: *f,
+                    sigma: *sigma,
+                    representations: count,
+                    two_point_distance: distance,
+                },
+            );
             counts.push((count as f64).log10());
             distances.push(distance.map_or(f64::NAN, f64::log10));
         }

@@ -4,15 +4,26 @@
 
 use palpate_core::sensor::line::Line as Fit;
 use palpate_sim::elastic::{POISSON_RATIO, PointResponse, Slab, point_response};
-use serde_json::json;
+use serde::Serialize;
 
-use crate::plot::{Line, Panel};
 use crate::report::{Progress, Report};
+use palpate_sim::plot::{Line, Panel};
 
 /// The numbers of layers of figure 2.3.
 const LAYERS: std::ops::RangeInclusive<usize> = 5..=10;
 /// How far from the centre is drawn, elements.
 const DRAWN: i64 = 12;
+
+#[derive(Serialize)]
+struct Layers {
+    layers: usize,
+    sigma: f64,
+    cosine: f64,
+    pearson: f64,
+    dissertation_sigma: f64,
+    peak_force: f64,
+    iterations: usize,
+}
 
 /// The responses of 5 to 10 layers, and the figure's two panels.
 pub(super) fn figure_2_3(
@@ -31,16 +42,18 @@ pub(super) fn figure_2_3(
         fitted.push((n_layers as f64, fit.sigma));
         cosine_min = cosine_min.min(fit.cosine);
         iterations_max = iterations_max.max(response.n_iterations());
-        report.row(vec![
-            ("figure", json!("2.3")),
-            ("layers", json!(n_layers)),
-            ("sigma", json!(fit.sigma)),
-            ("cosine", json!(fit.cosine)),
-            ("pearson", json!(fit.pearson)),
-            ("dissertation_sigma", json!(0.5 * n_layers as f64 + 0.9)),
-            ("peak_force", json!(response.force(0, 0))),
-            ("iterations", json!(response.n_iterations())),
-        ]);
+        report.labelled(
+            &[("figure", "2.3")],
+            Layers {
+                layers: n_layers,
+                sigma: fit.sigma,
+                cosine: fit.cosine,
+                pearson: fit.pearson,
+                dissertation_sigma: 0.5 * n_layers as f64 + 0.9,
+                peak_force: response.force(0, 0),
+                iterations: response.n_iterations(),
+            },
+        );
         let name = format!("{n_layers} layers");
         let profile =
             |value: &dyn Fn(i64) -> f64| (0..=DRAWN).map(|x| (x as f64, value(x))).collect();

@@ -13,7 +13,7 @@ use palpate_sim::elastic::PointResponse;
 use palpate_sim::elastic::covering::{ElasticCovering, ProfilePoint};
 use palpate_sim::mesh::Mesh;
 use palpate_sim::press::{Load, PressSimulator};
-use serde_json::json;
+use serde::Serialize;
 
 use super::point_spread::sensor_under;
 use super::{COVERINGS, key_of};
@@ -33,6 +33,15 @@ const BARS: [[f64; 4]; 3] = [
 /// Distance of the profile's points.
 const STEP: f64 = 0.1 * MM;
 
+#[derive(Serialize)]
+struct Alike {
+    degrees: f64,
+    cosine: f64,
+    pearson: f64,
+    cosine_fitted_spread: f64,
+    pearson_fitted_spread: f64,
+}
+
 /// Presses the H at every angle under the thinnest covering and upright under every covering.
 pub(super) fn table_2_1(slabs: &[PointResponse], report: &mut Report) -> anyhow::Result<()> {
     let slab = slabs.last().ok_or_else(|| anyhow::anyhow!("no elastic slab"))?;
@@ -46,15 +55,16 @@ pub(super) fn table_2_1(slabs: &[PointResponse], report: &mut Report) -> anyhow:
         let narrow = simulated_image(thickness, fitted, degrees)?;
         let similarity = cosine(&published, &reference);
         cosines.push(similarity);
-        report.row(vec![
-            ("figure", json!("table 2.1")),
-            ("degrees", json!(degrees)),
-            ("covering", json!(key_of(thickness))),
-            ("cosine", json!(similarity)),
-            ("pearson", json!(pearson(&published, &reference))),
-            ("cosine_fitted_spread", json!(cosine(&narrow, &reference))),
-            ("pearson_fitted_spread", json!(pearson(&narrow, &reference))),
-        ]);
+        report.labelled(
+            &[("figure", "table 2.1"), ("covering", &key_of(thickness))],
+            Alike {
+                degrees,
+                cosine: similarity,
+                pearson: pearson(&published, &reference),
+                cosine_fitted_spread: cosine(&narrow, &reference),
+                pearson_fitted_spread: pearson(&narrow, &reference),
+            },
+        );
         let key = match thickness {
             thin if (thin - COVERINGS[0]).abs() < 1e-9 => format!("{degrees:.0}deg"),
             thick => key_of(thick),

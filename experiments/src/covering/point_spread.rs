@@ -8,17 +8,25 @@ use palpate_core::sensor::{Calibration, SensorDescription, SensorParameters, Tax
 use palpate_sim::elastic::PointResponse;
 use palpate_sim::elastic::covering::{ElasticCovering, disc};
 use palpate_sim::indent::{INDENTER, IndentationRun, indentation_run, indentation_run_of};
-use serde_json::json;
+use serde::Serialize;
 
 use super::{COVERINGS, key_of};
-use crate::plot::{Line, Panel};
 use crate::report::Report;
+use palpate_sim::plot::{Line, Panel};
 
 /// The 6 × 8 sensor under a covering, with the spread of equation 2.5.
 pub(super) fn sensor_under(covering_thickness: f64, point_spread: f64) -> SensorDescription {
     let parameters = SensorDescription::digitacts_6x8().parameters().clone();
     SensorDescription::new(SensorParameters { covering_thickness, point_spread, ..parameters })
         .expect("the dissertation's coverings are within the bounds")
+}
+
+#[derive(Serialize)]
+struct Spread {
+    depth_share: f64,
+    sigma: f64,
+    cosine: f64,
+    pearson: f64,
 }
 
 /// Indents every covering in the simulator and in the elastic reference, and fits.
@@ -40,15 +48,15 @@ pub(super) fn figure_2_5(
             for (depth, fit) in fits(run, &calibration)? {
                 cosine_min = cosine_min.min(fit.cosine);
                 points.push((thickness / ELEMENT_WIDTH, fit.sigma / ELEMENT_WIDTH));
-                report.row(vec![
-                    ("figure", json!("2.5")),
-                    ("source", json!(source)),
-                    ("covering", json!(key_of(thickness))),
-                    ("depth_share", json!(depth / thickness)),
-                    ("sigma", json!(fit.sigma / ELEMENT_WIDTH)),
-                    ("cosine", json!(fit.cosine)),
-                    ("pearson", json!(fit.pearson)),
-                ]);
+                report.labelled(
+                    &[("figure", "2.5"), ("source", source), ("covering", &key_of(thickness))],
+                    Spread {
+                        depth_share: depth / thickness,
+                        sigma: fit.sigma / ELEMENT_WIDTH,
+                        cosine: fit.cosine,
+                        pearson: fit.pearson,
+                    },
+                );
             }
         }
         let line = Fit::fit(&points).ok_or_else(|| anyhow::anyhow!("no line through spreads"))?;

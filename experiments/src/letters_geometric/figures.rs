@@ -1,15 +1,16 @@
-//! What the steps of all trials amount to: rows, the summary, plots and pictures.
+//! Rows, summary, plots and pictures of all trials.
 
 use palpate_core::units::{DEG, MM};
 use palpate_sim::render::occupancy::layer_png;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::methods::{Kind, Method};
 use super::trials::{POSES_AT, PoseError, Step};
 use super::{Lab, LettersGeometric, TestLetter};
-use crate::plot::{Line, Panel, svg};
+use crate::appearance_trials::Confused;
 use crate::report::Report;
 use crate::statistics::{mean, median, standard_error_over_groups};
+use palpate_sim::plot::{Line, Panel, svg};
 
 /// Pixels of a map's cell.
 const CELL_PIXELS: usize = 8;
@@ -46,28 +47,37 @@ pub(super) fn report(
     }
 }
 
+#[derive(Serialize)]
+struct AfterReadings {
+    hypotheses: usize,
+    readings: usize,
+    accuracy: f64,
+    stated_probability_mean: f64,
+    translation_error_mm_mean: f64,
+    angle_error_deg_mean: f64,
+    inertial_error_mm_mean: f64,
+    height_error_mm_mean: f64,
+}
+
 fn row(report: &mut Report, method: &Method, n_letters: usize, readings: usize, steps: &[&Step]) {
     let at: Vec<&Step> = steps.iter().copied().filter(|step| step.readings == readings).collect();
     let right: Vec<f64> = at.iter().map(|step| right(step)).collect();
     let stated: Vec<f64> = at.iter().map(|step| step.probability).collect();
     let errors: Vec<PoseError> = at.iter().filter_map(|step| step.error).collect();
-    let of = |value: fn(&PoseError) -> f64| -> Value {
-        if errors.is_empty() {
-            return Value::Null;
-        }
-        json!(mean(&errors.iter().map(value).collect::<Vec<f64>>()))
-    };
-    report.row(vec![
-        ("method", json!(method.name)),
-        ("hypotheses", json!(method.hypotheses(n_letters))),
-        ("readings", json!(readings)),
-        ("accuracy", json!(mean(&right))),
-        ("stated_probability_mean", json!(mean(&stated))),
-        ("translation_error_mm_mean", of(|error| error.translation / MM)),
-        ("angle_error_deg_mean", of(|error| error.angle / DEG)),
-        ("inertial_error_mm_mean", of(|error| error.inertial / MM)),
-        ("height_error_mm_mean", of(|error| error.height / MM)),
-    ]);
+    let of = |value: fn(&PoseError) -> f64| mean(&errors.iter().map(value).collect::<Vec<f64>>());
+    report.labelled(
+        &[("method", method.name)],
+        AfterReadings {
+            hypotheses: method.hypotheses(n_letters),
+            readings,
+            accuracy: mean(&right),
+            stated_probability_mean: mean(&stated),
+            translation_error_mm_mean: of(|error| error.translation / MM),
+            angle_error_deg_mean: of(|error| error.angle / DEG),
+            inertial_error_mm_mean: of(|error| error.inertial / MM),
+            height_error_mm_mean: of(|error| error.height / MM),
+        },
+    );
 }
 
 fn right(step: &Step) -> f64 {
@@ -145,13 +155,14 @@ fn confusions(
     let mut pairs: Vec<(usize, usize)> = wrong.map(|step| (step.letter, step.named)).collect();
     pairs.sort_unstable();
     for pair in pairs.chunk_by(|a, b| a == b) {
-        report.row(vec![
-            ("method", json!(method.name)),
-            ("readings", json!(late)),
-            ("letter", json!(letters[pair[0].0].symbol)),
-            ("confused_with", json!(letters[pair[0].1].symbol)),
-            ("trials", json!(pair.len())),
-        ]);
+        report.labelled(
+            &[
+                ("method", method.name),
+                ("letter", &letters[pair[0].0].symbol.to_string()),
+                ("confused_with", &letters[pair[0].1].symbol.to_string()),
+            ],
+            Confused { readings: late, trials: pair.len() },
+        );
     }
 }
 
@@ -195,6 +206,7 @@ pub(super) fn plot(config: &LettersGeometric, methods: &[&Method], steps: &[Step
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     /// A step of letter 0 that was named right or wrong with a probability.
     fn step(seed: u64, readings: usize, right: bool, probability: f64) -> Step {
@@ -204,7 +216,7 @@ mod tests {
 
     #[test]
     fn a_seed_is_all_right_after_its_last_wrong_reading() {
-        let config = LettersGeometric { readings: 5, ..LettersGeometric::default() };
+        let config = LettersGeometric { readings: 5, ..defaults() };
         let right = |readings| step(1, readings, true, 1.0);
         let wrong = |readings| step(1, readings, false, 1.0);
         let of = |steps: &[Step]| readings_to_100(&config, 1, &steps.iter().collect::<Vec<_>>());

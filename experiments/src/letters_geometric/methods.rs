@@ -28,11 +28,11 @@ use super::Lab;
 /// How far the letter may lie from where it was trained, along x and y, metres.
 pub(super) const REACH: f64 = 10.0 * MM;
 
-/// Bins that are so many nats behind the best are left out by the sparse filters.
+/// Sparse filters leave out bins this many nats behind the best.
 pub(super) const SPARSE: Extent =
     Extent::Sparse { nats: 40.0, reseed: Reseed::WhenWorseThanNothing };
 
-/// Which Pr(class | log-odds) a method takes.
+/// Table of Pr(class | log-odds) of a method.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Table {
     /// The printed classifier.
@@ -45,7 +45,7 @@ pub(super) enum Table {
 pub(super) struct Method {
     /// Its name in tables and plots.
     pub(super) name: &'static str,
-    /// What its keys of the summary begin with; empty for the default method.
+    /// Prefix of its keys in the summary; empty for the default method.
     pub(super) key: &'static str,
     pub(super) table: Table,
     pub(super) exponent: f64,
@@ -56,7 +56,7 @@ pub(super) struct Method {
 pub(super) enum Kind {
     /// Bins an object along x, y and angle.
     Histogram([usize; 3], Extent),
-    /// The same, each bin standing for its extent.
+    /// Histogram filter whose bins stand for their extent.
     Extents([usize; 3]),
     /// Particles as printed, `n` in all or an object.
     Particles { n: usize, per_object: bool },
@@ -164,7 +164,7 @@ pub(super) trait Belief {
     fn add(&mut self, reading: &Reading);
     /// The letters' probabilities, which sum to 1.
     fn identities(&self) -> Vec<f64>;
-    /// Where the letter of this index is most likely: `session_from_object`.
+    /// Most likely pose of the letter of this index: `session_from_object`.
     fn pose(&self, letter: usize) -> Option<Pose>;
 }
 

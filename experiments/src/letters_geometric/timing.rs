@@ -14,7 +14,7 @@ use super::{Lab, LettersGeometric, trials};
 use crate::report::Report;
 use crate::statistics::{mean, median};
 
-/// The literal filter is slow; it takes so many readings of the first letter.
+/// Readings of the first letter that the literal filter is timed with; it is slow.
 const LITERAL_READINGS: usize = 5;
 
 /// Adds the times in milliseconds to the summary.
@@ -47,7 +47,7 @@ pub(super) fn updates(report: &mut Report, config: &LettersGeometric, lab: &Lab)
     report.summarise("planes_bytes", model.bytes() as f64);
 }
 
-/// Of the default method's first nine readings of a trial a letter, each with its answer.
+/// Time of the default method's first nine readings, with answers, in one trial per letter.
 fn adaptive(config: &LettersGeometric, lab: &Lab) -> Vec<f64> {
     let fresh = adaptive_belief(lab);
     let mut times = Vec::new();

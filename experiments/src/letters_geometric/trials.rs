@@ -13,7 +13,7 @@ use super::{Lab, LettersGeometric, TestLetter};
 /// After how many readings the pose is asked for: a particle filter's mode is costly.
 pub(super) const POSES_AT: [usize; 12] = [1, 2, 3, 4, 5, 7, 9, 12, 15, 20, 30, 46];
 
-/// What one method answered after one reading of one trial.
+/// A method's answer after one reading of one trial.
 pub(super) struct Step {
     pub(super) method: usize,
     pub(super) seed: u64,
@@ -28,13 +28,13 @@ pub(super) struct Step {
 /// How far an answer is off, modulo the letter's symmetry.
 #[derive(Clone, Copy)]
 pub(super) struct PoseError {
-    /// Of the letter's centroid in the plane, metres.
+    /// Error of the letter's centroid in the plane, metres.
     pub(super) translation: f64,
     /// Radians.
     pub(super) angle: f64,
     /// Metres, in the plane.
     pub(super) inertial: f64,
-    /// Of the face along the plane's normal, metres.
+    /// Error of the face along the plane's normal, metres.
     pub(super) height: f64,
 }
 

@@ -71,7 +71,7 @@ const STAND_OFF: f64 = 120.0 * MM;
 pub struct Robot<'a> {
     /// The object, in its mesh's frame.
     pub simulator: &'a PressSimulator,
-    /// Where it is.
+    /// Pose of the object.
     pub session_from_object: Pose,
     /// How it chooses.
     pub policy: Policy,
@@ -83,11 +83,11 @@ pub struct Robot<'a> {
 
 /// A press: what came of it.
 pub struct Pressed {
-    /// What is told the recogniser; `None` when something was felt but no rest was found.
+    /// Reading for the recogniser; `None` when the sensor felt something and did not come to rest.
     pub reading: Option<Reading>,
     /// Whether the controllers came to rest on the object.
     pub touched: bool,
-    /// How often the sensor went out: once, and once more for every shift.
+    /// Approaches of the sensor: one, and one more for every shift.
     pub approaches: usize,
 }
 
@@ -104,7 +104,7 @@ impl Robot<'_> {
         Approach { session_from_sensor, reach: config.approach_max(), cost: None }
     }
 
-    /// Where to press next after `contacts`, and what was expected of it.
+    /// Next press after `contacts`, and its expected value.
     pub fn choose(
         &self,
         press: usize,

@@ -9,11 +9,27 @@ use palpate_recogniser::model::AppearanceSpace;
 use palpate_recogniser::observe::touch::observe_touch;
 use palpate_sim::mesh::Mesh;
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
 
 use crate::objects::TestObject;
 use crate::report::Report;
 use crate::statistics::{mean, median, quantile};
+
+/// How an aspect of touches is distributed.
+#[derive(Serialize)]
+struct Spread {
+    touches: usize,
+    mean: f64,
+    median: f64,
+    p90: f64,
+}
+
+impl Spread {
+    fn of(values: &[f64]) -> Self {
+        let (touches, mean, median) = (values.len(), mean(values), median(values));
+        Self { touches, mean, median, p90: quantile(values, 0.9) }
+    }
+}
 
 /// Rows and figures of how `other` readings differ from `own` ones at the same poses.
 pub(super) fn report(
@@ -53,15 +69,10 @@ pub(super) fn report(
         "contact_taxels_change",
     ];
     for (aspect, values) in names.into_iter().zip(&aspects) {
-        report.row(vec![
-            ("covering", json!(name)),
-            ("at", json!("the point spread's poses")),
-            ("aspect", json!(aspect)),
-            ("touches", json!(values.len())),
-            ("mean", json!(mean(values))),
-            ("median", json!(median(values))),
-            ("p90", json!(quantile(values, 0.9))),
-        ]);
+        report.labelled(
+            &[("covering", name), ("at", "the point spread's poses"), ("aspect", aspect)],
+            Spread::of(values),
+        );
         report.summarise(&format!("{name}_{aspect}_median"), median(values));
     }
     report.summarise(&format!("{name}_touches_lost"), f64::from(lost));
@@ -90,15 +101,10 @@ pub(super) fn report_heights(
     let all: Vec<[f64; 2]> = objects.par_iter().zip(readings).flat_map_iter(heights).collect();
     for (at, aspect, unit) in [(0, "height_mm", MM), (1, "normal_error_deg", DEG)] {
         let values: Vec<f64> = all.iter().map(|pair| pair[at] / unit).collect();
-        report.row(vec![
-            ("covering", json!(name)),
-            ("at", json!("its own poses")),
-            ("aspect", json!(aspect)),
-            ("touches", json!(values.len())),
-            ("mean", json!(mean(&values))),
-            ("median", json!(median(&values))),
-            ("p90", json!(quantile(&values, 0.9))),
-        ]);
+        report.labelled(
+            &[("covering", name), ("at", "its own poses"), ("aspect", aspect)],
+            Spread::of(&values),
+        );
         report.summarise(&format!("{name}_{aspect}_mean"), mean(&values));
     }
 }
@@ -170,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_above_a_face_is_as_high_as_it_is_and_faces_behind_do_not_count() {
+    fn height_above_a_face_ignores_faces_behind() {
         let mesh = palpate_sim::shapes::example("mug").unwrap();
         let corners = mesh.corners(0);
         let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();

@@ -15,7 +15,7 @@ use crate::sensing::Sensing;
 /// Taxels that fail: one in the middle, one near a corner (row-major of six by six).
 const FAILED: [usize; 2] = [14, 28];
 
-/// An object that moves once does so after so many readings.
+/// Readings after which an object moves that moves once.
 const JOLTED: usize = 10;
 
 /// How training readings are taken.

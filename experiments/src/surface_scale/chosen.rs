@@ -5,6 +5,7 @@
 //! it met off the middle, and tries again when it meets nothing. Presses that met nothing are
 //! evidence, and no touches.
 
+use serde::Serialize;
 use std::sync::Arc;
 
 use palpate_core::reading::Reading;
@@ -12,9 +13,8 @@ use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_sim::press::PressSimulator;
-use serde_json::json;
 
-use super::SurfaceScale;
+use super::{InCatalogue, SurfaceScale};
 use crate::disturbance::Presented;
 use crate::next_touch::robot::{Policy, Robot};
 use crate::object_sessions::Sessions;
@@ -28,15 +28,22 @@ const GIVEN: usize = 2;
 /// Readings a session.
 const READINGS: usize = 6;
 
-/// A robot that presses so often without a touch guides itself to the surface once.
+/// Presses without a touch after which a robot guides itself to the surface once.
 const PRESSES_MAX: usize = 10;
 
-/// What a session said after each of its touches.
+/// Answers of a session after each of its touches.
 struct Chosen {
     /// Whether the right object was named.
     right: Vec<bool>,
     /// Presses for the chosen touches, those that met nothing included.
     presses: usize,
+}
+
+#[derive(Serialize)]
+struct Recognised {
+    readings: usize,
+    trials: usize,
+    accuracy: f64,
 }
 
 /// Plays the first trials of each object with chosen touches; adds rows and figures.
@@ -62,13 +69,13 @@ pub(super) fn run(
     for readings in 1..=READINGS {
         let right: Vec<f64> =
             played.iter().map(|p| f64::from(u8::from(p.right[readings - 1]))).collect();
-        report.row(vec![
-            ("method", json!("surface, chosen touches")),
-            ("objects", json!(count)),
-            ("readings", json!(readings)),
-            ("trials", json!(right.len())),
-            ("accuracy", json!(mean(&right))),
-        ]);
+        report.labelled(
+            &[("method", "surface, chosen touches")],
+            InCatalogue {
+                objects: count,
+                figures: Recognised { readings, trials: right.len(), accuracy: mean(&right) },
+            },
+        );
         if matches!(readings, 4 | READINGS) {
             report.summarise(&format!("accuracy_{count}_at_{readings}_chosen"), mean(&right));
         }

@@ -20,17 +20,17 @@ use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
 use palpate_sim::shapes::assembled;
-use serde_json::json;
+use serde::Serialize;
 
-use super::{LETTER, SurfaceScale, report_left_out};
+use super::{InCatalogue, LETTER, SurfaceScale, report_left_out};
 use crate::disturbance::Disturbance;
 use crate::families::Families;
-use crate::object_sessions::{Recogniser, Sessions};
+use crate::object_sessions::{Figures, Recogniser, Sessions};
 use crate::objects::{self, TestObject};
-use crate::plot::{Line, Panel};
 use crate::report::{Progress, Report};
 use crate::stated::wilson;
 use crate::statistics::{mean, quantile};
+use palpate_sim::plot::{Line, Panel};
 
 /// How far catalogues grow.
 #[derive(Clone, Debug)]
@@ -82,7 +82,7 @@ impl Growth {
 /// Readings a session.
 const READINGS: usize = 6;
 
-/// What a catalogue of some size measured.
+/// Figures of a catalogue of some size.
 struct Measured {
     count: usize,
     accuracy: f64,
@@ -133,7 +133,7 @@ fn with_assembled(
     for index in 0..growth.assembled {
         let mesh = assembled(config.seed, index as u64)
             .with_context(|| format!("procedural object {index} never hangs together"))?;
-        let mesh = mesh.scaled_to_largest_dimension(config.size);
+        let mesh = mesh.scaled_to_largest_dimension(config.first.size());
         parents.push(TestObject { name: format!("assembled {index}"), mesh });
     }
     Ok(parents)
@@ -150,7 +150,7 @@ fn learn(
 ) -> anyhow::Result<(SurfaceModel, Vec<Vec<Reading>>)> {
     let (sensor, largest) = (&config.sensor, growth.largest());
     let mut test = Vec::with_capacity(largest);
-    // There are always more members: whoever finds every other one untouchable is mistaken.
+    // There are always more members; an error in every other one is no property of the objects.
     let mut objects = objects.take(2 * largest);
     let mut touched = || -> anyhow::Result<Vec<Reading>> {
         progress("touching objects", test.len(), largest);
@@ -188,6 +188,14 @@ fn learn(
     Ok((SurfaceModel::new(space, EvidenceCalibration::default(), maps), test))
 }
 
+#[derive(Serialize)]
+struct OfFamilies {
+    cpu_ms_mean: Option<f64>,
+    bytes: usize,
+    #[serde(flatten)]
+    figures: Figures,
+}
+
 /// Plays sessions with a catalogue: on one thread for the time of one core, and the largest
 /// again on two threads for its slowest answers.
 fn measure(
@@ -215,18 +223,17 @@ fn measure(
     let wall = mean(&played.wall_ms());
     let ms = played.cpu_ms.unwrap_or(wall);
     for readings in 1..=READINGS {
-        let times: Vec<f64> = played.after(readings).map(|step| step.wall_ms).collect();
-        report.row(vec![
-            ("method", json!("surface, families")),
-            ("objects", json!(count)),
-            ("readings", json!(readings)),
-            ("trials", json!(times.len())),
-            ("accuracy", json!(played.accuracy(readings))),
-            ("cpu_ms_mean", json!(played.cpu_ms)),
-            ("wall_ms_mean", json!(mean(&times))),
-            ("wall_ms_p99", json!(quantile(&times, 0.99))),
-            ("bytes", json!(surface.bytes())),
-        ]);
+        report.labelled(
+            &[("method", "surface, families")],
+            InCatalogue {
+                objects: count,
+                figures: OfFamilies {
+                    cpu_ms_mean: played.cpu_ms,
+                    bytes: surface.bytes(),
+                    figures: played.figures(readings),
+                },
+            },
+        );
     }
     if count == growth.largest() {
         sessions.threads = 2;
@@ -284,6 +291,7 @@ fn resident_bytes() -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::defaults;
 
     #[test]
     fn the_slope_of_a_power_law_is_its_exponent() {
@@ -293,7 +301,7 @@ mod tests {
 
     #[test]
     fn small_families_are_learnt_and_recognised() {
-        let config = SurfaceScale { seed: 101, ..SurfaceScale::default() };
+        let config = SurfaceScale { seed: 101, ..defaults() };
         let growth = Growth {
             counts: vec![3, 8],
             assembled: 1,
@@ -303,8 +311,8 @@ mod tests {
             space_objects: 3,
             sessions: 6,
         };
-        let parents = objects::load(None, config.size).unwrap().into_iter().take(4).collect();
-        let mut report = Report::new("test", "test".to_owned(), config.seed);
+        let parents = config.first.load().unwrap().into_iter().take(4).collect();
+        let mut report = Report::default();
         let panels = run(&config, &growth, parents, &mut report, &|_, _, _| ()).unwrap();
         let summary = &report.summary;
         assert!(summary["accuracy_8_at_6"] > 0.7, "{summary:?}");
@@ -319,7 +327,7 @@ mod tests {
         assert_eq!(report.rows.len(), 2 * READINGS);
         // With more objects than sessions asked for, each object has its own.
         let trials = |at: usize| report.rows[at]["trials"].clone();
-        assert_eq!((trials(0), trials(READINGS)), (json!(6), json!(8)));
+        assert_eq!((trials(0), trials(READINGS)), (6.into(), 8.into()));
         assert_eq!((panels.len(), panels[0].lines[0].points.len()), (3, 2));
     }
 

@@ -1,11 +1,10 @@
-//! What of `sva-objects` is drawn, and which trials stay wrong.
-
-use serde_json::json;
+//! Plots of `sva-objects`, and the trials that stay wrong.
 
 use super::{Method, PoseError, Step, SvaObjects, at};
+use crate::object_sessions::Wrong;
 use crate::objects::TestObject;
-use crate::plot::{Line, Panel};
 use crate::report::Report;
+use palpate_sim::plot::{Line, Panel};
 
 /// One row for each trial that is still wrong after ten readings or at the end.
 pub(super) fn report_confusions(
@@ -17,14 +16,18 @@ pub(super) fn report_confusions(
 ) {
     let late = [10, config.readings];
     for step in steps.iter().filter(|s| late.contains(&s.readings) && s.named != s.object) {
-        report.row(vec![
-            ("method", json!(methods[step.method].name)),
-            ("readings", json!(step.readings)),
-            ("trial", json!(step.trial)),
-            ("object", json!(objects[step.object].name)),
-            ("confused_with", json!(objects[step.named].name)),
-            ("stated_probability", json!(step.probability)),
-        ]);
+        report.labelled(
+            &[
+                ("method", methods[step.method].name),
+                ("object", &objects[step.object].name),
+                ("confused_with", &objects[step.named].name),
+            ],
+            Wrong {
+                readings: step.readings,
+                trial: step.trial,
+                stated_probability: step.probability,
+            },
+        );
     }
 }
 

@@ -3,6 +3,7 @@
 use palpate_sim::shapes;
 
 use super::*;
+use crate::arguments::defaults;
 
 #[test]
 fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
@@ -13,15 +14,15 @@ fn a_small_run_on_a_folder_of_meshes_reports_every_key() {
         std::fs::write(folder.join(format!("{name}.stl")), mesh.to_stl_bytes()).unwrap();
     }
     let config = SvaObjects {
-        meshes: Some(folder.clone()),
+        objects: ObjectSet { meshes: Some(folder.clone()), ..defaults() },
         trials: 3,
         train_readings: 200,
         test_readings: 30,
         readings: 10,
         as_printed: true,
-        ..SvaObjects::default()
+        ..defaults()
     };
-    let outcome = run(&config, "test".to_owned(), &|_, _, _| ()).unwrap();
+    let outcome = run(&config, &|_, _, _| ()).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     let summary = &outcome.report.summary;
     assert!(summary["accuracy_at_10"] > 0.9, "{summary:?}");

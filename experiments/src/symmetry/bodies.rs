@@ -22,7 +22,7 @@ const AROUND: usize = 240;
 /// Rings of a body.
 const ALONG: usize = 80;
 
-/// What a body is made of: radius (mm) by angle (rad) and height (0 at the bottom, 1 at the top).
+/// Outline of a body: radius (mm) by angle (rad) and height (0 at the bottom, 1 at the top).
 type Radius<'a> = dyn Fn(f64, f64) -> f64 + 'a;
 
 /// A notch of a body or a handle on it.

@@ -1,22 +1,22 @@
 //! The tables and the plot of the experiment with unknown objects.
 
+use serde::Serialize;
 use std::sync::Arc;
 
 use palpate_recogniser::model::SurfaceModel;
-use serde_json::json;
 
 use super::{Kind, Unknown, Verdict};
 use crate::objects::TestObject;
-use crate::plot::{Line, Panel};
 use crate::report::Report;
 use crate::stated::{
     Stated, auroc, crossings, expected_calibration_error, reliability, stops, wilson,
 };
+use palpate_sim::plot::{Line, Panel};
 
 /// Bins of the calibration error.
 const N_BINS: usize = 15;
 
-/// The summary states figures after so many touches.
+/// Numbers of touches whose figures the summary states.
 const STATED_AT: [usize; 5] = [2, 4, 6, 8, 10];
 
 /// Doubts at which the sessions that stop there are counted.
@@ -25,16 +25,26 @@ const DOUBTS: [f64; 10] = [0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001,
 /// Risks that a client names, and their names in keys.
 const RISKS: [(f64, &str); 4] = [(0.1, "0_1"), (0.05, "0_05"), (0.01, "0_01"), (0.001, "0_001")];
 
+#[derive(Serialize)]
+struct Stage {
+    fold: usize,
+    known_objects: usize,
+    stage: usize,
+    temperature: f64,
+    log_unknown: f64,
+    log_unknown_per_touch: f64,
+}
+
 pub(super) fn report_calibration(report: &mut Report, fold: usize, model: &Arc<SurfaceModel>) {
     for (at, stage) in model.calibration.stages.iter().enumerate() {
-        report.row(vec![
-            ("fold", json!(fold)),
-            ("known_objects", json!(model.maps().len())),
-            ("stage", json!(at + 1)),
-            ("temperature", json!(stage.temperature)),
-            ("log_unknown", json!(stage.unknown)),
-            ("log_unknown_per_touch", json!(stage.unknown_per_touch)),
-        ]);
+        report.row(Stage {
+            fold,
+            known_objects: model.maps().len(),
+            stage: at + 1,
+            temperature: stage.temperature,
+            log_unknown: stage.unknown,
+            log_unknown_per_touch: stage.unknown_per_touch,
+        });
     }
 }
 
@@ -65,7 +75,19 @@ fn error(stated: &[Stated]) -> f64 {
     expected_calibration_error(&reliability(stated, N_BINS))
 }
 
-/// A row of what is stated after so many touches, and its figures.
+#[derive(Serialize)]
+struct AfterReadings {
+    readings: usize,
+    sessions: usize,
+    auroc: f64,
+    known_right: f64,
+    unknown_right: f64,
+    #[serde(rename = "unknown_called_known_at_0.8")]
+    unknown_called_known: f64,
+    calibration_error: f64,
+}
+
+/// The row and the figures after this many touches.
 fn report_after(report: &mut Report, kind: Kind, readings: usize, verdicts: &[Verdict]) {
     let share = |of: &dyn Fn(&Verdict) -> bool, within: &dyn Fn(&Verdict) -> bool| {
         let n = verdicts.iter().filter(|v| within(v)).count();
@@ -81,16 +103,18 @@ fn report_after(report: &mut Report, kind: Kind, readings: usize, verdicts: &[Ve
     let known_right = share(&right, &|v| v.is_known);
     let unknown_right = share(&right, &|v| !v.is_known);
     let sure_of_wrong = share(&is_sure_and_wrong, &|v| !v.is_known);
-    report.row(vec![
-        ("method", json!(kind.method)),
-        ("readings", json!(readings)),
-        ("sessions", json!(verdicts.len())),
-        ("auroc", json!(area)),
-        ("known_right", json!(known_right)),
-        ("unknown_right", json!(unknown_right)),
-        ("unknown_called_known_at_0.8", json!(sure_of_wrong)),
-        ("calibration_error", json!(error)),
-    ]);
+    report.labelled(
+        &[("method", kind.method)],
+        AfterReadings {
+            readings,
+            sessions: verdicts.len(),
+            auroc: area,
+            known_right,
+            unknown_right,
+            unknown_called_known: sure_of_wrong,
+            calibration_error: error,
+        },
+    );
     if !STATED_AT.contains(&readings) {
         return;
     }
@@ -118,6 +142,26 @@ fn area_after(readings: usize, verdicts: &[Verdict]) -> f64 {
     auroc(&verdicts.iter().map(score).collect::<Vec<_>>())
 }
 
+#[derive(Serialize)]
+struct AtRisk {
+    risk: f64,
+    stopped: usize,
+    wrong_stops: usize,
+    wrong_share: f64,
+    wrong_share_low: f64,
+    wrong_share_high: f64,
+    touches_at_stop_mean: f64,
+    never_stopped: f64,
+}
+
+#[derive(Serialize)]
+struct AtDoubt {
+    doubt: f64,
+    stopped: usize,
+    wrong_stops: usize,
+    wrong_share_high: f64,
+}
+
 fn report_stops(report: &mut Report, config: &Unknown, kind: Kind, verdicts: &[Verdict]) {
     for (risk, name) in RISKS {
         for (which, keep) in [("all", None), ("known", Some(true)), ("unknown", Some(false))] {
@@ -126,18 +170,19 @@ fn report_stops(report: &mut Report, config: &Unknown, kind: Kind, verdicts: &[V
             let (low, high) = wilson(found.wrong, found.stopped);
             let wrong = found.wrong as f64 / found.stopped as f64;
             let never = 1.0 - found.stopped as f64 / found.sessions as f64;
-            report.row(vec![
-                ("method", json!(kind.method)),
-                ("objects", json!(which)),
-                ("risk", json!(risk)),
-                ("stopped", json!(found.stopped)),
-                ("wrong_stops", json!(found.wrong)),
-                ("wrong_share", json!(wrong)),
-                ("wrong_share_low", json!(low)),
-                ("wrong_share_high", json!(high)),
-                ("touches_at_stop_mean", json!(found.touches_mean)),
-                ("never_stopped", json!(never)),
-            ]);
+            report.labelled(
+                &[("method", kind.method), ("objects", which)],
+                AtRisk {
+                    risk,
+                    stopped: found.stopped,
+                    wrong_stops: found.wrong,
+                    wrong_share: wrong,
+                    wrong_share_low: low,
+                    wrong_share_high: high,
+                    touches_at_stop_mean: found.touches_mean,
+                    never_stopped: never,
+                },
+            );
             if keep.is_none() && kind.prefix.is_empty() {
                 let mut state = |key: &str, value| {
                     report.summarise(&format!("{key}_{}at_risk_{name}", kind.infix), value);
@@ -153,21 +198,32 @@ fn report_stops(report: &mut Report, config: &Unknown, kind: Kind, verdicts: &[V
     let steps = statements(config, verdicts, None);
     for doubt in DOUBTS {
         let (stopped, wrong) = crossings(&steps, doubt);
-        report.row(vec![
-            ("method", json!(kind.method)),
-            ("doubt", json!(doubt)),
-            ("stopped", json!(stopped)),
-            ("wrong_stops", json!(wrong)),
-            ("wrong_share_high", json!(wilson(wrong, stopped).1)),
-        ]);
+        report.labelled(
+            &[("method", kind.method)],
+            AtDoubt {
+                doubt,
+                stopped,
+                wrong_stops: wrong,
+                wrong_share_high: wilson(wrong, stopped).1,
+            },
+        );
     }
 }
 
-/// What was stated touch by touch in all sessions, or those of known or unknown objects.
+/// Statements touch by touch in all sessions, or in those with known or unknown objects.
 fn statements(config: &Unknown, verdicts: &[Verdict], keep: Option<bool>) -> Vec<Vec<Stated>> {
     let steps =
         |v: &Verdict| -> Vec<Stated> { (1..=config.readings).map(|n| v.stated(n)).collect() };
     verdicts.iter().filter(|v| keep.is_none_or(|known| known == v.is_known)).map(steps).collect()
+}
+
+#[derive(Serialize)]
+struct Confused {
+    is_known: bool,
+    readings: usize,
+    sessions: usize,
+    wrong: usize,
+    times: usize,
 }
 
 /// A row an object: how its sessions went after six touches, and what is named instead.
@@ -189,17 +245,26 @@ pub(super) fn report_confused(
                 if count > top.1 { (*one, count) } else { top }
             });
             let name = often.0.map_or("none of these", |named| objects[named].name.as_str());
-            report.row(vec![
-                ("object", json!(object.name)),
-                ("is_known", json!(is_known)),
-                ("readings", json!(readings)),
-                ("sessions", json!(own().count())),
-                ("wrong", json!(wrong.len())),
-                ("most_often_named", json!(name)),
-                ("times", json!(often.1)),
-            ]);
+            report.labelled(
+                &[("object", &object.name), ("most_often_named", name)],
+                Confused {
+                    is_known,
+                    readings,
+                    sessions: own().count(),
+                    wrong: wrong.len(),
+                    times: often.1,
+                },
+            );
         }
     }
+}
+
+#[derive(Serialize)]
+struct InBin {
+    readings: usize,
+    bin_stated: f64,
+    bin_right: f64,
+    bin_count: usize,
 }
 
 pub(super) fn panels(
@@ -213,12 +278,12 @@ pub(super) fn panels(
         let stated: Vec<Stated> = verdicts.iter().map(|v| v.stated(readings)).collect();
         let bins = reliability(&stated, N_BINS);
         for bin in &bins {
-            report.row(vec![
-                ("readings", json!(readings)),
-                ("bin_stated", json!(bin.stated)),
-                ("bin_right", json!(bin.right)),
-                ("bin_count", json!(bin.count)),
-            ]);
+            report.row(InBin {
+                readings,
+                bin_stated: bin.stated,
+                bin_right: bin.right,
+                bin_count: bin.count,
+            });
         }
         let points = bins.iter().map(|bin| (bin.stated, bin.right)).collect();
         lines.push(Line { name: format!("{readings} touches"), points });

@@ -1,6 +1,6 @@
 //! Text output of a load run: a line per step and a summary.
 
-use palpate_experiments::load::{Growth, LoadReport, StepReport};
+use palpate_load::{Growth, LoadReport, StepReport};
 
 /// Header of [`row`].
 pub(super) const HEADER: &str = "     due/s  accepted/s  readings/s     429     503   other  \

@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use anyhow::Context;
-use palpate_experiments::plot::{Line, Panel, svg};
+use palpate_sim::plot::{Line, Panel, svg};
 use reqwest::{Client, Method};
 use serde::Serialize;
 use serde_json::json;

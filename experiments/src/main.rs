@@ -1,0 +1,96 @@
+//! `palpate-experiments`: reruns the figures of `docs/results`.
+//!
+//! Users type `palpate experiment NAME`, which runs this program.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints its answers")]
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use palpate_experiments::experiment::{Experiment, PROGRAM};
+use palpate_experiments::record::{Run, write_outcome};
+use palpate_experiments::report::Report;
+use serde::Serialize;
+
+/// Each touch allocates many small lists; this allocator is faster with them.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+/// Reruns the tables and figures of docs/results.
+#[derive(Parser)]
+#[command(
+    name = PROGRAM,
+    bin_name = PROGRAM,
+    version,
+    max_term_width = 100,
+    after_help = "Examples:\n  palpate experiment sva-objects --trials 50 --seed 1\n  \
+        palpate experiment surface-objects --public\n  \
+        palpate experiment sva-objects --meshes meshes --size-mm 80 --out mine"
+)]
+struct Cli {
+    #[command(subcommand)]
+    experiment: Experiment,
+    /// The folder to write to: figures as NAME.json; rows, plot and pictures in the folder NAME.
+    #[arg(long, global = true, default_value = "results", value_name = "DIR")]
+    out: PathBuf,
+    /// Do not add the figures to NAME.json.
+    #[arg(long, global = true)]
+    no_record: bool,
+    /// Print JSON to the standard output, everything else to the standard error.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Answer<'a> {
+    experiment: &'a str,
+    #[serde(flatten)]
+    run: &'a Run,
+    rows: &'a [palpate_experiments::report::Row],
+}
+
+fn main() -> ExitCode {
+    match run(&Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: &Cli) -> anyhow::Result<()> {
+    let (experiment, command) = (cli.experiment.name(), cli.experiment.command_line());
+    eprintln!("running {command}");
+    let bar = ProgressBar::new(0)
+        .with_style(ProgressStyle::with_template("{msg:<24} {bar:32} {pos}/{len} {elapsed}")?);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    let outcome = cli.experiment.run(&|stage, done, total| {
+        bar.set_message(stage.to_owned());
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    let run = Run::new(command, cli.experiment.arguments(), &outcome.report);
+    let folder = write_outcome(&cli.out, &experiment, &outcome, &run, !cli.no_record)?;
+    if cli.json {
+        let rows = &outcome.report.rows;
+        println!(
+            "{}",
+            serde_json::to_string(&Answer { experiment: &experiment, run: &run, rows })?
+        );
+    } else {
+        println!("{}\n\nrows and pictures are in {}", table(&outcome.report), folder.display());
+    }
+    Ok(())
+}
+
+/// The summary, a line a figure.
+fn table(report: &Report) -> String {
+    let width = report.summary.keys().map(String::len).max().unwrap_or(0);
+    let lines = report.summary.iter().map(|(key, value)| format!("{key:width$}  {value:.4}"));
+    lines.collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,56 @@
+//! A server that an experiment starts for itself, on a temporary folder and a free port.
+
+use std::path::Path;
+use std::time::Instant;
+
+use palpate_client::{Client, ClientOptions};
+use palpate_server::{Config, Server};
+use tempfile::TempDir;
+
+/// A running server and a client of it.
+pub(crate) struct OwnServer {
+    folder: TempDir,
+    server: Server,
+    pub(crate) client: Client,
+}
+
+impl OwnServer {
+    /// Starts one with nothing stored.
+    pub(crate) async fn start() -> anyhow::Result<Self> {
+        let folder = tempfile::Builder::new().prefix("palpate-experiment-").tempdir()?;
+        let (server, client) = serve(folder.path()).await?;
+        Ok(Self { folder, server, client })
+    }
+
+    /// Stops it and starts it again on the same folder. Also gives the seconds until it listens.
+    pub(crate) async fn restart(self) -> anyhow::Result<(Self, f64)> {
+        let Self { folder, server, .. } = self;
+        server.shutdown().await;
+        let begun = Instant::now();
+        let (server, client) = serve(folder.path()).await?;
+        Ok((Self { folder, server, client }, begun.elapsed().as_secs_f64()))
+    }
+
+    /// Stops it and removes its folder.
+    pub(crate) async fn stop(self) {
+        self.server.shutdown().await;
+    }
+}
+
+async fn serve(folder: &Path) -> anyhow::Result<(Server, Client)> {
+    let any_port = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
+    let server =
+        Server::start(Config { listen: any_port, ..Config::new(folder.join("data")) }).await?;
+    let address = format!("http://{}", server.local_addr());
+    Ok((server, Client::with_options(&address, ClientOptions::default())?))
+}
+
+/// Runs what waits for a server until it ends, or fails at Ctrl-C.
+pub(crate) fn block_on<T>(work: impl Future<Output = anyhow::Result<T>>) -> anyhow::Result<T> {
+    tokio::runtime::Runtime::new()?.block_on(async {
+        tokio::select! {
+            outcome = work => outcome,
+            _ = tokio::signal::ctrl_c() => anyhow::bail!("interrupted"),
+        }
+    })
+}

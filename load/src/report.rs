@@ -1,0 +1,256 @@
+//! What a run says: its steps, the peak, what is left of it beyond saturation, and which stated
+//! bounds it breaks.
+
+use serde::Serialize;
+
+use super::LoadConfig;
+use super::memory::Growth;
+use super::step::StepReport;
+
+/// Bounds that a run must keep; those that are not given bind nobody.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bounds {
+    /// Bound on the 99th percentile of accepted requests in every step, milliseconds.
+    pub p99_max_ms: Option<f64>,
+    /// Bound on the throughput beyond saturation, as a share of the peak.
+    pub share_min: Option<f64>,
+    /// Bound on the growth of memory over the soak, or the last step without one, bytes.
+    pub growth_max_bytes: Option<f64>,
+}
+
+/// A whole run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LoadReport {
+    /// The seed of everything random.
+    pub seed: u64,
+    /// The configuration.
+    pub mix: String,
+    /// How many robots there were.
+    pub sessions: usize,
+    /// After how many readings they begin another session.
+    pub readings_per_session: u32,
+    /// Whether they waited when they were told to.
+    pub polite: bool,
+    /// The steps.
+    pub steps: Vec<StepReport>,
+    /// The long step at overload, if there was one.
+    pub soak: Option<StepReport>,
+    /// Verdict over all steps.
+    pub verdict: Verdict,
+}
+
+/// Verdict over all steps.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Verdict {
+    /// The most readings a second that a step had accepted.
+    pub peak_readings_per_s: f64,
+    /// The most requests a second that a step had accepted.
+    pub peak_accepted_per_s: f64,
+    /// The rate at which the readings peaked.
+    pub peak_rate: f64,
+    /// The fewest readings a second at a higher rate than that, as a share of the peak; null
+    /// when no higher rate was tried.
+    pub share_beyond: Option<f64>,
+    /// Whether any step went beyond what the server can do: a twentieth or more of what was due
+    /// was not accepted.
+    pub is_saturated: bool,
+    /// The largest 99th percentile of a step's accepted requests, milliseconds; null when
+    /// nothing was accepted.
+    pub p99_ms: Option<f64>,
+    /// How memory went over the soak, or over the last step without one.
+    pub memory: Option<Growth>,
+    /// Answers that no overload explains: other statuses and no answers.
+    pub unexpected: u64,
+}
+
+/// With a smaller share of what was due, a step was beyond saturation.
+const ACCEPTED_SHARE: f64 = 0.95;
+
+impl LoadReport {
+    pub(super) fn new(
+        config: &LoadConfig,
+        steps: Vec<StepReport>,
+        soak: Option<StepReport>,
+    ) -> Self {
+        let verdict = Verdict::of(&steps, soak.as_ref());
+        Self {
+            seed: config.seed,
+            mix: config.mix.to_string(),
+            sessions: config.sessions,
+            readings_per_session: config.readings_per_session,
+            polite: config.polite,
+            steps,
+            soak,
+            verdict,
+        }
+    }
+
+    /// What of the bounds is broken, in words. A bound that nothing can be said about is
+    /// broken too.
+    #[must_use]
+    pub fn broken(&self, bounds: &Bounds) -> Vec<String> {
+        let verdict = &self.verdict;
+        let mut broken = Vec::new();
+        if let Some(max) = bounds.p99_max_ms {
+            match verdict.p99_ms {
+                Some(found) if found <= max => {}
+                Some(found) => broken.push(format!(
+                    "p99 of accepted requests is {found:.1} ms, at most {max} ms were wanted"
+                )),
+                None => broken.push("no request was accepted, so there is no p99".to_owned()),
+            }
+        }
+        if let Some(min) = bounds.share_min {
+            match verdict.share_beyond {
+                Some(found) if found >= min => {}
+                Some(found) => broken.push(format!(
+                    "throughput beyond saturation is {found:.2} of the peak, at least {min} was \
+                     wanted"
+                )),
+                None => broken.push(
+                    "no rate above the peak's was tried, so nobody can tell what is left beyond \
+                     saturation"
+                        .to_owned(),
+                ),
+            }
+        }
+        if let Some(max) = bounds.growth_max_bytes {
+            match verdict.memory.map(|memory| memory.growth_bytes) {
+                Some(found) if found <= max => {}
+                Some(found) => broken.push(format!(
+                    "memory grew by {:.1} MB, at most {:.1} MB were wanted",
+                    found / 1e6,
+                    max / 1e6
+                )),
+                None => broken.push(
+                    "the server's memory is not known: give --pid for a server on this machine"
+                        .to_owned(),
+                ),
+            }
+        }
+        broken
+    }
+}
+
+impl Verdict {
+    fn of(steps: &[StepReport], soak: Option<&StepReport>) -> Self {
+        let all = || steps.iter().chain(soak);
+        let peak = all().max_by(|a, b| a.readings_per_s.total_cmp(&b.readings_per_s));
+        let Some(peak) = peak else { return Self::default() };
+        let share = |step: &StepReport| step.readings_per_s / peak.readings_per_s;
+        let beyond = all().filter(|step| step.rate > peak.rate && peak.readings_per_s > 0.0);
+        let last = soak.or(steps.last());
+        Self {
+            peak_readings_per_s: peak.readings_per_s,
+            peak_accepted_per_s: all().map(|step| step.accepted_per_s).fold(0.0, f64::max),
+            peak_rate: peak.rate,
+            share_beyond: beyond.map(share).min_by(f64::total_cmp),
+            is_saturated: all().any(|step| {
+                (step.counts.accepted as f64) < ACCEPTED_SHARE * step.counts.offered as f64
+            }),
+            p99_ms: all()
+                .filter_map(|step| step.accepted_latency)
+                .map(|latency| latency.p99_ms)
+                .max_by(f64::total_cmp),
+            memory: last.and_then(|step| step.memory),
+            unexpected: all().map(|step| step.counts.other + step.counts.errors).sum(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Arrivals, Counts, Latency, Mix};
+    use super::*;
+
+    fn step(rate: f64, readings_per_s: f64, p99_ms: f64) -> StepReport {
+        let accepted = (10.0 * readings_per_s) as u64;
+        let offered = (10.0 * rate) as u64;
+        StepReport {
+            rate,
+            seconds: 10.0,
+            accepted_per_s: readings_per_s,
+            readings_per_s,
+            counts: Counts { offered, accepted, ..Counts::default() },
+            accepted_latency: Some(Latency { p99_ms, ..Latency::default() }),
+            refused_latency: None,
+            operations: Vec::new(),
+            sender_lag_max_ms: 0.0,
+            messages: Vec::new(),
+            memory: None,
+        }
+    }
+
+    fn report(steps: Vec<StepReport>, soak: Option<StepReport>) -> LoadReport {
+        let config = LoadConfig {
+            seed: 1,
+            catalogue: String::new(),
+            method: None,
+            belief: palpate_schemas::BeliefDetail::Full,
+            rates: Vec::new(),
+            arrivals: Arrivals::Constant,
+            duration: std::time::Duration::ZERO,
+            warmup: std::time::Duration::ZERO,
+            soak: None,
+            sessions: 1,
+            readings_per_session: 1,
+            mix: Mix::default(),
+            in_flight_max: 1,
+            polite: false,
+        };
+        LoadReport::new(&config, steps, soak)
+    }
+
+    #[test]
+    fn the_share_beyond_saturation_is_the_worst_above_the_peaks_rate() {
+        let steps = vec![
+            step(100.0, 100.0, 5.0),
+            step(200.0, 190.0, 20.0),
+            step(400.0, 171.0, 600.0),
+            step(800.0, 152.0, 700.0),
+        ];
+        let verdict = report(steps, None).verdict;
+        assert!((verdict.peak_rate - 200.0).abs() < 1e-9);
+        // 152 of 190.
+        assert!((verdict.share_beyond.unwrap() - 0.8).abs() < 1e-9, "{verdict:?}");
+        assert!((verdict.p99_ms.unwrap() - 700.0).abs() < 1e-9);
+        assert!(verdict.is_saturated);
+    }
+
+    #[test]
+    fn without_a_higher_rate_nothing_is_said_of_it() {
+        let verdict = report(vec![step(50.0, 50.0, 5.0), step(100.0, 99.0, 5.0)], None).verdict;
+        assert_eq!((verdict.share_beyond, verdict.is_saturated), (None, false));
+    }
+
+    #[test]
+    fn broken_bounds_are_named_with_what_was_found_and_wanted() {
+        let mut soak = step(300.0, 95.0, 50.0);
+        let growth = Growth {
+            samples: 9,
+            begin_bytes: 1e8,
+            end_bytes: 1.5e8,
+            max_bytes: 1.6e8,
+            growth_bytes: 5e7,
+            slope_bytes_per_s: 1e5,
+        };
+        soak.memory = Some(growth);
+        let report = report(vec![step(100.0, 100.0, 5.0)], Some(soak));
+        let bounds =
+            Bounds { p99_max_ms: Some(49.0), share_min: Some(0.96), growth_max_bytes: Some(4.9e7) };
+        let broken = report.broken(&bounds).join("\n");
+        assert!(broken.contains("is 50.0 ms, at most 49 ms"), "{broken}");
+        assert!(broken.contains("is 0.95 of the peak, at least 0.96"), "{broken}");
+        assert!(broken.contains("grew by 50.0 MB, at most 49.0 MB"), "{broken}");
+        let kept =
+            Bounds { p99_max_ms: Some(50.0), share_min: Some(0.95), growth_max_bytes: Some(5e7) };
+        assert_eq!(report.broken(&kept), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_bound_that_nothing_can_be_said_about_is_broken() {
+        let bounds =
+            Bounds { p99_max_ms: None, share_min: Some(0.1), growth_max_bytes: Some(1e12) };
+        assert_eq!(report(vec![step(1.0, 1.0, 1.0)], None).broken(&bounds).len(), 2);
+    }
+}

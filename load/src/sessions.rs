@@ -1,0 +1,226 @@
+//! The robots: each has one session at a time, touches one object in it, closes it, and begins
+//! the next one with another object.
+//!
+//! A robot does not wait for the answer to a reading before it sends the next one: it touches
+//! when it touches. It does wait for its session to be there, and for its last answers before it
+//! closes it; and, if polite, for as long as it was told to.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use palpate_core::pose::Pose;
+use palpate_core::rng::{Purpose, Stream};
+use palpate_schemas::{AddReadings, AskNextTouches, CreateSession, Stamp};
+use uuid::Uuid;
+
+use super::LoadConfig;
+use super::operation::Operation;
+use super::tally::Answer;
+use super::touches::{SENSOR, Touches};
+
+/// How far from the session frame's origin objects lie, metres.
+const PLACE: f64 = 0.2;
+
+/// All robots.
+pub(super) struct Sessions {
+    robots: Vec<Robot>,
+    next: usize,
+    readings_max: u32,
+    touches: Arc<Touches>,
+    create: CreateSession,
+    begun: Instant,
+}
+
+/// A request that a robot sends.
+pub(super) struct Errand {
+    pub(super) robot: usize,
+    pub(super) operation: Operation,
+    pub(super) request: Request,
+}
+
+/// A request to send.
+pub(super) enum Request {
+    Create(Box<CreateSession>),
+    Reading(Uuid, AddReadings),
+    Belief(Uuid),
+    NextTouches(Uuid, AskNextTouches),
+    Close(Uuid),
+}
+
+struct Robot {
+    name: String,
+    session: Option<Uuid>,
+    stream: Stream,
+    object: usize,
+    session_from_object: Pose,
+    seq: u64,
+    /// Readings of the session that were accepted, and those that failed for good.
+    accepted: u32,
+    failed: u32,
+    readings_under_way: u32,
+    under_way: u32,
+    /// Whether its session is being made or closed.
+    is_turning: bool,
+    waits_until: Option<Instant>,
+}
+
+impl Sessions {
+    pub(super) fn new(config: &LoadConfig, touches: Touches) -> Self {
+        let robots = (0..config.sessions.max(1))
+            .map(|number| Robot::new(number, config.seed, touches.n_objects()))
+            .collect();
+        let create = CreateSession {
+            catalogue: Some(config.catalogue.clone()),
+            method: config.method,
+            ..CreateSession::default()
+        };
+        let readings_max = config.readings_per_session.max(1);
+        let (touches, begun) = (Arc::new(touches), Instant::now());
+        Self { robots, next: 0, readings_max, touches, create, begun }
+    }
+
+    /// What the next robot in turn sends that can do what is `wanted`: that, or what it must do
+    /// before. `None` when none can. `due` is when it was to be sent.
+    pub(super) fn take(&mut self, wanted: Operation, due: Instant) -> Option<Errand> {
+        let n = self.robots.len();
+        let robot = (0..n).map(|step| (self.next + step) % n).find(|robot| {
+            self.robots[*robot].operation(wanted, self.readings_max, due).is_some()
+        })?;
+        self.next = (robot + 1) % n;
+        let operation = self.robots[robot].operation(wanted, self.readings_max, due)?;
+        Some(Errand { robot, operation, request: self.request(robot, operation, due) })
+    }
+
+    fn request(&mut self, robot: usize, operation: Operation, due: Instant) -> Request {
+        let n_objects = self.touches.n_objects();
+        let stamp = stamp(due.saturating_duration_since(self.begun));
+        let robot = &mut self.robots[robot];
+        robot.under_way += 1;
+        let session = match (operation, robot.session) {
+            (Operation::Create, _) | (_, None) => {
+                robot.turn(n_objects);
+                return Request::Create(Box::new(self.create.clone()));
+            }
+            (_, Some(session)) => session,
+        };
+        match operation {
+            Operation::Reading => Request::Reading(session, robot.reading(&self.touches, stamp)),
+            Operation::NextTouches => {
+                let sensor = SENSOR.name().to_owned();
+                Request::NextTouches(session, AskNextTouches { sensor, ..Default::default() })
+            }
+            Operation::Close => {
+                robot.is_turning = true;
+                Request::Close(session)
+            }
+            Operation::Belief | Operation::Create => Request::Belief(session),
+        }
+    }
+
+    /// Notes an answer; `created` is the session that was made.
+    pub(super) fn answered(
+        &mut self,
+        robot: usize,
+        operation: Operation,
+        answer: &Answer,
+        created: Option<Uuid>,
+        waits_until: Option<Instant>,
+    ) {
+        let readings_max = self.readings_max;
+        let robot = &mut self.robots[robot];
+        robot.under_way -= 1;
+        robot.waits_until = robot.waits_until.max(waits_until);
+        let is_refused = matches!(answer, Answer::Refused { .. });
+        match operation {
+            Operation::Create => {
+                robot.session = created;
+                robot.is_turning = false;
+            }
+            // One that is not there any more need not be closed either.
+            Operation::Close => {
+                robot.session = robot.session.filter(|_| is_refused);
+                robot.is_turning = false;
+            }
+            Operation::Reading => {
+                robot.readings_under_way -= 1;
+                match answer {
+                    Answer::Accepted => robot.accepted += 1,
+                    Answer::Refused { .. } => {}
+                    // The session ended: this robot begins another one.
+                    Answer::Other { status: 404 | 409 | 410, .. } => robot.failed = readings_max,
+                    Answer::Other { .. } | Answer::Lost { .. } => robot.failed += 1,
+                }
+            }
+            Operation::Belief | Operation::NextTouches => {}
+        }
+    }
+
+    /// Sessions that are open.
+    pub(super) fn open(&self) -> Vec<Uuid> {
+        self.robots.iter().filter_map(|robot| robot.session).collect()
+    }
+}
+
+impl Robot {
+    fn new(number: usize, seed: u64, n_objects: usize) -> Self {
+        Self {
+            name: format!("load-{number}"),
+            session: None,
+            stream: Stream::new(seed, Purpose::ObjectPose, number as u64),
+            object: number % n_objects,
+            session_from_object: Pose::IDENTITY,
+            seq: 0,
+            accepted: 0,
+            failed: 0,
+            readings_under_way: 0,
+            under_way: 0,
+            is_turning: false,
+            waits_until: None,
+        }
+    }
+
+    /// The operation that the robot sends when `wanted` is due, if any.
+    fn operation(&self, wanted: Operation, readings_max: u32, now: Instant) -> Option<Operation> {
+        if self.is_turning || self.waits_until.is_some_and(|until| until > now) {
+            return None;
+        }
+        let done = self.accepted + self.failed;
+        match (self.session, wanted) {
+            (None, _) => (self.under_way == 0).then_some(Operation::Create),
+            (Some(_), _) if done >= readings_max => {
+                (self.under_way == 0).then_some(Operation::Close)
+            }
+            (Some(_), Operation::Reading) => {
+                (done + self.readings_under_way < readings_max).then_some(Operation::Reading)
+            }
+            (Some(_), Operation::NextTouches) => {
+                (self.accepted > 0).then_some(Operation::NextTouches)
+            }
+            (Some(_), wanted) => Some(wanted),
+        }
+    }
+
+    /// Turns to another object, which lies somewhere else.
+    fn turn(&mut self, n_objects: usize) {
+        self.is_turning = true;
+        self.object = self.stream.index(n_objects);
+        let translation = PLACE * self.stream.direction();
+        self.session_from_object = Pose::from_parts(self.stream.rotation(), translation);
+        (self.accepted, self.failed, self.readings_under_way) = (0, 0, 0);
+    }
+
+    fn reading(&mut self, touches: &Touches, stamp: Stamp) -> AddReadings {
+        let mut reading = touches.draw(self.object, self.session_from_object, &mut self.stream);
+        reading.robot = Some(self.name.clone());
+        reading.seq = Some(self.seq);
+        reading.stamp = Some(stamp);
+        self.seq += 1;
+        self.readings_under_way += 1;
+        AddReadings { readings: vec![reading] }
+    }
+}
+
+/// A time since the run's begin, as a simulated clock that starts at 0.
+fn stamp(since: Duration) -> Stamp {
+    Stamp { sec: since.as_secs(), nanosec: since.subsec_nanos() }
+}
