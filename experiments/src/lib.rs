@@ -29,6 +29,7 @@ pub mod objects;
 pub mod other_physics;
 mod own_server;
 pub mod perturbation;
+pub mod played;
 pub mod ppf_peer;
 pub mod real_frames;
 pub mod record;

@@ -5,13 +5,13 @@
 //! it met off the middle, and tries again when it meets nothing. Presses that met nothing are
 //! evidence, and no touches.
 
-use serde::Serialize;
 use std::sync::Arc;
 
 use palpate_core::reading::Reading;
 use palpate_recogniser::belief::{SurfaceBelief, SurfaceOptions};
 use palpate_recogniser::model::SurfaceModel;
 use palpate_sim::press::PressSimulator;
+use serde::Serialize;
 
 use super::{InCatalogue, SurfaceScale};
 use crate::disturbance::Presented;
