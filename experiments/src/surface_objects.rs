@@ -8,7 +8,6 @@
 use std::time::Instant;
 
 use clap::Args;
-use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::{AxisOrder, Symmetry};
 use palpate_core::units::{DEG, MM};
