@@ -6,12 +6,11 @@
 
 pub mod disturbance;
 pub mod letter_presses;
+mod own_server;
+pub mod report;
 pub mod objects;
 pub mod arguments;
 pub mod families;
-mod own_server;
-pub mod played;
-pub mod report;
 pub mod consistency;
 pub mod coverage;
 pub mod record;
@@ -20,6 +19,7 @@ pub mod server_throughput;
 pub mod restart;
 pub mod stated;
 pub mod statistics;
+pub mod played;
 pub mod appearance_trials;
 pub mod contact_rates;
 pub mod controllers;
