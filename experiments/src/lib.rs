@@ -36,7 +36,6 @@ pub mod letters_appearance;
 pub mod noise;
 pub mod other_physics;
 pub mod perturbation;
-pub mod played;
 pub mod ppf_peer;
 pub mod real_frames;
 pub mod resolution;
