@@ -12,6 +12,7 @@ pub mod propose;
 pub mod verify;
 pub mod refine;
 pub mod belief;
+
 pub mod next_touch;
 #[cfg(test)]
 mod test_support;

@@ -4,6 +4,7 @@ pub(crate) mod audit;
 pub(crate) mod calibrations;
 pub(crate) mod sensors;
 pub(crate) mod keys;
+pub(crate) mod storage;
 pub(crate) mod objects;
 pub(crate) mod catalogues;
 pub(crate) mod sessions;
