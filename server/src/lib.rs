@@ -22,7 +22,6 @@ mod hints;
 mod model;
 mod wire;
 mod known_sensors;
-mod process;
 mod refusal;
 mod repeats;
 mod live;

@@ -12,4 +12,3 @@ pub(crate) mod training;
 pub(crate) mod jobs;
 pub(crate) mod snapshots;
 pub(crate) mod integrity;
-pub(crate) mod storage;
