@@ -5,6 +5,7 @@
 //! expected result, written by the decoders of those schemas before there were migrations.
 #![allow(clippy::unwrap_used, reason = "a test fails where it unwraps")]
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use palpate_migrations::{MigrateError, Migrated, NEWEST, layout, migrate};
@@ -15,6 +16,7 @@ use palpate_store::envelope::{Kind, seal};
 use palpate_store::fsck;
 use palpate_store::memory::MemoryEngine;
 use palpate_store::sled::{SledEngine, SledOptions};
+use uuid::Uuid;
 
 const LAYOUT_1: &str = include_str!("../golden/layout1.txt");
 const LAYOUT_2: &str = include_str!("../golden/layout2.txt");
@@ -68,6 +70,10 @@ impl Engine for Interrupted {
             Ok(_) => self.inner.commit(commit),
             Err(_) => Pending::ready(Err(EngineError::Stopped.into())),
         }
+    }
+
+    fn held(&self) -> BTreeMap<Uuid, u64> {
+        self.inner.held()
     }
 
     fn cut(&self) -> Result<Box<dyn Cut>, EngineError> {

@@ -82,7 +82,7 @@ pub(crate) fn cors(origins: &[String]) -> Option<CorsLayer> {
 /// Whether a text is an origin exactly as browsers send it: scheme, host, and a port where it
 /// is not the scheme's own.
 #[must_use]
-pub fn is_origin(text: &str) -> bool {
+pub(crate) fn is_origin(text: &str) -> bool {
     let Some((scheme, authority)) = text.split_once("://") else { return false };
     let is_plain = !authority.contains(['/', '@', '?', '#', '*', ' ']);
     let is_lower = text.bytes().all(|byte| !byte.is_ascii_uppercase());

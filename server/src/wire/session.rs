@@ -266,7 +266,7 @@ fn checked_options(
     }
     let Some(maps) = &model.core.geometric else {
         let detail =
-            format!("came {}, expected a method that the version was trained for", name(method));
+            format!("came `{}`, expected a method that the version was trained for", method.name());
         return Err(Invalid::field("/method", detail));
     };
     let kind = geometry::kind(maps);
