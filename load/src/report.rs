@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn the_share_beyond_saturation_is_the_worst_above_the_peaks_rate() {
+    fn the_share_beyond_saturation_is_the_worst_above_the_peak() {
         let steps = vec![
             step(100.0, 100.0, 5.0),
             step(200.0, 190.0, 20.0),

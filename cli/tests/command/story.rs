@@ -68,7 +68,7 @@ fn the_description_of_the_api_is_printed_without_a_server() {
 }
 
 #[test]
-fn ones_own_mesh_is_added_trained_touched_and_recognised_also_after_a_restart() {
+fn an_own_mesh_is_trained_and_recognised_also_after_a_restart() {
     let folder = TempDir::new().unwrap();
     let (at, data) = (folder.path(), folder.path().join("data"));
     let output = run(at, "objects example --all --out meshes --json");

@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_come_first_then_robots_then_their_numbers_then_arrival() {
+    fn readings_sort_by_stamp_robot_number_and_arrival() {
         let it = chronicle(&[
             reading(Some(5), Some(("a", 0))),   // 0
             reading(Some(4), Some(("b", 9))),   // 1
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_an_earlier_time_knows_nothing_of_what_came_later() {
+    fn an_earlier_order_ignores_later_entries() {
         let mut it = chronicle(&[
             reading(Some(7), Some(("a", 1))),
             reading(Some(6), Some(("a", 2))),

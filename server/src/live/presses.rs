@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn robots_press_at_the_same_time_and_a_motion_goes_with_its_press() {
+    fn robots_press_concurrently_and_motions_stay_with_a_press() {
         let mut frames = Vec::new();
         for n in 0..4 {
             let mut one = frame(n, 10 * i64::from(n), 0.0, f64::from(n));

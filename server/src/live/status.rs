@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_session_expires_when_nothing_new_comes_for_its_time_to_live() {
+    async fn a_session_expires_after_its_time_to_live_without_entries() {
         let (store, session) = (Database::in_memory(), session(""));
         assert_eq!(end(&store, &session, 5999), None);
         assert_eq!(end(&store, &session, 6000), Some((6000, EndReason::Expired)));

@@ -306,7 +306,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_storm_of_refusals_leaves_few_entries_and_says_how_many_it_left_out() {
+    fn a_flood_of_refusals_leaves_few_entries_and_a_count() {
         let begin = Instant::now();
         let mut denials = Denials { allowed: DENIED_BURST, since: begin, n_left_out: 0 };
         let written = (0..1000).filter(|_| denials.admit(begin) == Some(0)).count();

@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_belief_is_calibrated_by_its_method_and_what_its_version_rests_on() {
+    fn a_belief_is_calibrated_by_its_method_and_its_version() {
         let learnt = Some(CalibrationBasis::HeldBack { objects: 3 });
         let alone = Some(CalibrationBasis::OneObject);
         assert_eq!(reason_of(Method::Surface, learnt), None);

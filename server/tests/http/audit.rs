@@ -29,7 +29,7 @@ fn brief(entries: &[Value]) -> Vec<(&str, &str, u64)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn changes_are_written_down_with_who_made_them_and_what_came_of_it() {
+async fn changes_are_logged_with_their_caller_and_outcome() {
     let mut it = Harness::guarded().await;
     let admin = it.key.clone();
     let trainer = it.new_key("teacher", "trainer").await;

@@ -31,7 +31,7 @@ async fn believed(it: &Harness, session: Value) -> (Value, Value) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn report_and_belief_say_whether_probabilities_are_calibrated_and_why_not() {
+async fn report_and_belief_say_if_probabilities_are_calibrated() {
     let it = Harness::trained().await;
     let path = "/v1/catalogues/default/versions/1/report";
     let first = it.get(path).await.expect(200);

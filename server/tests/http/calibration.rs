@@ -85,7 +85,7 @@ async fn a_calibration_answers_its_fit_and_check_shows_what_it_does() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_calibration_applies_to_later_readings_only_also_after_a_restart() {
+async fn a_calibration_applies_to_later_readings_only() {
     let it = Harness::trained().await;
     finger(&it).await;
     it.post("/v1/objects", &json!({"name": "mug"})).await.expect(201);
@@ -163,7 +163,7 @@ async fn indentations_that_cannot_be_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn coverings_are_compared_and_the_sharpest_that_does_not_alias_is_recommended() {
+async fn the_sharpest_covering_without_aliasing_is_recommended() {
     let it = Harness::start().await;
     let path = "/v1/analyses/covering";
     let body = json!({"element_width": 0.002, "spreads": [0.0006, 0.0034, 0.0028],

@@ -69,7 +69,7 @@ async fn a_restart_goes_on_from_checkpoints_and_believes_the_same() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_damaged_checkpoint_is_as_good_as_none_and_none_outlives_its_session() {
+async fn damaged_checkpoints_are_ignored_and_end_with_their_session() {
     let it = Harness::trained().await;
     let sessions = [it.session(json!({})).await, it.session(json!({})).await];
     for session in &sessions {

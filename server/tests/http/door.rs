@@ -96,7 +96,7 @@ async fn headers_longer_than_the_buffer_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_answer_that_comes_before_the_body_has_ended_reaches_a_client_that_goes_on_sending() {
+async fn an_early_answer_reaches_a_client_that_keeps_sending() {
     let it = Harness::start_with(|config| config.bodies_bytes_max = 8 << 10).await;
     let address = it.server.local_addr();
     for chunk in [1 << 10, 64 << 10] {

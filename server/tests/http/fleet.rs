@@ -16,7 +16,7 @@ fn ids(fleet: &Value) -> Vec<&str> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn open_sessions_are_listed_with_their_robots_the_newest_change_first() {
+async fn open_sessions_are_listed_with_robots_newest_change_first() {
     let it = Harness::start().await;
     assert_eq!((&fleet(&it).await["n_open"], ids(&fleet(&it).await)), (&json!(0), vec![]));
     it.train().await;

@@ -117,7 +117,7 @@ fn sum(probabilities: &Value) -> f64 {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn letters_are_recognised_and_located_and_a_restart_loses_nothing() {
+async fn letters_are_recognised_and_located_also_after_a_restart() {
     let it = Harness::start().await;
     add_letters(&it, &LETTERS).await;
     train(&it, &json!({"n_classes": 8, "geometric": {"kind": "planar"}})).await;
@@ -303,7 +303,7 @@ async fn what_a_geometric_session_cannot_use_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_training_whose_map_would_be_too_large_fails_and_names_the_object() {
+async fn a_training_with_too_large_a_map_names_the_object() {
     let it = Harness::start().await;
     add_letters(&it, &['I']).await;
     it.post("/v1/objects", &json!({"name": "huge"})).await.expect(201);

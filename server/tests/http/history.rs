@@ -39,7 +39,7 @@ fn check(step: &Value, belief: &Value) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_replay_has_every_belief_also_of_late_and_withdrawn_readings() {
+async fn a_replay_covers_late_and_withdrawn_readings() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");

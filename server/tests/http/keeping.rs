@@ -58,7 +58,7 @@ async fn a_full_disk_refuses_writes_with_507_and_reading_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_training_that_cannot_be_stored_fails_at_once_and_the_end_is_stored_later() {
+async fn an_unstorable_training_fails_and_its_end_is_stored_later() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
     let it = Harness::trained_with(|config| {
@@ -129,7 +129,7 @@ async fn a_damaged_version_is_kept_from_use_and_the_rest_serves_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
+async fn keys_are_revoked_and_things_removed_on_a_full_disk() {
     let free = Arc::new(AtomicU64::new(u64::MAX));
     let seen = Arc::clone(&free);
     let it = Harness::trained_with(|config| {
@@ -170,7 +170,7 @@ async fn on_a_full_disk_keys_are_revoked_and_what_takes_room_is_removed() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_snapshot_of_the_running_service_restores_to_the_same_beliefs() {
+async fn a_snapshot_of_a_running_server_restores_the_same_beliefs() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}/readings");

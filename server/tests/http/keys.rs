@@ -56,7 +56,7 @@ async fn with_keys_nobody_gets_in_without_one() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_key_lives_from_its_creation_to_its_revocation_and_over_restarts() {
+async fn a_key_works_until_revoked_also_after_restarts() {
     let it = Harness::guarded().await;
     let wanted = json!({"name": "arm-3", "role": "robot", "expires_in_s": 3600});
     let created = it.post("/v1/keys", &wanted).await;
@@ -97,7 +97,7 @@ async fn a_key_lives_from_its_creation_to_its_revocation_and_over_restarts() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_rotated_key_is_let_in_with_the_secret_before_for_as_long_as_was_said() {
+async fn a_rotated_key_accepts_its_old_secret_for_the_grace_period() {
     let it = Harness::guarded().await;
     let first = it.new_key("arm-3", "robot").await;
     let rotate = async |body: Value| it.post("/v1/keys/arm-3/rotate", &body).await;

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use crate::harness::{Answer, BAR, CUBE, Harness, read, touches};
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_client_that_asks_too_often_is_told_when_to_come_back_and_others_are_not() {
+async fn only_a_client_over_its_rate_is_told_to_wait() {
     let it = Harness::start_with(|config| {
         config.access = Access::Keys;
         config.rate_per_second = NonZeroU32::new(20);

@@ -62,7 +62,7 @@ async fn two_catalogues_in_turn_answer_the_same_where_only_one_fits() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_session_loads_what_its_method_needs_and_a_model_that_does_not_fit_is_refused() {
+async fn a_session_loads_only_its_part_and_large_ones_are_refused() {
     let it = Harness::trained().await;
     let needed = surface_bytes(&it, "default").await;
     let it = it.restart_with(|config| config.model_memory_bytes_max = needed - 1).await;

@@ -49,7 +49,7 @@ async fn own_approaches_are_ranked_from_the_first_moment() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn candidates_are_ranked_by_bits_for_their_cost_and_air_is_worth_nothing() {
+async fn candidates_are_ranked_by_bits_per_cost_and_air_is_last() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");

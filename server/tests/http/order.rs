@@ -97,7 +97,7 @@ async fn every_method_folds_late_readings_as_if_they_had_come_in_time() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_withdrawn_reading_leaves_no_trace_and_a_repeat_does_not_bring_it_back() {
+async fn a_withdrawn_reading_leaves_no_trace_even_when_repeated() {
     let it = Harness::trained().await;
     let readings = of_a_fleet(12);
     let others: Vec<Value> = readings

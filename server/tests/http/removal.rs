@@ -25,7 +25,7 @@ async fn train(it: &Harness, extra: &Value) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_version_goes_when_it_is_not_current_and_no_session_began_with_it() {
+async fn only_an_unused_version_that_is_not_current_is_removed() {
     let it = Harness::trained().await;
     let path = "/v1/catalogues/default/versions/1";
     needed(&it, path, "new sessions use it").await;

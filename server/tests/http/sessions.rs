@@ -258,7 +258,7 @@ async fn sessions_are_closed_and_deleted() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn more_sessions_than_fit_in_memory_are_rebuilt_from_their_journals() {
+async fn evicted_sessions_are_rebuilt_from_their_journals() {
     let it = Harness::trained_with(|config| config.beliefs_in_memory_max = 2).await;
     let readings = touches(CUBE, 6, 4, resting_pose());
     let mut sessions = Vec::new();

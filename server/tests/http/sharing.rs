@@ -93,7 +93,7 @@ async fn an_object_that_moved_keeps_its_name_also_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_object_that_shifts_at_every_touch_is_recognised_when_it_is_said() {
+async fn an_object_with_announced_drift_is_recognised() {
     let it = Harness::trained().await;
     let mut deviations = Vec::new();
     for begin in [json!({}), json!({"object_moves": {"position_m": 0.003, "angle_rad": 0.05}})] {
@@ -114,7 +114,7 @@ async fn an_object_that_shifts_at_every_touch_is_recognised_when_it_is_said() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_it() {
+async fn a_press_through_the_believed_object_counts_against_it() {
     let it = Harness::trained().await;
     let session = it.session(json!({})).await;
     let path = format!("/v1/sessions/{session}");
@@ -141,7 +141,7 @@ async fn a_press_that_came_through_where_the_object_was_believed_speaks_against_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_session_says_how_probable_none_of_these_is_before_the_first_touch() {
+async fn a_session_states_its_prior_of_none_of_these() {
     let it = Harness::trained().await;
     let mut odds = Vec::new();
     for (begin, prior) in [(json!({}), 0.05), (json!({"unknown_prior": 0.5}), 0.5)] {

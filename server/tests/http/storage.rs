@@ -65,7 +65,7 @@ async fn a_robot_over_its_quota_is_refused_until_it_removes_something() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readings_versions_and_sessions_count_to_the_key_that_made_them() {
+async fn bytes_count_to_the_key_that_wrote_them() {
     let it = Harness::guarded().await;
     it.train().await;
     let arm = it.new_key("arm", "robot").await;

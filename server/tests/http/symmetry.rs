@@ -94,7 +94,7 @@ async fn a_bar_is_answered_once_and_may_be_turned_by_quarters() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_mesh_decides_a_symmetry_and_few_touches_leave_it_undetermined() {
+async fn a_mesh_decides_a_symmetry_and_few_touches_do_not() {
     let it = Harness::start().await;
     // With 100 touches by this seed the mug could be "turned by any angle", handle and all.
     let mug = shapes::example("mug").unwrap().scaled_to_largest_dimension(80.0);

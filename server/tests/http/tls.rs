@@ -102,7 +102,7 @@ async fn a_server_with_a_certificate_speaks_tls_and_stops_gracefully() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_new_certificate_is_shown_to_who_comes_next_and_a_broken_one_to_nobody() {
+async fn a_new_certificate_is_served_and_a_broken_one_is_not() {
     let (files, next, data) = (Files::make(), Files::make(), TempDir::new().unwrap());
     let mut config = config(data.path());
     config.tls = Some(files.pair("server.pem", "server.key"));

@@ -109,7 +109,7 @@ async fn the_map_of_an_object_lies_on_its_surface_and_comes_in_pages() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_version_is_trained_with_any_descriptor_of_one_feature_a_reading() {
+async fn any_descriptor_with_one_feature_a_reading_trains() {
     let it = Harness::start().await;
     it.post("/v1/objects", &json!({"name": "bar"})).await.expect(201);
     it.put_mesh("bar", &off_box(BAR)).await.expect(200);

@@ -110,7 +110,7 @@ async fn train(it: &Harness, training: &Value) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_bad_object_is_left_out_and_named_unless_the_training_is_strict() {
+async fn a_bad_object_is_skipped_unless_the_training_is_strict() {
     let it = Harness::start().await;
     for name in ["cube", "speck", "newtons", "wide"] {
         it.post("/v1/objects", &json!({"name": name})).await.expect(201);
