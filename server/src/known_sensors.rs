@@ -76,7 +76,7 @@ impl KnownSensors {
         Ok(Source { sensor, applied })
     }
 
-    /// The calibration that applies to readings of a sensor that come now.
+    /// The calibration for new readings of a sensor.
     pub(crate) fn newest(&self, sensor: Uuid) -> Result<Option<Applied>, UnknownSensor> {
         let known = self.newest.get(&sensor).map(|number| *number);
         let number = match known {

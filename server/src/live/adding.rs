@@ -47,7 +47,7 @@ struct Append {
 }
 
 impl Live {
-    /// Stores readings and answers the belief after them.
+    /// Stores readings and returns the belief after them.
     pub(crate) async fn add(
         &self,
         tools: &Tools<'_>,
