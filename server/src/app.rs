@@ -110,7 +110,7 @@ impl App {
         &self.0.operations
     }
 
-    /// What takes the room of the disk.
+    /// Use of the disk.
     pub(crate) fn storage(&self) -> &Arc<Storage> {
         &self.0.storage
     }

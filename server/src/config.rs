@@ -103,7 +103,7 @@ pub struct Config {
     pub training_threads: usize,
     /// Maximum number of waiting trainings.
     pub training_queue_max: usize,
-    /// How long one training may take.
+    /// Time limit of one training.
     pub training_time_max: Duration,
     /// Maximum memory of models for sessions, bytes.
     pub model_memory_bytes_max: u64,

@@ -93,7 +93,7 @@ pub(crate) fn part_name(part: ModelPart) -> &'static str {
     }
 }
 
-/// What a version without a part lacks, and what to do about it.
+/// The missing part of a version, and the remedy, in words.
 fn lacking(part: ModelPart) -> &'static str {
     match part {
         ModelPart::Sva => {

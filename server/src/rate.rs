@@ -45,7 +45,7 @@ impl Rates {
         }
     }
 
-    /// The bound as a client is told of it.
+    /// The limit as reported to a client.
     pub(crate) fn bound(&self, left: u32, reset: Duration) -> Bound {
         Bound {
             name: "requests",

@@ -18,7 +18,7 @@ use crate::wire::object::FormatError;
 use crate::wire::{Invalid, training};
 use crate::{roles, wire};
 
-/// Why a request was refused.
+/// Reason for which a request was refused.
 #[derive(Debug, Error)]
 pub(crate) enum Refusal {
     #[error("there is no {what} {reference:?}")]

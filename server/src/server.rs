@@ -40,7 +40,7 @@ use crate::services::storage::{self, Storage};
 use crate::tls::TlsError;
 use crate::{openapi, tls};
 
-/// How long requests under way may go on after a stop was asked for.
+/// Time limit of requests under way after a stop.
 const SHUTDOWN_PATIENCE: Duration = Duration::from_secs(10);
 
 /// A running server.

@@ -216,7 +216,7 @@ impl SessionBelief {
         belief.resume(conclusions).is_ok()
     }
 
-    /// ln₂ ratio of a reading's density in the belief to that of a touch anywhere; `None`
+    /// log₂ ratio of a reading's density in the belief to that of a touch anywhere; `None`
     /// when the method has none.
     pub(crate) fn fit_bits(&self, reading: &Reading, sensor: &SensorDescription) -> Option<f64> {
         let Self::Surface(belief) = self else { return None };

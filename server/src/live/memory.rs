@@ -122,7 +122,7 @@ fn is_light(method: Method) -> bool {
     }
 }
 
-/// Which of ascending positions (never the last) is the most dispensable: the gap that it
+/// Index of the most dispensable of ascending positions (never the last): the gap that it
 /// leaves is the smallest relative to its distance from the end.
 fn least_missed(at: &[usize]) -> usize {
     let end = at.last().copied().unwrap_or(0) + 1;

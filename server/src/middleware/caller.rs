@@ -1,4 +1,5 @@
-//! Who sent a request: the key that `guard` found, and the client that the request counts to.
+//! The caller of a request: the key that `guard` found, and the client that the request
+//! counts towards.
 
 use axum::extract::{ConnectInfo, Request};
 use palpate_schemas::Role;

@@ -1,4 +1,4 @@
-//! The table of roles held against the operations of the API's description.
+//! The table of roles, checked against the operations of the API's description.
 
 #[cfg(test)]
 mod tests {

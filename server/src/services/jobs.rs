@@ -54,7 +54,7 @@ pub(crate) struct Jobs {
     wake: Notify,
     starting: tokio::sync::Mutex<()>,
     queue_max: usize,
-    /// How long a training may take.
+    /// Time limit of a training.
     within: Duration,
 }
 
@@ -281,7 +281,7 @@ impl Jobs {
     async fn run(self: &Arc<Self>, job: Job, stopping: watch::Receiver<bool>) {
         let id = job.id;
         let Some(control) = self.control(id) else { return };
-        // What a training stores counts to the key that asked for it.
+        // Records of a training count towards the key that requested it.
         let client = self.store.job_writer(id).ok().flatten().filter(|key| !key.is_nil());
         match asker::ask(client.map(Client::Key), self.train(&job, &control)).await {
             Ok(version) => {

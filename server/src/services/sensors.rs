@@ -73,8 +73,7 @@ impl Sensors {
         Ok(self.known.get(reference)?)
     }
 
-    /// What the readings of a request name as their sensors, where there is one that is not
-    /// about to be removed.
+    /// The sensors named by the readings of a request, unless unknown or under removal.
     pub(crate) fn sources(&self, given: &[wire::Reading]) -> Result<Vec<Option<Source>>, Refusal> {
         given.iter().map(|reading| self.source(&reading.sensor)).collect()
     }

@@ -73,7 +73,7 @@ fn warnings(mesh: &Mesh, unit: store::MeshUnit) -> Vec<String> {
     warnings
 }
 
-/// Why an upload's format is not known.
+/// Error of an upload of unknown format.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub(crate) enum FormatError {
     #[error("the content type is {found:?}, expected {MESH_TYPES}")]

@@ -117,7 +117,7 @@ pub(crate) fn readings(
     if errors.is_empty() { Ok(checked) } else { Err(Invalid(errors)) }
 }
 
-/// What is probably a mistake in the readings of a request, which follow those of a journal whose
+/// The probable mistakes in the readings of a request, which follow those of a journal whose
 /// first reading has the pose `first`.
 pub(crate) fn warnings(readings: &[Incoming], first: Option<Pose>) -> Vec<wire::Warning> {
     let judged: Vec<Judged<'_>> = readings.iter().map(Incoming::judged).collect();

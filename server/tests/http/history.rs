@@ -124,7 +124,7 @@ async fn a_wrong_reading_is_named_and_few_in_a_clean_session() {
         let left = disagreeing(&explanation);
         assert!(!left.contains(&place) && left.len() <= 1, "seed {seed}: {explanation}");
     }
-    // Of 96 touches: an edge between the 60 touches of the map may have been missed there.
+    // In 96 touches: an edge between the 60 touches of the map may have been missed there.
     assert!(n_named_in_vain <= 1, "{n_named_in_vain} readings in order are named");
 }
 

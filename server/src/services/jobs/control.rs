@@ -13,8 +13,8 @@ use crate::wire::count;
 
 /// Minimum interval of progress events.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
-/// What the running training is told: go on, stop for good, stop until the next start, or stop
-/// because its time is up.
+/// Order to the running training: continue, stop for good, stop until the next start, or stop
+/// at the time limit.
 const GO_ON: u8 = 0;
 pub(super) const CANCEL: u8 = 1;
 pub(super) const SUSPEND: u8 = 2;

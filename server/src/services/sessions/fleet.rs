@@ -41,7 +41,7 @@ impl Sessions {
         let now = now_ms();
         let mut open = self.open_now(now)?;
         let n_open = count(open.len());
-        // Of sessions changed in one millisecond, those with entries changed after they began.
+        // Among sessions changed in one millisecond, those with entries changed after they began.
         let newest =
             |one: &OpenSession| (one.status.changed_at_ms, one.status.length > 0, one.session.id);
         open.sort_by_key(|one| std::cmp::Reverse(newest(one)));

@@ -34,7 +34,8 @@ impl Sessions {
         let (mut after, now) = (None, now_ms());
         loop {
             let page = self.store.sessions().list_whole(after, SESSIONS_PER_READ)?;
-            // Of those that were not closed the last reading says whether they have expired.
+            // For sessions that were not closed, the last reading determines whether they
+            // have expired.
             let ends = page.items.par_iter().filter(|session| session.closed_at_ms.is_none());
             let ends = ends.map(|session| Ok((session, status(&self.store, session, now)?)));
             for (session, status) in ends.collect::<Result<Vec<_>, Refusal>>()? {

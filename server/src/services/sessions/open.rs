@@ -1,8 +1,7 @@
-//! Which sessions are open: a bound on how many there are, with a share of each client, and who is
-//! due to expire.
+//! The open sessions: a limit on their number, with a share for each client, and their expiry.
 //!
-//! An expiry noted here is never too late, and may be too early: readings and leases that come
-//! later are in the store, which is asked before a session goes.
+//! An expiry noted here is never too late, and may be too early: later readings and leases
+//! are in the store, which is checked before a session ends.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -65,8 +64,8 @@ impl Open {
         Ok(())
     }
 
-    /// Notes a session that is open already, whatever the bounds. Of one that was opened without a
-    /// key nobody knows the address after a restart: it counts to the total alone.
+    /// Registers an open session, regardless of limits. After a restart the address of a
+    /// client without a key is unknown: its session counts towards the total alone.
     pub(super) fn note(&self, id: Uuid, expires: Option<u64>, key: Option<Uuid>) {
         let mut sessions = self.lock();
         match sessions.get_mut(&id) {

@@ -71,7 +71,7 @@ fn vocabulary(
     })
 }
 
-/// What each object is learnt from: its readings, or the features that came with them.
+/// Training data of each object: its readings, or the features sent with them.
 fn sets<'a>(
     settings: &AppearancePlan,
     materials: &'a [Material],
