@@ -111,12 +111,12 @@ pub enum Expected {
     Value(Vec<u8>),
 }
 
-/// The API key that the bytes of a commit count to.
+/// The API key that the bytes of a commit count towards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Account {
-    /// The key's id; nil where nobody is asked for a key.
+    /// The key's id; nil without a key.
     pub key: Uuid,
-    /// Bytes that the key may hold; `None` is no bound.
+    /// Maximum bytes of the key; `None` for no limit.
     pub quota: Option<u64>,
 }
 
@@ -129,7 +129,7 @@ pub struct Commit {
     pub writes: Vec<(Vec<u8>, Option<Vec<u8>>)>,
     /// Whether it must work on a full disk and may use the reserve, and bytes beyond the quota.
     pub is_essential: bool,
-    /// Who its bytes count to.
+    /// Account that its bytes count towards.
     pub account: Option<Account>,
     /// Bytes that count to things besides those that it writes: the thing's key, and how many.
     pub counted: Vec<(Vec<u8>, u64)>,

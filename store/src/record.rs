@@ -1,4 +1,4 @@
-//! How values are stored: in an envelope with their kind and schema number.
+//! Stored form of values: an envelope with their kind and schema number.
 //!
 //! The frozen forms stand beside the types that they store, in files `stored.rs`. A form, a tuple
 //! or a struct that ends in `V1`, never changes: golden files hold it; a new field makes a `V2`
