@@ -2,9 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand, ValueEnum};
-use palpate_client::schemas::Method;
 
 use crate::commands::{
     analyses::AnalysesArgs, audit::AuditArgs, catalogues::CataloguesArgs, compact::CompactArgs,
@@ -157,13 +155,6 @@ pub(crate) enum Command {
     Experiment(ExperimentArgs),
     /// Print the OpenAPI 3.1 description of the HTTP API.
     Openapi,
-}
-
-/// Takes one of these methods, by its name on the wire.
-pub(crate) fn among(methods: &[Method]) -> impl TypedValueParser<Value = Method> {
-    let names: Vec<PossibleValue> =
-        methods.iter().filter_map(ValueEnum::to_possible_value).collect();
-    PossibleValuesParser::new(names).try_map(|name| Method::from_str(&name, false))
 }
 
 #[cfg(test)]

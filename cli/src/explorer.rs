@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn strategy_links_noise_and_moves_of_the_object_are_those_of_the_plan() {
+    fn strategy_links_noise_and_object_moves_follow_the_plan() {
         let rested = explored(&plan(7));
         let place = rested.touches[0].session_from_object;
         assert!(rested.touches.iter().all(|touch| touch.session_from_object == place));
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn the_object_lies_in_the_middle_of_the_workspace_wherever_its_frame_is() {
+    fn the_object_lies_in_the_middle_of_the_workspace() {
         let shifted = plan(7).mesh.translated(DVec3::splat(5.0));
         let plan = Plan { mesh: shifted, ..plan(7) };
         let (low, high) = plan.mesh.moved_by(plan.session_from_mesh()).bounds();

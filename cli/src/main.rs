@@ -9,6 +9,7 @@ mod calibrated;
 mod json_file;
 mod output;
 mod exit;
+mod method;
 mod progress;
 mod readings_file;
 mod robot;

@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_wrong_when_none_of_these_is_likelier_than_the_true_object() {
+    fn a_step_is_wrong_if_none_of_these_beats_the_true_object() {
         let truth = Truth {
             object: Some("mug".to_owned()),
             session_from_object: Pose::IDENTITY,

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn only_surface_can_be_right_about_an_object_outside_the_catalogue() {
+    fn only_surface_is_right_about_objects_outside_the_catalogue() {
         assert!(can_answer_none(Method::Surface).is_ok());
         let refused = can_answer_none(Method::Appearance).unwrap_err().to_string();
         assert!(refused.contains("surface"), "{refused}");

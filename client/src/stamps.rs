@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reading_that_is_sent_again_keeps_its_stamp_and_a_new_one_does_not_get_it() {
+    fn a_repeated_reading_keeps_its_stamp_and_a_new_one_differs() {
         let mut stamps = Stamps::default();
         let first = stamps.at(7, Duration::from_secs(100));
         assert_eq!(stamps.at(7, Duration::from_secs(160)), first);

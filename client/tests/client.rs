@@ -295,7 +295,7 @@ async fn a_job_is_followed_though_its_stream_breaks() {
 }
 
 #[tokio::test]
-async fn a_robots_readings_are_numbered_and_a_failed_one_keeps_its_number() {
+async fn readings_are_numbered_and_a_failed_one_keeps_its_number() {
     let belief = r#"{"session":"00000000-0000-0000-0000-000000000002","revision":1,
         "n_readings":1,"objects":[],"entropy_bits":0.0,"poses":[]}"#;
     let added = ADDED.replace("\"belief\":null", &format!("\"belief\":{belief}"));
@@ -312,7 +312,7 @@ async fn a_robots_readings_are_numbered_and_a_failed_one_keeps_its_number() {
 }
 
 #[tokio::test]
-async fn a_robots_readings_are_stamped_and_one_that_is_sent_again_keeps_its_stamp() {
+async fn readings_are_stamped_and_a_repeat_keeps_its_stamp() {
     let (asked, mut heard) = tokio::sync::mpsc::unbounded_channel::<String>();
     let belief = r#"{"session":"00000000-0000-0000-0000-000000000002","revision":1,
         "n_readings":1,"objects":[],"entropy_bits":0.0,"poses":[]}"#;

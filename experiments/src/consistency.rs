@@ -6,20 +6,19 @@
 //! the descriptors, and, since all touches have much in common, of what is left of them
 //! without their mean, which is what vocabularies compare (`docs/equations.md`, 5.3.2).
 
-use clap::Args;
-
 use anyhow::Context as _;
+use clap::Args;
 use palpate_core::descriptor::exhaustive::Exhaustive;
 use palpate_core::descriptor::{DescriptorKind, affinity, normalize};
 use palpate_core::reading::{Reading, TactileImage};
 use palpate_core::sensor::SensorDescription;
+use palpate_sim::plot::{Line, Panel, svg};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::objects::touch;
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// The vectors that are compared.
 const DESCRIPTORS: [DescriptorKind; 4] = [

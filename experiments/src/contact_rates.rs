@@ -3,14 +3,15 @@
 //! One press is one image at one pose; one converged reading is a whole touch of the training
 //! sampler, from approach to both controllers idle, with the attempts that failed.
 
-use clap::Args;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use clap::Args;
 use palpate_core::pose::Pose;
 use palpate_core::reading::SensorId;
 use palpate_core::sensor::SensorDescription;
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::sampler::{SamplerConfig, sample};
 use serde::Serialize;
@@ -18,7 +19,6 @@ use serde::Serialize;
 use crate::arguments::{ObjectSet, count};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// Arguments of `contact-rates`.
 #[derive(Args, Clone, Debug, Serialize)]

@@ -5,22 +5,21 @@
 //! distribution as a part of the largest pressure observed without noise. Added: whether what
 //! converged touches the object, and how far from its place without noise it came to rest.
 
-use clap::Args;
-
 use anyhow::Context as _;
+use clap::Args;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::units::{DEG, MM};
 use palpate_sim::controller::Idle;
 use palpate_sim::convergence::{
     ContactRule, Convergence, ConvergenceConfig, convergence, observed_range,
 };
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::press::PressSimulator;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// The noise as a part of the observed range of forces.
 const LEVELS: [f64; 12] = [0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0];

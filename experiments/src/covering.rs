@@ -12,12 +12,11 @@ mod point_spread;
 
 use clap::Args;
 use palpate_core::units::INCH;
-
+use palpate_sim::plot::svg;
 use serde::Serialize;
 
 use crate::arguments::count;
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::svg;
 
 /// The coverings of sections 2.3 and 2.5, metres.
 const COVERINGS: [f64; 4] = [0.04 * INCH, 0.10 * INCH, 0.14 * INCH, 0.20 * INCH];

@@ -9,13 +9,13 @@ use palpate_core::descriptor::DescriptorKind;
 use palpate_core::sensor::SensorDescription;
 use palpate_dissertation::appearance::train::{AppearanceConfig, DiscriminantConfig};
 use palpate_sim::noise::NoiseLevel;
+use palpate_sim::plot::svg;
 use serde::Serialize;
 
 use crate::appearance_trials::{Point, accuracy_at, line};
 use crate::object_trials::{ObjectTrials, Setting, Tested, panel, rows};
 use crate::objects::TestObject;
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::svg;
 
 /// The count at which descriptors are compared.
 const COMPARED_AT: usize = 20;

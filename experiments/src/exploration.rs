@@ -14,6 +14,7 @@ use palpate_core::sensor::SensorDescription;
 use palpate_core::units::DEG;
 use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_sim::noise::NoiseLevel;
+use palpate_sim::plot::{Panel, svg};
 
 use crate::appearance_trials::{Evidence, line};
 use crate::explorations::{
@@ -22,7 +23,6 @@ use crate::explorations::{
 use crate::object_trials::{Setting, Touched, panel};
 use crate::objects::{TestObject, touch_tilted};
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::{Panel, svg};
 
 /// Those of figure 4.12, and the one that figure 4.9 is of.
 const DESCRIPTORS: [DescriptorKind; 3] =

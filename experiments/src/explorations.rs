@@ -4,9 +4,9 @@
 //! what the planner of section 4.2 brings home. Every run of the planner has a place of the
 //! object, a course and noise of its own, the same for all strategies and sensors.
 
-use clap::Args;
 use std::ops::ControlFlow;
 
+use clap::Args;
 use glam::DVec3;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;

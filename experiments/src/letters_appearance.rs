@@ -14,6 +14,7 @@ use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_dissertation::appearance::train::AppearanceConfig;
+use palpate_sim::plot::svg;
 use palpate_sim::rig::{RigNoise, rig_sensor};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -26,7 +27,6 @@ use crate::letter_presses::{RaisedLetters, rig};
 use crate::letters_geometric::letters_named;
 use crate::object_trials::panel;
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::svg;
 
 /// Counts of readings of (a).
 const COUNTS_52: [usize; 14] = [1, 2, 3, 5, 8, 10, 15, 20, 30, 40, 50, 60, 80, 100];

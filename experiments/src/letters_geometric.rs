@@ -11,10 +11,10 @@ mod methods;
 mod timing;
 mod trials;
 
-use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
+use clap::{Args, ValueEnum};
 use glam::DVec3;
 use palpate_core::metric::{Inertia, Symmetry, SymmetryOrder};
 use palpate_core::reading::{Reading, SensorId};
@@ -25,7 +25,6 @@ use palpate_dissertation::geometric::train::{GeometricConfig, map_geometry};
 use palpate_dissertation::occupancy::{ClassifiedPress, InverseModel, SpreadForm};
 use palpate_sim::letters::{Font, Letter, RotationOrder, SYMBOLS};
 use palpate_sim::rig::{LetterField, Rig, RigNoise, rig_sensor};
-
 use serde::Serialize;
 
 use crate::arguments::count;

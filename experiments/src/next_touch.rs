@@ -9,10 +9,10 @@
 
 pub mod robot;
 
-use clap::Args;
 use std::sync::Arc;
 use std::time::Instant;
 
+use clap::Args;
 use glam::DVec3;
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
@@ -23,6 +23,7 @@ use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::press::PressSimulator;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -32,7 +33,6 @@ use crate::object_sessions::train_surface;
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{bootstrap_95, mean, quantile};
-use palpate_sim::plot::{Line, Panel, svg};
 use robot::{Policy, Robot};
 
 /// The probability at which an object is recognised.

@@ -5,13 +5,13 @@
 //! training readings, histograms from all of them.
 
 use clap::Args;
-
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_dissertation::appearance::model::{AppearanceModel, AppearanceRule};
 use palpate_dissertation::appearance::train::AppearanceConfig;
 use palpate_sim::noise::NoiseLevel;
+use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
 use crate::appearance_trials::{
@@ -20,7 +20,6 @@ use crate::appearance_trials::{
 use crate::arguments::{ObjectSet, count};
 use crate::objects::{TestObject, touch_in_noise};
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// The descriptors of figures 4.14 to 4.16: the three best and the control.
 pub const TOP_DESCRIPTORS: [DescriptorKind; 4] = [

@@ -16,6 +16,8 @@ use palpate_sim::sampler::{SamplerConfig, sample};
 use palpate_sim::{shapes, symmetry};
 use rayon::prelude::*;
 
+use crate::report::Progress;
+
 /// A named mesh of the wanted size.
 pub struct TestObject {
     /// Its name: that of the shape or the file without its extension.
@@ -99,6 +101,24 @@ pub fn touch(
     seed: u64,
 ) -> anyhow::Result<Vec<Reading>> {
     touch_in_noise(object, sensor, NoiseLevel::NONE, n, seed)
+}
+
+/// `n` readings of every object, as by [`touch`].
+///
+/// # Errors
+/// When an object cannot be touched often enough.
+pub fn touch_all(
+    objects: &[TestObject],
+    sensor: &SensorDescription,
+    n: usize,
+    seed: u64,
+    progress: Progress<'_>,
+) -> anyhow::Result<Vec<Vec<Reading>>> {
+    let one = |(done, object)| {
+        progress("touching objects", done, objects.len());
+        touch(object, sensor, n, seed)
+    };
+    objects.iter().enumerate().map(one).collect()
 }
 
 /// Readings as by [`touch`] under noise beyond the sensor's own, which the controllers feel too.

@@ -12,7 +12,6 @@
 mod differences;
 
 use clap::Args;
-
 use palpate_core::reading::{Reading, SensorId};
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
@@ -21,20 +20,19 @@ use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::press::{CoveringConfig, Physics};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{
-    Played, Recogniser, Sessions, report_wrong, train_surface, train_sva,
-};
+use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
+use crate::played::{Played, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::sensing::Sensing;
 use crate::statistics::median;
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// Numbers of readings whose figures the summary states.
 const STATED_AT: [usize; 5] = [2, 3, 4, 6, 10];

@@ -4,7 +4,6 @@
 //! the same places by the same planner; the models know neither. Poses play no role in them;
 //! for contrast the same readings go to `sva` of section 5, which takes objects to rest.
 
-use serde::Serialize;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -17,14 +16,15 @@ use palpate_dissertation::sva::model::SvaModel;
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
 use palpate_sim::noise::NoiseLevel;
+use palpate_sim::plot::{Line, svg};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::appearance_trials::line;
 use crate::explorations::{ExplorationTrials, Run, Strategy, report_curves, report_runs};
 use crate::object_trials::{Setting, TOP_DESCRIPTORS, Touched, panel};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::mean;
-use palpate_sim::plot::{Line, svg};
 
 /// The probability of the local strategy: the one that perturbation could disturb has half.
 const LOCAL: f64 = 0.5;

@@ -7,13 +7,13 @@
 //! are left out. Time is wall time of one core for naming an object after a number of touches: for
 //! the surface recogniser the sum over the touches.
 
-use clap::Args;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, bail};
+use clap::Args;
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::sensor::SensorDescription;
@@ -22,16 +22,17 @@ use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::observe::touch::observe_touch;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Played, PoseError, Recogniser, Sessions, Step, train_surface};
+use crate::object_sessions::{Recogniser, Sessions, train_surface};
 use crate::objects;
+use crate::played::{Played, PoseError, Step};
 use crate::report::{Outcome, Progress, Report};
 use crate::sensing::Sensing;
 use crate::statistics::{mean, median};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// The script's exit code when its module is missing.
 const MODULE_MISSING: i32 = 3;

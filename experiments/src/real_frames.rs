@@ -5,10 +5,10 @@
 //! they were taken. Neighbours resemble each other, so that a split is by time: an object's
 //! frames in three runs of ten, each of which is tested once by models of the other two.
 
-use clap::Args;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
+use clap::Args;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::pose::Pose;
 use palpate_core::reading::{Reading, SensorId};
@@ -20,12 +20,12 @@ use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_dissertation::appearance::train::{
     AppearanceConfig, ClusteringMethod, DiscriminantConfig,
 };
+use palpate_sim::plot::{Panel, svg};
 use serde::Serialize;
 
 use crate::appearance_trials::{Confused, Evidence, Point, accuracy_at, line, mean_of, train};
 use crate::arguments::count;
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::{Panel, svg};
 
 /// Arguments of `real-frames`.
 #[derive(Args, Clone, Debug, Serialize)]

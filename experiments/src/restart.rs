@@ -5,12 +5,12 @@
 //! and several clients ask for all beliefs: each must be the same, to the last bit. Client and
 //! server share the machine.
 
-use clap::Args;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use clap::Args;
 use hdrhistogram::Histogram;
 use palpate_client::Client;
 use palpate_core::pose::Pose;
@@ -18,13 +18,13 @@ use palpate_core::rng::{Purpose, Stream};
 use palpate_schemas::{
     AddReadings, Belief, BeliefDetail, BeliefQuery, CreateSession, ReadingsQuery,
 };
+use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
 use crate::arguments::{count, defaults};
 use crate::own_server::{OwnServer, block_on};
 use crate::report::{Outcome, Progress, Report};
 use crate::server_throughput::{CATALOGUE, ServerThroughput, numbered, prepare};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// How many clients ask at the same time.
 const CLIENTS: usize = 8;

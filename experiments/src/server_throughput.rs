@@ -6,10 +6,10 @@
 //! readings. A session ends after ten readings (single) or one batch, and the next begins.
 //! Client and server share the machine, as in the figure of a fleet's smallest deployment.
 
-use clap::Args;
 use std::sync::Arc;
 use std::time::Instant;
 
+use clap::Args;
 use hdrhistogram::Histogram;
 use palpate_client::Client;
 use palpate_core::pose::Pose;
@@ -19,6 +19,7 @@ use palpate_core::sensor::SensorDescription;
 use palpate_load::SENSOR;
 use palpate_load::wire::on_the_wire;
 use palpate_schemas::{AddReadings, BeliefDetail, CreateSession, Reading, ReadingsQuery};
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::shapes;
 use serde::Serialize;
 
@@ -26,7 +27,6 @@ use crate::arguments::count;
 use crate::objects;
 use crate::own_server::{OwnServer, block_on};
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// The catalogue that is trained.
 pub(crate) const CATALOGUE: &str = "throughput";

@@ -7,10 +7,10 @@
 //! that is the square of the indentation. The remedies of section 4.4.4.3.2 come one by one:
 //! noise in training, the square root of every value in tests, a small blur in tests.
 
-use clap::Args;
 use std::f64::consts::TAU;
 
 use anyhow::Context as _;
+use clap::Args;
 use palpate_core::descriptor::DescriptorKind;
 use palpate_core::reading::{Reading, SensorId, TactileImage};
 use palpate_core::rng::{Purpose, Stream};
@@ -19,6 +19,7 @@ use palpate_core::units::{KPA, MM};
 use palpate_dissertation::appearance::model::AppearanceRule;
 use palpate_dissertation::appearance::train::AppearanceConfig;
 use palpate_sim::letters::Letter;
+use palpate_sim::plot::{Line, svg};
 use palpate_sim::press::PressSimulator;
 use palpate_sim::rig::{INDENTATION, PlanarPose, Rig, RigNoise, rig_sensor};
 use rayon::prelude::*;
@@ -30,7 +31,6 @@ use crate::letter_presses::{CONTACT, RaisedLetters};
 use crate::letters_geometric::letters_named;
 use crate::object_trials::panel;
 use crate::report::{Outcome, Progress, Report};
-use palpate_sim::plot::{Line, svg};
 
 /// Counts of readings.
 const COUNTS: [usize; 11] = [1, 2, 3, 5, 8, 10, 15, 20, 30, 40, 60];

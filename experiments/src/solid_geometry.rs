@@ -4,9 +4,9 @@
 //! box has its own trials: the object's pose is drawn uniformly from the box, and touches are
 //! those of the training sampler with a seed that training never saw.
 
-use clap::Args;
 use std::sync::Arc;
 
+use clap::Args;
 use glam::{DQuat, DVec3};
 use palpate_core::pose::Pose;
 use palpate_core::reading::Reading;
@@ -19,6 +19,7 @@ use palpate_dissertation::geometric::{
     AdaptiveOptions, GeometricBelief, GeometricFilter, GeometricOptions, PosePrior,
     PreparedGeometry,
 };
+use palpate_sim::plot::{Line, Panel, svg};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -26,7 +27,6 @@ use crate::arguments::{ObjectSet, count};
 use crate::objects;
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// Half extents in millimetres and half angles in degrees of the boxes.
 const BOXES: [[f64; 2]; 3] = [[5.0, 10.0], [10.0, 17.0], [14.0, 26.0]];

@@ -10,9 +10,9 @@
 
 mod conditions;
 
-use clap::Args;
 use std::sync::Arc;
 
+use clap::Args;
 use palpate_core::reading::Reading;
 use palpate_core::symmetry::Symmetry;
 use palpate_core::units::MM;
@@ -23,10 +23,9 @@ use palpate_recogniser::train::SurfaceConfig;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
-use crate::object_sessions::{
-    Played, Recogniser, Sessions, report_wrong, train_surface, train_sva,
-};
+use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
+use crate::played::{Played, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
 pub use conditions::{Condition, Trained, conditions};

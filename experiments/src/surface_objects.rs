@@ -5,10 +5,9 @@
 //! time of one thread a reading, answer included, mean over all readings of the trials: what
 //! else the machine does hardly counts. Angles are taken modulo the symmetry of the mesh.
 
-use clap::Args;
 use std::time::Instant;
 
-use palpate_core::reading::Reading;
+use clap::Args;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::{AxisOrder, Symmetry};
 use palpate_core::units::{DEG, MM};
@@ -16,17 +15,16 @@ use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{
-    Played, PoseError, Recogniser, Sessions, report_wrong, train_surface, train_sva,
-};
+use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
+use crate::played::{Played, PoseError, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// Numbers of readings whose accuracy the summary states.
 const STATED_AT: [usize; 6] = [1, 2, 3, 4, 6, 10];
@@ -80,8 +78,9 @@ struct Tested {
 pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::default();
     let objects = config.objects.load()?;
-    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed, progress)?;
-    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
+    let touch = |n, seed| objects::touch_all(&objects, &config.sensor, n, seed, progress);
+    let train = touch(config.train_readings, 2 * config.seed)?;
+    let test = touch(config.test_readings, 2 * config.seed + 1)?;
     progress("training", 0, 1);
     let started = Instant::now();
     let symmetries = objects::symmetries(&objects);
@@ -120,20 +119,6 @@ pub fn run(config: &SurfaceObjects, progress: Progress<'_>) -> anyhow::Result<Ou
     }
     report_objects(&mut report, config, &objects, &symmetries, &tested[0]);
     Ok(Outcome { report, plot: plot(config, &tested), pictures: Vec::new() })
-}
-
-fn touch_all(
-    objects: &[TestObject],
-    config: &SurfaceObjects,
-    n: usize,
-    seed: u64,
-    progress: Progress<'_>,
-) -> anyhow::Result<Vec<Vec<Reading>>> {
-    let touch = |(done, object)| {
-        progress("touching objects", done, objects.len());
-        objects::touch(object, &config.sensor, n, seed)
-    };
-    objects.iter().enumerate().map(touch).collect()
 }
 
 fn report_method(report: &mut Report, config: &SurfaceObjects, method: &Tested) {

@@ -15,10 +15,10 @@ mod chosen;
 mod own;
 mod thousand;
 
-use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use clap::Args;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
@@ -26,18 +26,17 @@ use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::shapes;
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{
-    Played, Recogniser, Sessions, Step, report_wrong, train_surface, train_sva,
-};
+use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects::{self, TestObject};
+use crate::played::{Played, Step, report_wrong};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::mean;
-use palpate_sim::plot::{Line, Panel, svg};
 use thousand::Growth;
 
 /// The letters that differ as solids: capitals without U, V, W and Z.

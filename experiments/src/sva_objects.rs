@@ -14,11 +14,11 @@
 mod figures;
 mod printed;
 
-use clap::Args;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use clap::Args;
 use palpate_core::metric::Inertia;
 use palpate_core::object::ObjectIdx;
 use palpate_core::pose::Pose;
@@ -30,6 +30,7 @@ use palpate_core::units::{DEG, MM};
 use palpate_dissertation::sva::model::SvaModel;
 use palpate_dissertation::sva::train::{TrainingConfig, learn_vocabulary, map_object};
 use palpate_dissertation::sva::{SvaBelief, SvaOptions};
+use palpate_sim::plot::svg;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -39,7 +40,6 @@ use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::{mean, median, quantile, standard_error_over_groups};
 use figures::{panel, report_confusions};
-use palpate_sim::plot::svg;
 use printed::Printed;
 
 /// Arguments of `sva-objects`.
@@ -111,9 +111,10 @@ pub fn run(config: &SvaObjects, progress: Progress<'_>) -> anyhow::Result<Outcom
     let mut report = Report::default();
     let objects = config.objects.load()?;
     let started = Instant::now();
-    let train = touch_all(&objects, config, config.train_readings, 2 * config.seed, progress)?;
+    let touch = |n, seed| objects::touch_all(&objects, &config.sensor, n, seed, progress);
+    let train = touch(config.train_readings, 2 * config.seed)?;
     let touch_seconds = started.elapsed().as_secs_f64();
-    let test = touch_all(&objects, config, config.test_readings, 2 * config.seed + 1, progress)?;
+    let test = touch(config.test_readings, 2 * config.seed + 1)?;
     let (ours, printed) = (TrainingConfig::default(), TrainingConfig::literal());
     let unrefined = SvaOptions { refinement: None, ..SvaOptions::default() };
     let mut methods = vec![
@@ -149,20 +150,6 @@ pub fn run(config: &SvaObjects, progress: Progress<'_>) -> anyhow::Result<Outcom
         }),
     ];
     Ok(Outcome { report, plot: svg(&panels), pictures: coverage })
-}
-
-fn touch_all(
-    objects: &[TestObject],
-    config: &SvaObjects,
-    n: usize,
-    seed: u64,
-    progress: Progress<'_>,
-) -> anyhow::Result<Vec<Vec<Reading>>> {
-    let touch = |(done, object)| {
-        progress("touching objects", done, objects.len());
-        objects::touch(object, &config.sensor, n, seed)
-    };
-    objects.iter().enumerate().map(touch).collect()
 }
 
 fn train_method(

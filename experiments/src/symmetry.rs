@@ -8,9 +8,9 @@
 
 mod bodies;
 
-use clap::Args;
 use std::time::Instant;
 
+use clap::Args;
 use glam::DVec3;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
@@ -18,6 +18,7 @@ use palpate_core::symmetry::{AxisOrder, Finding, Symmetry, SymmetryAxis};
 use palpate_core::training::TrainingSet;
 use palpate_core::units::DEG;
 use palpate_recogniser::train::find_symmetry;
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::symmetry::of_mesh;
 use serde::Serialize;
 
@@ -26,7 +27,6 @@ use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
 use bodies::{Body, bodies};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// Axes are the same within this angle, rad: touches fix them to about a degree.
 const SAME_AXIS: f64 = 5.0 * DEG;

@@ -5,9 +5,9 @@
 //! (`literal`) learns from as many readings, drawn in the order in which they were taken.
 //! Time is processor time of one thread a reading, answer included.
 
-use clap::Args;
 use std::sync::Arc;
 
+use clap::Args;
 use palpate_core::reading::Reading;
 use palpate_core::rng::{Purpose, Stream};
 use palpate_core::sensor::SensorDescription;
@@ -18,15 +18,16 @@ use palpate_recogniser::model::SurfaceMap;
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::{Line, Panel, svg};
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count};
 use crate::disturbance::Disturbance;
-use crate::object_sessions::{Figures, Played, Recogniser, Sessions, train_surface, train_sva};
+use crate::object_sessions::{Recogniser, Sessions, train_surface, train_sva};
 use crate::objects;
+use crate::played::{Figures, Played};
 use crate::report::{Outcome, Progress, Report};
 use crate::statistics::median;
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// Numbers of readings whose accuracy the summary states.
 const STATED_AT: [usize; 4] = [2, 3, 4, 10];
@@ -90,13 +91,7 @@ struct Tested {
 pub fn run(config: &Thinning, progress: Progress<'_>) -> anyhow::Result<Outcome> {
     let mut report = Report::default();
     let objects = config.objects.load()?;
-    let touch_all = |n: usize, seed: u64| -> anyhow::Result<Vec<Vec<Reading>>> {
-        let touch = |(done, object)| {
-            progress("touching objects", done, objects.len());
-            objects::touch(object, &config.sensor, n, seed)
-        };
-        objects.iter().enumerate().map(touch).collect()
-    };
+    let touch_all = |n, seed| objects::touch_all(&objects, &config.sensor, n, seed, progress);
     let train = touch_all(config.train_readings, 2 * config.seed)?;
     let test = touch_all(config.test_readings, 2 * config.seed + 1)?;
     progress("training", 0, 1);

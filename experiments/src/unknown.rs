@@ -14,11 +14,11 @@
 
 mod tables;
 
-use clap::Args;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use clap::Args;
 use palpate_core::reading::Reading;
 use palpate_core::sensor::SensorDescription;
 use palpate_core::symmetry::Symmetry;
@@ -26,9 +26,9 @@ use palpate_dissertation::sva::SvaOptions;
 use palpate_dissertation::sva::train::TrainingConfig;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::SurfaceConfig;
+use palpate_sim::plot::svg;
 use palpate_sim::shapes::assembled;
 use rayon::prelude::*;
-
 use serde::Serialize;
 
 use crate::arguments::{ObjectSet, count, share};
@@ -37,7 +37,6 @@ use crate::object_sessions::{Recogniser, Sessions, train_calibrated, train_sva};
 use crate::objects::{self, TestObject};
 use crate::report::{Outcome, Progress, Report};
 use crate::stated::Stated;
-use palpate_sim::plot::svg;
 
 /// Arguments of `unknown`.
 #[derive(Args, Clone, Debug, Serialize)]
@@ -202,13 +201,9 @@ fn touch(config: &Unknown, progress: Progress<'_>) -> anyhow::Result<Touched> {
     if let Some(pool) = &config.pool {
         objects.extend(config.objects.load_folder(pool)?);
     }
-    let (mut train, mut test) = (Vec::new(), Vec::new());
-    for (done, object) in objects.iter().enumerate() {
-        progress("touching objects", done, objects.len());
-        let touch = |n, seed| objects::touch(object, &config.sensor, n, seed);
-        train.push(touch(config.train_readings, 2 * config.seed)?);
-        test.push(touch(config.test_readings, 2 * config.seed + 1)?);
-    }
+    let touch = |n, seed| objects::touch_all(&objects, &config.sensor, n, seed, progress);
+    let train = touch(config.train_readings, 2 * config.seed)?;
+    let test = touch(config.test_readings, 2 * config.seed + 1)?;
     Ok(Touched { objects, train, test })
 }
 

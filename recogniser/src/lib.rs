@@ -5,22 +5,14 @@
 //! use each other; only `belief` has state. Not here: the dissertation's methods.
 
 pub mod options;
-
 pub mod model;
-
 pub mod observe;
-
 pub mod train;
-
 pub mod propose;
-
 pub mod verify;
-
 pub mod refine;
-
 pub mod belief;
 
 pub mod next_touch;
-
 #[cfg(test)]
 mod test_support;

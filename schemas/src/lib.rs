@@ -23,8 +23,8 @@ pub mod warning;
 pub mod object;
 pub mod sensor;
 pub mod session;
-pub mod storage;
 pub mod fleet;
+pub mod storage;
 pub mod training;
 
 pub use access::{

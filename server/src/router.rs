@@ -26,7 +26,7 @@ pub(crate) fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), admit))
         .layer(from_fn_with_state(app.clone(), share))
         .layer(from_fn_with_state(app.clone(), guard));
-    // Browsers ask without a key whether a page may ask at all.
+    // Browsers send preflight requests without a key.
     let shared = match cors(&app.config().cors_origins) {
         Some(cors) => guarded.layer(cors),
         None => guarded,
@@ -37,7 +37,7 @@ pub(crate) fn router(app: App) -> Router {
         .with_state(app)
 }
 
-/// Pages for people, and the API's description.
+/// The dashboard, and the API's description and documentation.
 fn pages() -> Router<App> {
     let pages = docs().route("/openapi.json", get(description));
     dashboard::paths().fold(pages, |pages, path| pages.route(path, get(file)))
@@ -58,7 +58,9 @@ fn docs() -> Router<App> {
         let page = openapi::listing::page().as_bytes();
         dashboard::tagged("text/html; charset=utf-8", page, &headers)
     }
-    Router::new().route("/docs", get(listing)).route("/docs/", get(listing))
+    ["/docs", "/docs/"]
+        .into_iter()
+        .fold(Router::new(), |pages, path| pages.route(path, get(listing)))
 }
 
 async fn file(uri: Uri, headers: HeaderMap) -> Response {

@@ -23,5 +23,4 @@ pub mod shapes;
 pub mod letters;
 pub mod rig;
 pub mod render;
-
 pub mod plot;

@@ -120,6 +120,15 @@ pub enum Expected {
     Value(Vec<u8>),
 }
 
+/// The API key that the bytes of a commit count towards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Account {
+    /// The key's id; nil without a key.
+    pub key: Uuid,
+    /// Maximum bytes of the key; `None` for no limit.
+    pub quota: Option<u64>,
+}
+
 /// Writes that are applied together or not at all, with their conditions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Commit {
@@ -129,7 +138,7 @@ pub struct Commit {
     pub writes: Vec<(Vec<u8>, Option<Vec<u8>>)>,
     /// Whether it must work on a full disk and may use the reserve, and bytes beyond the quota.
     pub is_essential: bool,
-    /// Who its bytes count to.
+    /// Account that its bytes count towards.
     pub account: Option<Account>,
     /// Bytes that count to things besides those that it writes: the thing's key, and how many.
     pub counted: Vec<(Vec<u8>, u64)>,

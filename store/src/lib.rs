@@ -5,8 +5,9 @@
 //! values; `pieces` splits large ones; [`table`], [`journal`], [`calibration`], [`mesh`],
 //! [`catalogue`] and [`audit`] are the repositories that [`database::Database`] opens;
 //! [`holding`] counts the bytes that each API key wrote; [`fsck`] checks a whole database,
-//! [`snapshot`] copies one. `docs/formats.md` draws every byte. Times are arguments, in
-//! milliseconds since 1970. Not here: HTTP, clocks, and upgrades of old formats (`migrations`).
+//! [`snapshot`] copies one. `docs/formats.md` draws every
+//! byte. Times are arguments, in milliseconds since 1970. Not here: HTTP, clocks, and
+//! upgrades of old formats (`migrations`).
 
 pub mod engine;
 mod essential;

@@ -1,10 +1,10 @@
-//! How values are stored: in an envelope with their kind and schema number.
+//! Stored form of values: an envelope with their kind and schema number.
 //!
-//! The frozen structs that are written stand beside the types they store, in files `stored.rs`.
-//! A struct that ends in `V1` never changes; a new field makes a `V2` with the next schema
-//! number, and decoding converts any of them to today's type. Payloads are bincode 2.0.1's
-//! `legacy` form (fixed-width little-endian, u64 lengths); readings' pressures are raw
-//! little-endian f64, NaN for a taxel without a value.
+//! The frozen forms stand beside the types that they store, in files `stored.rs`. A form, a tuple
+//! or a struct that ends in `V1`, never changes: golden files hold it; a new field makes a `V2`
+//! with the next schema number, and decoding converts any of them to today's type. Payloads are
+//! bincode 2.0.1's `legacy` form (fixed-width little-endian, u64 lengths); readings' pressures
+//! are raw little-endian f64, NaN for a missing taxel.
 
 use bincode::config::{self, Configuration, Fixint, Limit, LittleEndian};
 use bincode::{Decode, Encode};
@@ -75,7 +75,7 @@ pub(crate) fn read<T: Decode<()>>(payload: &[u8]) -> Result<T, RecordError> {
     Ok(stored)
 }
 
-/// An id as it is stored.
+/// Stored form of an id.
 pub(crate) type IdV1 = [u8; 16];
 
 /// The id of a name.
@@ -97,7 +97,7 @@ pub(crate) struct LayoutV1 {
     pub(crate) made_by: String,
 }
 
-/// A record that is stored as it is.
+/// A record stored without conversion.
 pub(crate) trait Plain: Encode + Decode<()> {
     const KIND: Kind;
 }
@@ -126,7 +126,7 @@ impl<T: Plain> Record for T {
     }
 }
 
-/// The number of `value`: its place in `all`.
+/// The code of `value`: its index in `all`.
 pub(crate) fn code<T: PartialEq>(all: &[T], value: &T) -> u8 {
     let place = all.iter().position(|candidate| candidate == value);
     place.and_then(|place| u8::try_from(place).ok()).expect("all values are listed")

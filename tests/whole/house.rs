@@ -61,7 +61,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const MATHEMATICS: [&str; 3] = ["core", "dissertation", "recogniser"];
 
 /// The crates whose modules use only those that `lib.rs` (`main.rs`) declares before them.
-const CRATES: [&str; 11] = [
+const CRATES: [&str; 12] = [
     "core",
     "dissertation",
     "recogniser",
@@ -71,9 +71,13 @@ const CRATES: [&str; 11] = [
     "client",
     "migrations",
     "server",
+    "load",
     "experiments",
     "cli",
 ];
+
+/// The longest name of a test, in characters.
+const NAME_MAX: usize = 60;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
@@ -197,6 +201,18 @@ fn every_source_file_opens_with_what_it_is_for() {
         let first = text.lines().next().unwrap_or("");
         let says = first.starts_with("//! ") && first.len() > 12;
         assert!(says, "{} does not open with a sentence of what it is for", path.display());
+    }
+}
+
+#[test]
+fn names_of_tests_have_at_most_60_characters() {
+    for path in sources(&root()) {
+        let text = std::fs::read_to_string(&path).unwrap();
+        for test in text.split("test]").skip(1) {
+            let Some((_, name)) = test.split_once("fn ") else { continue };
+            let name = name.split('(').next().unwrap_or_default();
+            assert!(name.len() <= NAME_MAX, "{}: {name}", path.display());
+        }
     }
 }
 

@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn a_letter_at_another_pose_moves_the_sensor_and_keeps_the_images() {
+    fn a_letter_at_another_pose_keeps_its_images() {
         let font = Font::built_in();
         let still = readings(&font, &args(None, None)).unwrap();
         // A quarter turn and 5 mm along x: (−10.2, −10.2) goes to (10.2 + 5, −10.2) mm.

@@ -17,8 +17,8 @@ use palpate_load::{
 use serde::Serialize;
 
 use super::Context;
-use crate::args::among;
 use crate::exit::Ended;
+use crate::method::among;
 use crate::output::Output;
 use crate::progress::StepProgress;
 use words::{HEADER, row, verdict_words};

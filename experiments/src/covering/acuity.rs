@@ -1,11 +1,11 @@
 //! Figure 2.6: what can be told apart, over the point spread and the force resolution.
 
 use palpate_core::sensor::covering::{Acuity, force_resolutions, spreads};
+use palpate_sim::plot::{Heat, heat_svg};
 use serde::Serialize;
 
 use crate::report::Report;
 use crate::statistics::median;
-use palpate_sim::plot::{Heat, heat_svg};
 
 /// All positions of the count (section 2.4.1.1).
 const N_PLACES: usize = 51;

@@ -4,10 +4,10 @@
 
 use palpate_core::sensor::line::Line as Fit;
 use palpate_sim::elastic::{POISSON_RATIO, PointResponse, Slab, point_response};
+use palpate_sim::plot::{Line, Panel};
 use serde::Serialize;
 
 use crate::report::{Progress, Report};
-use palpate_sim::plot::{Line, Panel};
 
 /// The numbers of layers of figure 2.3.
 const LAYERS: std::ops::RangeInclusive<usize> = 5..=10;

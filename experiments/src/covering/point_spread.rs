@@ -8,11 +8,11 @@ use palpate_core::sensor::{Calibration, SensorDescription, SensorParameters, Tax
 use palpate_sim::elastic::PointResponse;
 use palpate_sim::elastic::covering::{ElasticCovering, disc};
 use palpate_sim::indent::{INDENTER, IndentationRun, indentation_run, indentation_run_of};
+use palpate_sim::plot::{Line, Panel};
 use serde::Serialize;
 
 use super::{COVERINGS, key_of};
 use crate::report::Report;
-use palpate_sim::plot::{Line, Panel};
 
 /// The 6 × 8 sensor under a covering, with the spread of equation 2.5.
 pub(super) fn sensor_under(covering_thickness: f64, point_spread: f64) -> SensorDescription {

@@ -1,6 +1,7 @@
 //! Rows, summary, plots and pictures of all trials.
 
 use palpate_core::units::{DEG, MM};
+use palpate_sim::plot::{Line, Panel, svg};
 use palpate_sim::render::occupancy::layer_png;
 use serde::Serialize;
 
@@ -10,7 +11,6 @@ use super::{Lab, LettersGeometric, TestLetter};
 use crate::appearance_trials::Confused;
 use crate::report::Report;
 use crate::statistics::{mean, median, standard_error_over_groups};
-use palpate_sim::plot::{Line, Panel, svg};
 
 /// Pixels of a map's cell.
 const CELL_PIXELS: usize = 8;

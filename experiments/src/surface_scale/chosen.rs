@@ -5,7 +5,6 @@
 //! it met off the middle, and tries again when it meets nothing. Presses that met nothing are
 //! evidence, and no touches.
 
-use serde::Serialize;
 use std::sync::Arc;
 
 use palpate_core::reading::Reading;
@@ -13,6 +12,7 @@ use palpate_recogniser::belief::SurfaceBelief;
 use palpate_recogniser::model::SurfaceModel;
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_sim::press::PressSimulator;
+use serde::Serialize;
 
 use super::{InCatalogue, SurfaceScale};
 use crate::disturbance::Presented;

@@ -19,18 +19,19 @@ use palpate_recogniser::model::map::SurfaceLayout;
 use palpate_recogniser::model::{EvidenceCalibration, SurfaceModel};
 use palpate_recogniser::options::SurfaceOptions;
 use palpate_recogniser::train::{SurfaceConfig, learn_space, map_surface};
+use palpate_sim::plot::{Line, Panel};
 use palpate_sim::shapes::assembled;
 use serde::Serialize;
 
 use super::{InCatalogue, LETTER, SurfaceScale, report_left_out};
 use crate::disturbance::Disturbance;
 use crate::families::Families;
-use crate::object_sessions::{Figures, Recogniser, Sessions};
+use crate::object_sessions::{Recogniser, Sessions};
 use crate::objects::{self, TestObject};
+use crate::played::Figures;
 use crate::report::{Progress, Report};
 use crate::stated::wilson;
 use crate::statistics::{mean, quantile};
-use palpate_sim::plot::{Line, Panel};
 
 /// How far catalogues grow.
 #[derive(Clone, Debug)]

@@ -1,10 +1,11 @@
 //! Plots of `sva-objects`, and the trials that stay wrong.
 
-use super::{Method, PoseError, Step, SvaObjects, at};
-use crate::object_sessions::Wrong;
-use crate::objects::TestObject;
-use crate::report::Report;
 use palpate_sim::plot::{Line, Panel};
+
+use super::{Method, PoseError, Step, SvaObjects, at};
+use crate::objects::TestObject;
+use crate::played::Wrong;
+use crate::report::Report;
 
 /// One row for each trial that is still wrong after ten readings or at the end.
 pub(super) fn report_confusions(

@@ -9,10 +9,9 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 use palpate_core::rng::{Purpose, Stream};
+use palpate_core::symmetry::AxisOrder;
 use palpate_core::units::MM;
 use palpate_sim::mesh::Mesh;
-
-use palpate_core::symmetry::AxisOrder;
 
 use crate::objects::TestObject;
 

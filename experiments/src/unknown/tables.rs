@@ -1,9 +1,10 @@
 //! The tables and the plot of the experiment with unknown objects.
 
-use serde::Serialize;
 use std::sync::Arc;
 
 use palpate_recogniser::model::SurfaceModel;
+use palpate_sim::plot::{Line, Panel};
+use serde::Serialize;
 
 use super::{Kind, Unknown, Verdict};
 use crate::objects::TestObject;
@@ -11,7 +12,6 @@ use crate::report::Report;
 use crate::stated::{
     Stated, auroc, crossings, expected_calibration_error, reliability, stops, wilson,
 };
-use palpate_sim::plot::{Line, Panel};
 
 /// Bins of the calibration error.
 const N_BINS: usize = 15;

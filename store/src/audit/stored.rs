@@ -23,7 +23,7 @@ struct AuditRecordV1 {
     n_left_out: u32,
 }
 
-/// Schema 1 with how often it was asked, and when the last time.
+/// Schema 1 with the number of requests and the time of the last.
 #[derive(Encode, Decode)]
 struct AuditRecordV2 {
     first: AuditRecordV1,
@@ -61,7 +61,7 @@ impl Record for AuditEntry {
     }
 }
 
-/// An entry of schema 1: it was asked once.
+/// An entry of schema 1: one request.
 fn once(stored: AuditRecordV1) -> Result<AuditEntry, RecordError> {
     let role = stored.role.map(|role| coded(&ROLES, "role", role)).transpose()?;
     Ok(AuditEntry {

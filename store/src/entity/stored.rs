@@ -88,58 +88,19 @@ impl Record for Sensor {
     }
 }
 
-#[derive(Encode, Decode)]
-struct ObjectRecordV1 {
-    id: IdV1,
-    name: String,
-    description: String,
-    revision: u64,
-    created_at_ms: u64,
-    updated_at_ms: u64,
-}
-
 impl Record for Object {
     const KIND: Kind = Kind::Object;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&ObjectRecordV1 {
-            id: self.id.into_bytes(),
-            name: self.name.clone(),
-            description: self.description.clone(),
-            revision: self.revision,
-            created_at_ms: self.created_at_ms,
-            updated_at_ms: self.updated_at_ms,
-        })
+        let Self { id, name, description, revision, created_at_ms, updated_at_ms } = self;
+        write(&(id.as_bytes(), name, description, revision, created_at_ms, updated_at_ms))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: ObjectRecordV1 = read(payload)?;
-        Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            name: stored.name,
-            description: stored.description,
-            revision: stored.revision,
-            created_at_ms: stored.created_at_ms,
-            updated_at_ms: stored.updated_at_ms,
-        })
+        let (id, name, description, revision, created_at_ms, updated_at_ms) = read(payload)?;
+        let id = Uuid::from_bytes(id);
+        Ok(Self { id, name, description, revision, created_at_ms, updated_at_ms })
     }
-}
-
-#[derive(Encode, Decode)]
-struct JobRecordV1 {
-    id: IdV1,
-    catalogue: String,
-    request: String,
-    state: u8,
-    stage: String,
-    done: u64,
-    total: u64,
-    cancel_requested: bool,
-    version: Option<u32>,
-    error: Option<String>,
-    created_at_ms: u64,
-    started_at_ms: Option<u64>,
-    finished_at_ms: Option<u64>,
 }
 
 const JOB_STATES: [JobState; 5] = [
@@ -154,59 +115,35 @@ impl Record for Job {
     const KIND: Kind = Kind::Job;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&JobRecordV1 {
-            id: self.id.into_bytes(),
-            catalogue: self.catalogue.clone(),
-            request: self.request.clone(),
-            state: code(&JOB_STATES, &self.state),
-            stage: self.stage.clone(),
-            done: self.done,
-            total: self.total,
-            cancel_requested: self.cancel_requested,
-            version: self.version,
-            error: self.error.clone(),
-            created_at_ms: self.created_at_ms,
-            started_at_ms: self.started_at_ms,
-            finished_at_ms: self.finished_at_ms,
-        })
+        let progress = (&self.stage, self.done, self.total, self.cancel_requested);
+        let outcome = (self.version, &self.error);
+        let times = (self.created_at_ms, self.started_at_ms, self.finished_at_ms);
+        let state = code(&JOB_STATES, &self.state);
+        let id = self.id.as_bytes();
+        write(&(id, &self.catalogue, &self.request, state, progress, outcome, times))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: JobRecordV1 = read(payload)?;
+        let (id, catalogue, request, state, progress, outcome, times) = read(payload)?;
+        let (stage, done, total, cancel_requested) = progress;
+        let (version, error) = outcome;
+        let (created_at_ms, started_at_ms, finished_at_ms) = times;
         Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            catalogue: stored.catalogue,
-            request: stored.request,
-            state: coded(&JOB_STATES, "state", stored.state)?,
-            stage: stored.stage,
-            done: stored.done,
-            total: stored.total,
-            cancel_requested: stored.cancel_requested,
-            version: stored.version,
-            error: stored.error,
-            created_at_ms: stored.created_at_ms,
-            started_at_ms: stored.started_at_ms,
-            finished_at_ms: stored.finished_at_ms,
+            id: Uuid::from_bytes(id),
+            catalogue,
+            request,
+            state: coded(&JOB_STATES, "state", state)?,
+            stage,
+            done,
+            total,
+            cancel_requested,
+            version,
+            error,
+            created_at_ms,
+            started_at_ms,
+            finished_at_ms,
         })
     }
-}
-
-#[derive(Encode, Decode)]
-struct SessionRecordV1 {
-    id: IdV1,
-    catalogue: IdV1,
-    version: u32,
-    method: u8,
-    sensors: Vec<IdV1>,
-    frame_id: String,
-    prior: Vec<(IdV1, f64)>,
-    /// Always true: whether objects move is said by the method and the options.
-    unused: bool,
-    seed: u64,
-    time_to_live_ms: u64,
-    options: String,
-    created_at_ms: u64,
-    closed_at_ms: Option<u64>,
 }
 
 const METHODS: [Method; 4] = [Method::Surface, Method::Sva, Method::Appearance, Method::Geometric];
@@ -215,39 +152,37 @@ impl Record for Session {
     const KIND: Kind = Kind::Session;
 
     fn to_payload(&self) -> Vec<u8> {
-        write(&SessionRecordV1 {
-            id: self.id.into_bytes(),
-            catalogue: self.catalogue.into_bytes(),
-            version: self.version,
-            method: code(&METHODS, &self.method),
-            sensors: self.sensors.iter().map(|id| id.into_bytes()).collect(),
-            frame_id: self.frame_id.clone(),
-            prior: self.prior.iter().map(|(id, weight)| (id.into_bytes(), *weight)).collect(),
-            unused: true,
-            seed: self.seed,
-            time_to_live_ms: self.time_to_live_ms,
-            options: self.options.clone(),
-            created_at_ms: self.created_at_ms,
-            closed_at_ms: self.closed_at_ms,
-        })
+        let (id, catalogue) = (self.id.as_bytes(), self.catalogue.as_bytes());
+        let method = code(&METHODS, &self.method);
+        let sensors: Vec<IdV1> = self.sensors.iter().map(|id| id.into_bytes()).collect();
+        let prior = self.prior.iter().map(|(id, weight)| (id.into_bytes(), *weight));
+        let prior: Vec<(IdV1, f64)> = prior.collect();
+        let times = (self.time_to_live_ms, &self.options, self.created_at_ms, self.closed_at_ms);
+        let from = (id, catalogue, self.version, method, sensors, &self.frame_id, prior);
+        // Always true: method and options determine whether objects move.
+        write(&(from, true, self.seed, times))
     }
 
     fn from_payload(payload: &[u8]) -> Result<Self, RecordError> {
-        let stored: SessionRecordV1 = read(payload)?;
-        let prior = stored.prior.into_iter().map(|(id, weight)| (Uuid::from_bytes(id), weight));
+        let (from, unused, seed, times) = read(payload)?;
+        let _: bool = unused;
+        let (id, catalogue, version, method, sensors, frame_id, prior) = from;
+        let sensors: Vec<IdV1> = sensors;
+        let prior: Vec<(IdV1, f64)> = prior;
+        let (time_to_live_ms, options, created_at_ms, closed_at_ms) = times;
         Ok(Self {
-            id: Uuid::from_bytes(stored.id),
-            catalogue: Uuid::from_bytes(stored.catalogue),
-            version: stored.version,
-            method: coded(&METHODS, "method", stored.method)?,
-            sensors: stored.sensors.into_iter().map(Uuid::from_bytes).collect(),
-            frame_id: stored.frame_id,
-            prior: prior.collect(),
-            seed: stored.seed,
-            time_to_live_ms: stored.time_to_live_ms,
-            options: stored.options,
-            created_at_ms: stored.created_at_ms,
-            closed_at_ms: stored.closed_at_ms,
+            id: Uuid::from_bytes(id),
+            catalogue: Uuid::from_bytes(catalogue),
+            version,
+            method: coded(&METHODS, "method", method)?,
+            sensors: sensors.into_iter().map(Uuid::from_bytes).collect(),
+            frame_id,
+            prior: prior.into_iter().map(|(id, weight)| (Uuid::from_bytes(id), weight)).collect(),
+            seed,
+            time_to_live_ms,
+            options,
+            created_at_ms,
+            closed_at_ms,
         })
     }
 }

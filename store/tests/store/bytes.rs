@@ -33,7 +33,7 @@ const GOLDEN_V4: &str = include_str!("golden/records_v4.txt");
 /// Schema 5, and robots' names.
 const GOLDEN_V5: &str = include_str!("golden/records_v5.txt");
 const GOLDEN_RETRACTIONS: &str = include_str!("golden/retractions_v1.txt");
-/// The head of the journal of `current_retractions`, of schema 2.
+/// The head of the journal of `retracted`, of schema 2.
 const GOLDEN_HEADS: &str = include_str!("golden/heads_v2.txt");
 
 /// Every key and value of a filled database, a line each in hexadecimal; values above 500
@@ -102,7 +102,7 @@ fn is_head(line: &str) -> bool {
     line.starts_with("52") || line.starts_with("54")
 }
 
-/// Compares written bytes with frozen ones, except what is written with a later schema today.
+/// Compares written bytes with frozen ones, except records of earlier schemas.
 #[track_caller]
 fn check_frozen(current: &str, golden: &str) {
     for (now, frozen) in current.lines().zip(golden.lines()) {
@@ -173,7 +173,7 @@ fn heads_of_schema_1_are_counted_and_the_next_append_says_all() {
     let (owner, last_at_ms) = (Uuid::from_u128(50), Some(1_790_000_000_001));
     let head = Head { length: 2, n_retracted: 1, last_at_ms, is_closed: false };
     assert_eq!(journal.head(owner), Ok(head));
-    let closed = NewEntry { event: Event::Closed, ..samples::entry("b", 1) };
+    let closed = closed();
     samples::wait(async { journal.append(owner, 2, std::slice::from_ref(&closed)).await.unwrap() });
     let last_at_ms = Some(closed.received_at_ms);
     let after = Head { length: 3, n_retracted: 1, last_at_ms, is_closed: true };

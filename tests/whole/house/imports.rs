@@ -49,7 +49,10 @@ pub(crate) fn imports(folder: &Path, prefix: &str, modules: &[String]) -> Vec<Im
 
 /// Whether a file holds tests alone.
 pub(crate) fn is_test(file: &Path) -> bool {
-    let is_named = |part: &std::ffi::OsStr| part.to_string_lossy().starts_with("tests");
+    let is_named = |part: &std::ffi::OsStr| {
+        let name = part.to_string_lossy();
+        name.starts_with("test") || name.trim_end_matches(".rs").ends_with("_tests")
+    };
     file.file_name().is_some_and(is_named)
         || file.parent().and_then(Path::file_name).is_some_and(is_named)
 }
