@@ -143,7 +143,7 @@ pub(crate) enum Command {
     Audit(AuditArgs),
     /// Take, verify and restore snapshots.
     Snapshot(SnapshotArgs),
-    /// Show what is stored, which key wrote it, and what would free most.
+    /// Show the stored bytes per key, and the things that take most.
     Storage,
     /// Free the disk space of removed records.
     Compact(CompactArgs),

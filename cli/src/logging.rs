@@ -1,4 +1,4 @@
-//! Where logs go: to the standard error; and spans, on request, to a collector.
+//! Logs to standard error, and on request spans to a collector.
 
 use anyhow::{Context as _, ensure};
 use tracing_subscriber::filter::Targets;
@@ -7,8 +7,8 @@ use tracing_subscriber::{Layer, layer::SubscriberExt, util::SubscriberInitExt};
 use crate::args::{Cli, Command, LogFormat};
 use crate::progress;
 
-/// Logs go to the standard error: what `RUST_LOG` says, else warnings, and with `serve` or
-/// `--verbose` also what happens. Spans go to the collector that `serve` names, if it does.
+/// Installs logging to standard error: what `RUST_LOG` selects, else warnings, and with `serve` or
+/// `--verbose` also normal events. Spans go to the collector that `serve` names, if any.
 pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
     let talkative = cli.verbose || matches!(cli.command, Command::Serve(_));
     let default = if talkative { "info" } else { "warn" };
@@ -30,7 +30,7 @@ pub(crate) fn install(cli: &Cli) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Which logs are written: `RUST_LOG`, such as `warn,palpate_server=debug`, else the default.
+/// The log filter: `RUST_LOG`, such as `warn,palpate_server=debug`, otherwise the default.
 fn filter(asked: Option<String>, default: &str) -> anyhow::Result<Targets> {
     let asked = asked.filter(|asked| !asked.is_empty());
     asked.as_deref().unwrap_or(default).parse().context("RUST_LOG is no list of levels")

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::request::Request;
 
 impl Client {
-    /// What is stored, which key holds how much, and what would free most.
+    /// Returns the stored bytes per key, and the things that take most.
     ///
     /// # Errors
     /// [`Error`].

@@ -70,7 +70,7 @@ pub struct ApiKey {
     pub revoked_at: Option<String>,
     /// Until when the previous secret stays valid; null if only the current one is.
     pub rotating_until: Option<String>,
-    /// Bytes of stored data that it wrote and that were not removed since.
+    /// Stored bytes that the key wrote and that were not removed since.
     pub stored_bytes: u64,
 }
 
@@ -110,7 +110,7 @@ pub struct Whoami {
     pub role: Role,
     /// The caller's key; null if the server requires no keys.
     pub key: Option<ApiKey>,
-    /// Bytes of stored data that one key may hold; null: no bound.
+    /// Quota of stored bytes per key; null if there is none.
     pub quota_bytes: Option<u64>,
 }
 

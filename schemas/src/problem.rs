@@ -63,8 +63,8 @@ pub enum ProblemType {
     /// 409: the name is taken, or a different reading with this robot and `seq` exists.
     #[serde(rename = "urn:palpate:problem:conflict")]
     Conflict,
-    /// 409: the key has used up its quota of stored bytes; `detail` gives its bytes and its quota.
-    /// Remove something that it wrote, then repeat the request.
+    /// 409: the key has used up its quota of stored bytes; `detail` gives both numbers. Remove
+    /// something that the key wrote, then repeat the request.
     #[serde(rename = "urn:palpate:problem:quota-exceeded")]
     QuotaExceeded,
     /// 410: the session was closed or has expired; `detail` says which, and when. Its belief can

@@ -1,4 +1,4 @@
-//! What is stored: how many bytes, which key wrote them, and what takes most of the room.
+//! Stored bytes on the wire: totals, per key, and the things that take most.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -6,50 +6,50 @@ use uuid::Uuid;
 
 use crate::access::Writer;
 
-/// What is stored, which key wrote how much of it, and what takes most of the room.
+/// Stored bytes: totals, per key, and the things that take most.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct Storage {
-    /// Bytes of what is stored: keys and records.
+    /// Bytes of live keys and records.
     pub live_bytes: u64,
-    /// Bytes of the database on the disk. A compaction gives back what exceeds `live_bytes`.
+    /// Bytes of the database on the disk. A compaction frees what exceeds `live_bytes`.
     pub stored_bytes: u64,
-    /// Bytes that are free on the disk; null: nobody can tell.
+    /// Free bytes of the disk; null if unknown.
     pub free_bytes: Option<u64>,
-    /// Bytes that must stay free: with fewer, writes are refused.
+    /// Bytes to keep free; with fewer, writes are refused.
     pub reserve_bytes: u64,
-    /// Bytes that one key may hold; null: no bound.
+    /// Quota of stored bytes per key; null if there is none.
     pub quota_bytes: Option<u64>,
-    /// What each key holds, most first. Removing what a key wrote frees it.
+    /// Stored bytes per key, largest first. Removing what a key wrote frees them.
     pub holders: Vec<StorageHolder>,
-    /// The things whose removal frees most, most first.
+    /// The things whose removal frees most, largest first.
     pub largest: Vec<StoredThing>,
 }
 
-/// Bytes that a key holds.
+/// Stored bytes of one key.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct StorageHolder {
-    /// The key; null: nobody was asked for one.
+    /// The key; null for data written without keys.
     pub key: Option<Writer>,
-    /// Bytes that it holds: sessions, readings, objects, meshes, sensors, versions and jobs that
-    /// it wrote. Versions that share a part count it each.
+    /// Bytes of the sessions, readings, objects, meshes, sensors, versions and jobs that the key
+    /// wrote. A part that versions share counts for each of them.
     pub bytes: u64,
 }
 
-/// Something stored that can be removed.
+/// A stored thing that can be removed.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq, ToSchema)]
 pub struct StoredThing {
-    /// What kind of thing it is.
+    /// Kind of the thing.
     pub kind: StoredKind,
-    /// Its name; of a session its id.
+    /// Name of the thing; the id of a session.
     pub name: String,
-    /// Its id; null: it has none.
+    /// Id of the thing; null if it has none.
     #[schema(value_type = Option<String>, format = Uuid)]
     pub id: Option<Uuid>,
-    /// Bytes that its removal frees.
+    /// Bytes freed by its removal.
     pub bytes: u64,
 }
 
-/// The kinds of things that take room.
+/// Kind of a stored thing.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, PartialOrd, Ord, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StoredKind {
@@ -61,6 +61,6 @@ pub enum StoredKind {
     Sensor,
     /// A catalogue with its versions.
     Catalogue,
-    /// Removed and replaced records that a compaction gives back.
+    /// Removed and replaced records, which a compaction frees.
     Compaction,
 }

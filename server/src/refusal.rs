@@ -205,7 +205,7 @@ pub(crate) enum Refusal {
 /// Reason of a refused request.
 #[derive(Clone, Debug, Error)]
 pub(crate) enum KeyFault {
-    #[error("this server asks for an API key: send it as `Authorization: Bearer palpate_…`")]
+    #[error("this server requires an API key: send it as `Authorization: Bearer palpate_…`")]
     Missing,
     #[error("the header `Authorization` holds no key of Palpate, expected `Bearer palpate_…`")]
     NotAKey,
@@ -215,7 +215,7 @@ pub(crate) enum KeyFault {
     Revoked(Box<AccessKey>),
     #[error("the API key {:?} has expired", .0.name)]
     Expired(Box<AccessKey>),
-    #[error("the API key {:?} was rotated, and its secret before is refused by now", .0.name)]
+    #[error("the API key {:?} was rotated, and its previous secret is no longer valid", .0.name)]
     Rotated(Box<AccessKey>),
 }
 

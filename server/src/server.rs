@@ -61,7 +61,7 @@ pub struct Server {
 pub enum StartError {
     /// The address is reachable from other machines, and keys are not required.
     #[error(
-        "{address} can be reached from other machines and this server asks nobody for a key: \
+        "{address} can be reached from other machines and this server requires no keys: \
          ask for keys with `--access keys` (the first one is made and printed), listen at \
          127.0.0.1, or, in a network that you trust, allow it expressly with `--insecure-bind`"
     )]

@@ -1,11 +1,11 @@
-//! `palpate storage`: what a server has stored, which key wrote it, and what would free most.
+//! `palpate storage`: stored bytes of a server, per key, and the things that take most.
 
 use palpate_client::schemas::{Storage, StorageHolder, StoredThing};
 
 use super::Context;
 use crate::output::{self, word};
 
-/// Shows what is stored.
+/// Runs the command.
 pub(crate) async fn run(context: &Context) -> anyhow::Result<()> {
     let storage = context.client.storage().await?;
     context.output.answer(&storage, words)
@@ -36,7 +36,7 @@ fn thing(thing: &StoredThing) -> [String; 3] {
     [word(&thing.kind), thing.name.clone(), megabytes(thing.bytes)]
 }
 
-/// Bytes as people read them.
+/// Bytes in megabytes, as text.
 pub(crate) fn megabytes(bytes: u64) -> String {
     format!("{:.1} MB", bytes as f64 / 1e6)
 }

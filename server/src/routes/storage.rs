@@ -7,12 +7,12 @@ use palpate_schemas::Storage;
 use crate::app::App;
 use crate::refusal::Refusal;
 
-/// Show what is stored, and who wrote it
+/// Get the stored bytes
 ///
-/// Bytes that each key holds, the quota, and the things whose removal frees most: sessions,
-/// objects, sensors, catalogues, and what a compaction gives back.
+/// Returns the stored bytes of each key, the quota, and the things whose removal frees most:
+/// sessions, objects, sensors, catalogues, and the records that a compaction frees.
 #[utoipa::path(get, path = "/v1/storage", operation_id = "get_storage", tag = "admin",
-    responses((status = 200, description = "What takes the room", body = Storage)))]
+    responses((status = 200, description = "The stored bytes", body = Storage)))]
 pub(crate) async fn get_storage(State(app): State<App>) -> Result<Json<Storage>, Refusal> {
     Ok(Json(app.apart(|app| app.storage().show()).await?))
 }

@@ -1156,9 +1156,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show what is stored, and who wrote it
-         * @description Bytes that each key holds, the quota, and the things whose removal frees most: sessions,
-         *     objects, sensors, catalogues, and what a compaction gives back.
+         * Get the stored bytes
+         * @description Returns the stored bytes of each key, the quota, and the things whose removal frees most:
+         *     sessions, objects, sensors, catalogues, and the records that a compaction frees.
          */
         get: operations["get_storage"];
         put?: never;
@@ -1267,7 +1267,7 @@ export interface components {
             rotating_until?: string | null;
             /**
              * Format: int64
-             * @description Bytes of stored data that it wrote and that were not removed since.
+             * @description Stored bytes that the key wrote and that were not removed since.
              */
             stored_bytes: number;
         };
@@ -3758,50 +3758,50 @@ export interface components {
              */
             risk: number;
         };
-        /** @description What is stored, which key wrote how much of it, and what takes most of the room. */
+        /** @description Stored bytes: totals, per key, and the things that take most. */
         Storage: {
             /**
              * Format: int64
-             * @description Bytes that are free on the disk; null: nobody can tell.
+             * @description Free bytes of the disk; null if unknown.
              */
             free_bytes?: number | null;
-            /** @description What each key holds, most first. Removing what a key wrote frees it. */
+            /** @description Stored bytes per key, largest first. Removing what a key wrote frees them. */
             holders: components["schemas"]["StorageHolder"][];
-            /** @description The things whose removal frees most, most first. */
+            /** @description The things whose removal frees most, largest first. */
             largest: components["schemas"]["StoredThing"][];
             /**
              * Format: int64
-             * @description Bytes of what is stored: keys and records.
+             * @description Bytes of live keys and records.
              */
             live_bytes: number;
             /**
              * Format: int64
-             * @description Bytes that one key may hold; null: no bound.
+             * @description Quota of stored bytes per key; null if there is none.
              */
             quota_bytes?: number | null;
             /**
              * Format: int64
-             * @description Bytes that must stay free: with fewer, writes are refused.
+             * @description Bytes to keep free; with fewer, writes are refused.
              */
             reserve_bytes: number;
             /**
              * Format: int64
-             * @description Bytes of the database on the disk. A compaction gives back what exceeds `live_bytes`.
+             * @description Bytes of the database on the disk. A compaction frees what exceeds `live_bytes`.
              */
             stored_bytes: number;
         };
-        /** @description Bytes that a key holds. */
+        /** @description Stored bytes of one key. */
         StorageHolder: {
             /**
              * Format: int64
-             * @description Bytes that it holds: sessions, readings, objects, meshes, sensors, versions and jobs that
-             *     it wrote. Versions that share a part count it each.
+             * @description Bytes of the sessions, readings, objects, meshes, sensors, versions and jobs that the key
+             *     wrote. A part that versions share counts for each of them.
              */
             bytes: number;
             key?: components["schemas"]["Writer"] | null;
         };
         /**
-         * @description The kinds of things that take room.
+         * @description Kind of a stored thing.
          * @enum {string}
          */
         StoredKind: "session" | "object" | "sensor" | "catalogue" | "compaction";
@@ -3844,21 +3844,21 @@ export interface components {
             /** @description The cursor of the next page; null on the last. */
             next_cursor?: string | null;
         };
-        /** @description Something stored that can be removed. */
+        /** @description A stored thing that can be removed. */
         StoredThing: {
             /**
              * Format: int64
-             * @description Bytes that its removal frees.
+             * @description Bytes freed by its removal.
              */
             bytes: number;
             /**
              * Format: uuid
-             * @description Its id; null: it has none.
+             * @description Id of the thing; null if it has none.
              */
             id?: string | null;
-            /** @description What kind of thing it is. */
+            /** @description Kind of the thing. */
             kind: components["schemas"]["StoredKind"];
-            /** @description Its name; of a session its id. */
+            /** @description Name of the thing; the id of a session. */
             name: string;
         };
         /** @description Report of an object's surface, as `surface` uses it. */
@@ -4149,7 +4149,7 @@ export interface components {
             keys_required: boolean;
             /**
              * Format: int64
-             * @description Bytes of stored data that one key may hold; null: no bound.
+             * @description Quota of stored bytes per key; null if there is none.
              */
             quota_bytes?: number | null;
             /** @description Role of the caller; `admin` if the server requires no keys. */
@@ -12784,7 +12784,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description What takes the room */
+            /** @description The stored bytes */
             200: {
                 headers: {
                     [name: string]: unknown;

@@ -1,22 +1,22 @@
-// What takes the room of the disk: which key holds how much, and what would free most.
+// Stored bytes: the largest things, and the bytes of each key.
 import type { Storage } from "../api/types";
 import { bytes } from "../format";
 
 export function StorageTables({ storage }: { storage: Storage }) {
-  const quota = storage.quota_bytes == null ? "no quota" : `quota of each key ${bytes(storage.quota_bytes)}`;
+  const quota = storage.quota_bytes == null ? "no quota" : `quota per key ${bytes(storage.quota_bytes)}`;
   return (
     <>
       <p class="faint">{bytes(storage.live_bytes)} live, {bytes(storage.stored_bytes)} on the disk, {quota}</p>
       <div class="grid grid-2">
         <Table
-          head="What frees most"
+          head="Largest"
           rows={storage.largest.map((thing) => [`${thing.kind} ${thing.name}`, thing.bytes])}
           empty="Nothing is stored."
         />
         <Table
           head="Key"
-          rows={storage.holders.map(({ key, bytes }) => [key ? (key.key_name ?? key.key_id) : "no key asked for", bytes])}
-          empty="No key holds anything."
+          rows={storage.holders.map(({ key, bytes }) => [key ? (key.key_name ?? key.key_id) : "without keys", bytes])}
+          empty="No bytes by key."
         />
       </div>
     </>
