@@ -302,24 +302,3 @@ fn an_announced_move_keeps_the_probabilities() {
         assert!((before - after).abs() < 1e-9, "{before} {after}");
     }
 }
-
-/// The number of drifting components that a checkpoint holds: its fifth count.
-fn n_drifting(belief: &SurfaceBelief) -> u32 {
-    u32::from_le_bytes(belief.checkpoint()[16..20].try_into().unwrap())
-}
-
-#[test]
-fn drift_is_dropped_once_rest_explains_the_touches() {
-    let away = Pose::from_parts(DQuat::IDENTITY, DVec3::X * 0.02);
-    let mut belief = recognise(1, Pose::IDENTITY, 3);
-    assert_eq!(n_drifting(&belief), 0);
-    // Two touches 20 mm off, then many where they belong.
-    for reading in touches(1, 2, 5) {
-        belief.add(&reading.moved_by(away), &six_by_six());
-    }
-    assert_eq!(n_drifting(&belief), 3, "rest explains them poorly");
-    for reading in touches(1, 30, 6) {
-        belief.add(&reading, &six_by_six());
-    }
-    assert_eq!(n_drifting(&belief), 0, "rest explains them well");
-}
