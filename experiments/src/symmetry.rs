@@ -269,7 +269,6 @@ mod tests {
             seed: 101,
             seeds: 1,
             touches: vec![60, 1_000],
-            ..defaults()
         };
         let outcome = run(&config, &|_, _, _| ()).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();

@@ -31,12 +31,12 @@ pub const COMMIT_WRITES_MAX: usize = 16_384;
 /// A key and its value.
 pub type Pair = (Vec<u8>, Vec<u8>);
 
-/// The API key that the bytes of a commit count to.
+/// The API key that the bytes of a commit count towards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Account {
-    /// The key's id; nil where nobody is asked for a key.
+    /// The key's id; nil without a key.
     pub key: Uuid,
-    /// Bytes that the key may hold; `None` is no bound.
+    /// Maximum bytes of the key; `None` for no limit.
     pub quota: Option<u64>,
 }
 
@@ -118,15 +118,6 @@ pub enum Expected {
     Absent,
     /// The key has exactly this value.
     Value(Vec<u8>),
-}
-
-/// The API key that the bytes of a commit count towards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Account {
-    /// The key's id; nil without a key.
-    pub key: Uuid,
-    /// Maximum bytes of the key; `None` for no limit.
-    pub quota: Option<u64>,
 }
 
 /// Writes that are applied together or not at all, with their conditions.

@@ -105,10 +105,7 @@ impl Relations {
                 session.id != id
             }
             Whole::Head(head) => {
-                self.heads.insert((key[0].to_ascii_lowercase(), id), head.length());
-                if let (b'R', StoredHead::Whole(head)) = (key[0], head) {
-                    self.n_retracted.insert(id, head.n_retracted);
-                }
+                self.head(key[0], id, &head);
                 false
             }
             Whole::Entry(entry) => {
@@ -158,6 +155,14 @@ impl Relations {
         };
         if is_misplaced {
             report.add(damage(key, "it lies where another one belongs".to_owned()));
+        }
+    }
+
+    /// Notes the head of a journal.
+    fn head(&mut self, space: u8, id: Uuid, head: &StoredHead) {
+        self.heads.insert((space.to_ascii_lowercase(), id), head.length());
+        if let (b'R', StoredHead::Whole(head)) = (space, head) {
+            self.n_retracted.insert(id, head.n_retracted);
         }
     }
 

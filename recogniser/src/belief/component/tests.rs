@@ -93,6 +93,6 @@ fn a_drifting_component_discounts_earlier_touches() {
     };
     assert_eq!(weights(&rest), [1.0, 1.0]);
     // Half at 10 mm, which is the amplitude.
-    assert!((weights(&drifting)[0] - 0.5).abs() < 1e-6 && weights(&drifting)[1] == 1.0);
+    assert!((weights(&drifting)[0] - 0.5).abs() < 1e-6 && weights(&drifting)[1] > 1.0 - 1e-6);
     assert!(drifting.explained().motion.is_unannounced());
 }
